@@ -1,0 +1,84 @@
+# make demo and make test do everything from a fresh clone; all they need is Python 3.11 or later.
+# Another Python: make test PYTHON=/path/to/python3.13 (after make distclean, if .venv was made with another one).
+
+.POSIX:
+.DELETE_ON_ERROR:
+PYTHON ?= python3
+PYTEST_ARGS ?=
+VENV = .venv
+BIN = $(VENV)/bin
+PIP = $(BIN)/python -m pip --disable-pip-version-check -q
+DEMO = src/solen/spec/examples/solen-860.toml
+DEMO_OUT = demo-out
+
+.PHONY: help demo test lint types contracts docs pins check evidence setup clean distclean
+
+help:
+	@echo "make demo       design, trace and report the example sensor: $(DEMO_OUT)/report.html"
+	@echo "make test       the tests (PYTEST_ARGS=... adds pytest options)"
+	@echo "make check      lint, types, contracts, docs, pins and test"
+	@echo "make evidence   the long demonstrations, with what they print"
+	@echo "make setup      only .venv, with everything for development"
+	@echo "make clean      remove what was built; make distclean removes .venv too"
+
+demo: $(VENV)/.run-ready
+	$(BIN)/solen run $(DEMO) --out $(DEMO_OUT)
+
+test: $(VENV)/.dev-ready
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+evidence: $(VENV)/.dev-ready
+	$(BIN)/python -m pytest -m evidence -s $(PYTEST_ARGS)
+
+lint: $(VENV)/.dev-ready
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+types: $(VENV)/.dev-ready
+	$(BIN)/mypy
+
+contracts: $(VENV)/.dev-ready
+	$(BIN)/lint-imports
+
+docs: $(VENV)/.dev-ready
+	$(BIN)/sphinx-build -q -W --keep-going -n docs docs/_build
+
+pins: $(VENV)/.dev-ready
+	$(BIN)/python tools/pins.py --wheels
+
+check: lint types contracts docs pins test
+
+setup: $(VENV)/.dev-ready
+
+# Each stamp is written last, so an interrupted set-up is taken up again.
+# A usable .venv is kept: no Python is needed then but its own.
+$(VENV)/.python-ready:
+	@set -e; \
+	if $(BIN)/python -c 'import pip, sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then touch $@; exit 0; fi; \
+	for python in $(PYTHON) python3.13 python3.12 python3.11; do \
+	  if $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	    echo "Creating $(VENV) with $$python"; \
+	    $$python -m venv --clear $(VENV) || { echo "$$python cannot make a virtual environment; does it lack its venv package?" >&2; exit 1; }; \
+	    touch $@; exit 0; \
+	  fi; \
+	done; \
+	echo "solen needs Python 3.11 or later, and $(PYTHON) is not; name one: make PYTHON=/path/to/python3.13" >&2; exit 1
+
+# Built with the pinned setuptools rather than the newest: hence --no-build-isolation.
+$(VENV)/.run-ready: $(VENV)/.python-ready pyproject.toml requirements.lock
+	@echo "Installing solen into $(VENV)"
+	@$(PIP) install -c requirements.lock setuptools
+	@$(PIP) install -c requirements.lock --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/.dev-ready: $(VENV)/.python-ready pyproject.toml requirements.lock
+	@echo "Installing solen, its tests and its docs into $(VENV)"
+	@$(PIP) install -c requirements.lock setuptools
+	@$(PIP) install -c requirements.lock --no-build-isolation -e ".[dev,docs]"
+	@touch $(VENV)/.run-ready $@
+
+clean:
+	rm -rf $(DEMO_OUT) docs/_build build dist src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+
+distclean: clean
+	rm -rf $(VENV)

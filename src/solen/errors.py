@@ -1,0 +1,46 @@
+"""Errors a user can act on: each says in one line what is wrong, the value, the limit and the remedy.
+
+A stage raises the kind that names whose input is at fault; the command line prints the line and exits with 2.
+Anything that is not a :class:`SolenError` is a defect of solen itself.
+"""
+
+
+class SolenError(Exception):
+    """A rejected input, told in one line.
+
+    Parameters
+    ----------
+    what
+        The thing that is wrong, by the name the user gave it (``lens.half_width_mm``, a file's path).
+    value
+        What was found there; left out of the line when ``None``.
+    limit
+        What would have been accepted.
+    remedy
+        What to do about it.
+    """
+
+    def __init__(self, what: str, *, value: object = None, limit: str = "", remedy: str = "") -> None:
+        self.what = what
+        self.value = value
+        self.limit = limit
+        self.remedy = remedy
+        found = "" if value is None else f" = {value!r}" if isinstance(value, str) else f" = {value}"
+        tail = "".join(f"; {part}" for part in (limit, remedy) if part)
+        super().__init__(" ".join(f"{what}{found}{tail}".split()))
+
+
+class SpecError(SolenError):
+    """The design file, or a value set on the command line, is not a valid design."""
+
+
+class DataError(SolenError):
+    """A data file (a resin, a scene) cannot be read or holds values that are not physical."""
+
+
+class DesignError(SolenError):
+    """The design is well formed but cannot be built: an oval beyond tangency, a body crossing itself."""
+
+
+class OutputError(SolenError):
+    """The result cannot be written where it was asked for."""

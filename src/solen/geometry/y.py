@@ -1,0 +1,125 @@
+"""The Y-shaped waveguide: stem, two arms, the lens at the stem's base, in any state of its motion.
+
+The stem flares: half its width is ``half_width_mm + stem_curve_per_mm u²`` at u above its base. The arms leave the
+fork's corners at ``arm_angle_deg`` to the axis; by default they continue the stem's edge there (its tangent), which is
+an assumption: the paper's figure with the exact geometry is not public. The arms' inner edges run parallel to the outer
+ones at the arms' width and meet on the axis, in the crotch.
+
+How a turned lens joins the stem is a choice, made so that the outline stays closed and simple and changes continuously
+with the angle: where the lens's edge has sunk below the stem's base, a straight bridge joins it to the stem's corner;
+where it has risen into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3°
+about the centre of the base the step is 2.7 µm wide.
+
+A sensor without a lens has a flat face that belongs to the stem: it stands still while the emitter turns.
+"""
+
+import math
+from dataclasses import dataclass
+
+from solen.curve import Curve, Parabola, Segment
+from solen.errors import DesignError
+from solen.geometry.body import GAP_MM, Body, Face, Pose
+from solen.lens import FlatFace, Lens
+from solen.plane import Point, Rigid, along
+from solen.spec import Design
+
+
+@dataclass(frozen=True)
+class _Half:
+    """One side of the Y; ``side`` is +1 on the right, −1 on the left. Corners in scene coordinates."""
+
+    side: int
+    wall: Parabola
+    fork: Point
+    outer_end: Point
+    inner_end: Point
+
+
+def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
+    """Body of a design with its moving parts turned by ``angle_deg``, checked; `DesignError` where it cannot be."""
+    turn = Rigid.about(_pivot(design, lens), angle_deg)
+    emitter = Pose(turn.point((design.emitter.offset_mm, -design.emitter.distance_mm)), angle_deg)
+    turns_lens = "lens" in design.motion.moves and not isinstance(lens, FlatFace)
+    front = lens.front.moved(turn) if turns_lens else lens.front
+    right, left = _half(design, lens, +1), _half(design, lens, -1)
+    crotch = _crotch(design, right)
+    faces = (
+        Face("lens", front),
+        *_side("right", right, front.end, crotch),
+        *(Face(face.name, face.curve.reversed()) for face in reversed(_side("left", left, front.start, crotch))),
+    )
+    marks = {"crotch": crotch, "fork-right": right.fork, "fork-left": left.fork, "stem-base": (0.0, lens.depth_mm)}
+    return Body(faces, emitter, marks).check()
+
+
+def arm_angle_deg(design: Design) -> float:
+    """The arms' angle to the axis: as given, or the slope of the stem's edge at the fork."""
+    body = design.body
+    if body.arm_angle_deg is not None:
+        return body.arm_angle_deg
+    return math.degrees(math.atan(2.0 * body.stem_curve_per_mm * body.stem_length_mm))
+
+
+def _pivot(design: Design, lens: Lens) -> Point:
+    """Centre of the motion; the emitter's own place counts without its decentre, which is an error of that place."""
+    pivot = design.motion.pivot
+    if pivot == "stem-base":
+        return (0.0, lens.depth_mm)
+    if pivot == "emitter":
+        return (0.0, -design.emitter.distance_mm)
+    return pivot
+
+
+def _half(design: Design, lens: Lens, side: int) -> _Half:
+    body = design.body
+    angle = math.radians(arm_angle_deg(design))
+    outwards: Point = (side * math.sin(angle), math.cos(angle))
+    inwards: Point = (-side * math.cos(angle), math.sin(angle))
+    corner: Point = (side * lens.half_width_mm, lens.depth_mm)
+    wall = Parabola(corner, (0.0, 1.0), side * body.stem_curve_per_mm, 0.0, body.stem_length_mm)
+    outer_end = along(wall.end, outwards, body.arm_length_mm)
+    return _Half(side, wall, wall.end, outer_end, along(outer_end, inwards, body.arm_width_mm))
+
+
+def _crotch(design: Design, right: _Half) -> Point:
+    """Where the inner edges meet on the axis."""
+    angle_deg = arm_angle_deg(design)
+    if not angle_deg > 0.0:
+        raise DesignError(
+            "body.arm_angle_deg",
+            value=angle_deg,
+            limit="must be above 0, or the arms never part",
+            remedy="give an angle or a stem_curve_per_mm above 0",
+        )
+    x, z = right.inner_end
+    if x <= 0.0:
+        raise DesignError(
+            "body.arm_width_mm",
+            value=design.body.arm_width_mm,
+            limit=f"must be below {design.body.arm_width_mm + x / math.cos(math.radians(angle_deg)):.3f} mm, "
+            "or the arms do not part before their ends",
+            remedy="narrow the arms, lengthen them or open their angle",
+        )
+    return (0.0, z - x / math.tan(math.radians(angle_deg)))
+
+
+def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face, ...]:
+    """Faces from the lens's edge to the crotch, walked upwards and back."""
+    risen_mm = max(0.0, lens_edge[1] - half.wall.vertex[1])
+    wall = Parabola(half.wall.vertex, half.wall.axis, half.wall.curve_per_mm, risen_mm, half.wall.to_mm)
+    if risen_mm >= half.wall.to_mm:
+        raise DesignError(
+            "motion",
+            value=f"the lens's edge rises {risen_mm:.3g} mm",
+            limit=f"the stem is {half.wall.to_mm:g} mm long",
+            remedy="turn by less",
+        )
+    curves: list[tuple[str, Curve]] = [
+        ("stem", wall),
+        ("outer", Segment(half.fork, half.outer_end)),
+        ("receiver", Segment(half.outer_end, half.inner_end)),
+        ("inner", Segment(half.inner_end, crotch)),
+    ]
+    if math.dist(lens_edge, wall.start) > GAP_MM:
+        curves.insert(0, ("join", Segment(lens_edge, wall.start)))
+    return tuple(Face(f"{part}-{name}", curve) for part, curve in curves)

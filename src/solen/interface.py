@@ -1,0 +1,57 @@
+"""What one interface between two media does to a ray: Snell, Fresnel, total reflection.
+
+Directions are unit vectors; ``normal`` is the unit normal that faces the arriving ray (their scalar product is
+negative). n1 is the index on the arriving side, n2 the one behind.
+"""
+
+import math
+from typing import NamedTuple
+
+from solen.plane import Point, dot
+
+
+class Fresnel(NamedTuple):
+    """Reflected fractions of power for the two polarisations (s: field out of the plane of incidence)."""
+
+    s: float
+    p: float
+
+
+def critical_angle_deg(n1: float, n2: float) -> float:
+    """Angle of incidence from which on a ray in n1 is totally reflected; 90 where n1 <= n2 (there is none)."""
+    return math.degrees(math.asin(min(n2 / n1, 1.0)))
+
+
+def cos_refracted(cos_incident: float, n1: float, n2: float) -> float | None:
+    """Cosine of the refracted ray to the normal by Snell's law; None under total reflection."""
+    sin2 = (n1 / n2) ** 2 * (1.0 - cos_incident * cos_incident)
+    return None if sin2 >= 1.0 else math.sqrt(1.0 - sin2)
+
+
+def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:
+    """Fresnel's reflectances of a smooth interface between lossless media (Born & Wolf, section 1.5); 1 when total."""
+    cos_out = cos_refracted(cos_incident, n1, n2)
+    if cos_out is None:
+        return Fresnel(1.0, 1.0)
+    s = (n1 * cos_incident - n2 * cos_out) / (n1 * cos_incident + n2 * cos_out)
+    p = (n2 * cos_incident - n1 * cos_out) / (n2 * cos_incident + n1 * cos_out)
+    return Fresnel(s * s, p * p)
+
+
+def reflected(direction: Point, normal: Point) -> Point:
+    """Direction after a mirror reflection."""
+    twice = 2.0 * dot(direction, normal)
+    return (direction[0] - twice * normal[0], direction[1] - twice * normal[1])
+
+
+def refracted(direction: Point, normal: Point, n1: float, n2: float) -> Point | None:
+    """Direction behind the interface by Snell's law in vector form; None under total reflection."""
+    cos_in = -dot(direction, normal)
+    cos_out = cos_refracted(cos_in, n1, n2)
+    if cos_out is None:
+        return None
+    ratio = n1 / n2
+    bend = ratio * cos_in - cos_out
+    x, z = ratio * direction[0] + bend * normal[0], ratio * direction[1] + bend * normal[1]
+    length = math.hypot(x, z)
+    return (x / length, z / length)

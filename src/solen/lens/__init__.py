@@ -1,0 +1,6 @@
+"""The lens: a Cartesian oval that takes the emitter to one focus, or the flat face of a sensor without one."""
+
+from solen.lens.build import lens_of
+from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
+
+__all__ = ["FlatFace", "Lens", "OvalLens", "lens_of", "nearest_focus_mm", "tangency"]

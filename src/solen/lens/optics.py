@@ -1,0 +1,267 @@
+"""The front of a sensor as an optical element: a Cartesian oval, or nothing but the flat face of the stem.
+
+A :class:`Lens` is drawn in its own frame, the vertex at the origin and the axis along +z, from its left edge to its
+right one, so that the material lies on its left; the emitter is ``distance_mm`` before the vertex. It is an interface
+with two leaves: :class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the sensor
+without a lens.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solen.curve import CartesianOval, Curve, Segment
+from solen.errors import DesignError
+from solen.interface import refracted
+from solen.plane import Point, dot, unit
+
+
+class Lens(ABC):
+    """The face that light enters by."""
+
+    distance_mm: float
+    half_width_mm: float
+
+    @property
+    @abstractmethod
+    def front(self) -> Curve:
+        """The face from its left edge to its right one, vertex at the origin, material on its left."""
+
+    @property
+    @abstractmethod
+    def depth_mm(self) -> float:
+        """From the vertex to the plane of the edges, where the stem begins."""
+
+    @property
+    def acceptance_deg(self) -> float:
+        """Largest angle from the axis at which the emitter's light meets the face."""
+        return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
+
+
+@dataclass(frozen=True)
+class FlatFace(Lens):
+    """No lens: a flat face at the stem's base."""
+
+    distance_mm: float
+    half_width_mm: float
+
+    @property
+    def front(self) -> Segment:
+        """See :attr:`Lens.front`."""
+        return Segment((-self.half_width_mm, 0.0), (self.half_width_mm, 0.0))
+
+    @property
+    def depth_mm(self) -> float:
+        """See :attr:`Lens.depth_mm`."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class OvalLens(Lens):
+    """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that meets it goes to F2.
+
+    Parameters
+    ----------
+    distance_mm
+        s, from the emitter F1 to the vertex.
+    focus_mm
+        s', from the vertex to the focus F2 inside the material.
+    half_width_mm
+        Half the lens's width; beyond `tangency` the oval is hidden behind itself and `DesignError` is raised.
+    design_index
+        n2, the index the oval is cut for.
+    outside_index
+        n1, of what lies before it.
+
+    Source of the oval: R. Descartes, La Géométrie (1637), book II; O. N. Stavroudis, The Optics of Rays, Wave Fronts
+    and Caustics (1972).
+    """
+
+    distance_mm: float
+    focus_mm: float
+    half_width_mm: float
+    design_index: float
+    outside_index: float = 1.0
+
+    def __post_init__(self) -> None:
+        self._check_signs()
+        _, limit_mm = tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)
+        if self.half_width_mm >= limit_mm:
+            self._refuse_width(limit_mm)
+
+    @cached_property
+    def front(self) -> CartesianOval:
+        """See :attr:`Lens.front`."""
+        edge_deg = self.acceptance_deg
+        return self._oval(edge_deg, -edge_deg)
+
+    @cached_property
+    def depth_mm(self) -> float:
+        """See :attr:`Lens.depth_mm`."""
+        return float(self.z_mm(self.half_width_mm))
+
+    def z_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:
+        """Profile z(x) at any array of lateral positions |x| <= half width; residual of the oval below 1e-12 mm.
+
+        Newton's method along z from the tangent plane at the vertex, which lies outside the oval: the equation is
+        convex along any line, so the iteration rises to the front and can never jump to the second root behind it.
+        """
+        x = np.abs(np.asarray(x_mm, dtype=float))
+        if np.any(x > self.half_width_mm):
+            raise DesignError("x_mm", value=float(np.max(x)), limit=f"the lens ends at {self.half_width_mm} mm")
+        n1, n2, s, f = self.outside_index, self.design_index, self.distance_mm, self.focus_mm
+        z = np.zeros_like(x)
+        for _ in range(60):
+            before, behind = np.hypot(z + s, x), np.hypot(f - z, x)
+            value = n1 * (before - s) + n2 * (behind - f)
+            step = value / (n1 * (z + s) / before - n2 * (f - z) / behind)
+            z = z - step
+            if np.all(np.abs(step) <= 1e-15 * (1.0 + z)):
+                break
+        return np.asarray(z)
+
+    def slope(self, x_mm: ArrayLike) -> NDArray[np.float64]:
+        """dz/dx of the profile, dimensionless."""
+        fx, fz, *_ = self._derivatives(np.asarray(x_mm, dtype=float))
+        return np.asarray(-fx / fz)
+
+    def curvature_per_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:
+        """Signed curvature z''/(1 + z'²)^(3/2) of the profile: positive where the front bulges towards the emitter."""
+        fx, fz, fxx, fxz, fzz = self._derivatives(np.asarray(x_mm, dtype=float))
+        return np.asarray(-(fxx * fz**2 - 2 * fxz * fx * fz + fzz * fx**2) / (np.hypot(fx, fz) ** 3) * np.sign(fz))
+
+    @property
+    def vertex_radius_mm(self) -> float:
+        """Radius of curvature at the vertex, (n2 − n1)/(n1/s + n2/s')."""
+        n1, n2 = self.outside_index, self.design_index
+        return (n2 - n1) / (n1 / self.distance_mm + n2 / self.focus_mm)
+
+    @property
+    def na_object(self) -> float:
+        """Numerical aperture on the emitter's side, n1 sin of the acceptance angle."""
+        return self.outside_index * math.sin(math.radians(self.acceptance_deg))
+
+    @property
+    def na_image(self) -> float:
+        """Numerical aperture on the focus's side, n2 sin of the edge ray's angle there."""
+        return self.design_index * math.sin(math.atan2(self.half_width_mm, self.focus_mm - self.depth_mm))
+
+    @property
+    def magnification(self) -> float:
+        """Size of the focal spot per size of the emitter near the axis, (s'/s)(n1/n2); the image is upside down."""
+        return (self.focus_mm / self.distance_mm) * (self.outside_index / self.design_index)
+
+    def edge_incidence_deg(self) -> float:
+        """Angle of incidence of the emitter's ray on the lens's edge."""
+        edge: Point = (self.half_width_mm, self.depth_mm)
+        ray = unit((edge[0], edge[1] + self.distance_mm))
+        return math.degrees(math.acos(dot(ray, self.front.normal_at(edge))))
+
+    def paraxial_focus_mm(self, index: float) -> float | None:
+        """Where rays near the axis cross it in a material of ``index``, mm behind the vertex; None where they diverge.
+
+        n/s'' = (n − n1)/R − n1/s with R the vertex radius.
+        """
+        n1 = self.outside_index
+        vergence = (index - n1) / self.vertex_radius_mm - n1 / self.distance_mm
+        return index / vergence if vergence > 0.0 else None
+
+    def marginal_focus_mm(self, index: float) -> float | None:
+        """Where the edge ray crosses the axis in a material of ``index``, mm behind the vertex, if it does."""
+        edge: Point = (self.half_width_mm, self.depth_mm)
+        ray = unit((edge[0], edge[1] + self.distance_mm))
+        normal = self.front.normal_at(edge)
+        inside = refracted(ray, (-normal[0], -normal[1]), self.outside_index, index)
+        if inside is None or inside[0] >= 0.0:
+            return None
+        return edge[1] - edge[0] * inside[1] / inside[0]
+
+    def profile(self, tolerance_mm: float = 1e-4) -> NDArray[np.float64]:
+        """Points (N, 2), left to right, as many as keep the polyline within ``tolerance_mm`` of the oval."""
+        return self.front.flattened(tolerance_mm)
+
+    def _oval(self, from_deg: float, to_deg: float) -> CartesianOval:
+        return CartesianOval(
+            (0.0, 0.0),
+            (0.0, 1.0),
+            self.outside_index,
+            self.design_index,
+            self.distance_mm,
+            self.focus_mm,
+            from_deg,
+            to_deg,
+        )
+
+    def _derivatives(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """First and second derivatives of the oval's equation on its front: Fx, Fz, Fxx, Fxz, Fzz."""
+        z = self.z_mm(x)
+        parts = []
+        for n, dz in ((self.outside_index, z + self.distance_mm), (self.design_index, z - self.focus_mm)):
+            r = np.hypot(x, dz)
+            parts.append((n * x / r, n * dz / r, n * dz**2 / r**3, -n * x * dz / r**3, n * x**2 / r**3))
+        return tuple(np.asarray(a + b) for a, b in zip(*parts, strict=True))
+
+    def _check_signs(self) -> None:
+        for name, value in (("emitter.distance_mm", self.distance_mm), ("lens.focus_mm", self.focus_mm)):
+            if not value > 0.0:
+                raise DesignError(name, value=value, limit="must be above 0", remedy="give a distance in mm")
+        if not self.half_width_mm > 0.0:
+            raise DesignError("lens.half_width_mm", value=self.half_width_mm, limit="must be above 0")
+        if not self.design_index > self.outside_index:
+            raise DesignError(
+                "lens.design_index",
+                value=self.design_index,
+                limit=f"must be above {self.outside_index:g}, the index outside",
+                remedy="a lens of the index that surrounds it bends no light",
+            )
+
+    def _refuse_width(self, limit_mm: float) -> None:
+        n1, n2, s = self.outside_index, self.design_index, self.distance_mm
+        nearest_mm = nearest_focus_mm(n1, n2, s, self.half_width_mm)
+        angle_deg, _ = tangency(n1, n2, s, nearest_mm)
+        least_depth_mm = self.half_width_mm / math.tan(math.radians(angle_deg)) - s
+        if self.focus_mm <= least_depth_mm:
+            raise DesignError(
+                "lens.focus_mm",
+                value=self.focus_mm,
+                limit=f"lies inside the lens, which at {self.half_width_mm:g} mm half width is at least "
+                f"{least_depth_mm:.2f} mm deep",
+                remedy=f"focus beyond {nearest_mm:.2f} mm or narrow the lens below {limit_mm:.3f} mm",
+            )
+        raise DesignError(
+            "lens.half_width_mm",
+            value=self.half_width_mm,
+            limit=f"must be below {limit_mm:.3f} mm, where rays from the emitter graze the oval (tangency)",
+            remedy=f"narrow the lens, focus beyond {nearest_mm:.2f} mm or move the emitter away",
+        )
+
+
+def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple[float, float]:
+    """Angle in degrees and half width in mm at which a ray from the emitter only grazes the oval.
+
+    Seen from F1 the oval's equation is quadratic in the distance; where its discriminant vanishes the two roots meet.
+    """
+    c, d = n1 * distance_mm + n2 * focus_mm, distance_mm + focus_mm
+    a = n2**2 - n1**2
+    rest = (n2 - n1) * distance_mm * (n2 * d + c)
+    cos_angle = (n1 * c + math.sqrt(a * rest)) / (n2**2 * d)
+    radius_mm = math.sqrt(rest / a)
+    return math.degrees(math.acos(cos_angle)), radius_mm * math.sqrt(1.0 - cos_angle**2)
+
+
+def nearest_focus_mm(n1: float, n2: float, distance_mm: float, half_width_mm: float) -> float:
+    """Nearest focus in mm for which an oval of this half width stays clear of tangency, to 1e-6 of itself."""
+    low, high = 1e-6, 1.0
+    while tangency(n1, n2, distance_mm, high)[1] <= half_width_mm:
+        low, high = high, 2.0 * high
+    while high - low > 1e-6 * high:
+        middle = 0.5 * (low + high)
+        if tangency(n1, n2, distance_mm, middle)[1] <= half_width_mm:
+            low = middle
+        else:
+            high = middle
+    return high

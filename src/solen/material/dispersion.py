@@ -1,0 +1,251 @@
+"""Dispersion: the refractive index against wavelength, with its uncertainty.
+
+The idea: an index is a number, a table, or a formula with a few parameters. Where a covariance of the parameters is
+known, the index carries the standard uncertainty that follows by linear propagation, u² = J Σ Jᵀ, with J the exact
+derivatives by the parameters. Outside the range that the data were measured in nothing is guessed.
+
+The interface: `Dispersion.index` and `Dispersion.u_index` at a wavelength in nm; the leaves are `Constant`,
+`Tabulated`, `Cauchy` and `Sellmeier`, by their ``kind`` in `KINDS`.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.errors import DataError, SolenError
+from solen.spec.strict import NotNegative, Number, Positive, Strict, refused
+from solen.units import um_from_nm
+
+Covariance = tuple[tuple[Number, ...], ...]
+
+_ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances
+
+
+def _refuse_covariance(covariance: Covariance | None, parameters: int) -> None:
+    """Raise unless a covariance is square of that size, symmetric and without negative eigenvalue."""
+    if covariance is None:
+        return
+    if len(covariance) != parameters or any(len(row) != parameters for row in covariance):
+        shape = f"{len(covariance)} rows of {', '.join(str(n) for n in sorted({len(row) for row in covariance}))}"
+        raise refused("covariance", f"must be {parameters} by {parameters}, one row per parameter", value=shape)
+    matrix = np.array(covariance)
+    if (np.diag(matrix) < 0).any():
+        raise refused("covariance", "must have variances of at least 0", value=float(np.diag(matrix).min()))
+    spread = np.sqrt(np.diag(matrix))
+    spread[spread == 0] = 1.0
+    correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude; judged on one scale
+    if (gap := float(np.abs(correlation - correlation.T).max())) > _ROUNDING:
+        raise refused("covariance", "must be symmetric", value=f"rows and columns differ by {gap:.3g} of the spread")
+    if (lowest := float(np.linalg.eigvalsh(correlation).min())) < -_ROUNDING:
+        raise refused("covariance", "must have no negative eigenvalue", value=lowest)
+
+
+def _propagated(covariance: Covariance | None, jacobian: Sequence[float]) -> float | None:
+    """Variance J Σ Jᵀ, or None without covariance."""
+    if covariance is None:
+        return None
+    row = np.array(jacobian)
+    return max(float(row @ np.array(covariance) @ row), 0.0)
+
+
+class Dispersion(Strict, ABC):
+    """A refractive index that depends on wavelength."""
+
+    table: ClassVar[str] = "index"
+    error: ClassVar[type[SolenError]] = DataError
+
+    valid_nm: tuple[Positive, Positive] | None = Field(
+        None, description="Wavelengths from and to which the index holds, in nm."
+    )
+
+    @model_validator(mode="after")
+    def _range_ascends(self) -> Self:
+        if self.valid_nm is not None and not self.valid_nm[0] < self.valid_nm[1]:
+            raise refused("valid_nm", "must ascend, [from, to]", value=list(self.valid_nm))
+        return self
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Wavelengths from and to which the index may be asked for, in nm."""
+        return self.valid_nm or self._data_range_nm()
+
+    def index(self, wavelength_nm: float) -> float:
+        """Refractive index at a wavelength in nm.
+
+        Raises
+        ------
+        DataError
+            Outside `range_nm`, or where the formula gives less than 1 or nothing finite.
+        """
+        self._refuse_outside(wavelength_nm)
+        try:
+            index = self._index(wavelength_nm)
+        except (ArithmeticError, ValueError):  # a pole, an overflow, the root of a negative square
+            index = math.nan
+        if not 1 <= index < math.inf:
+            raise DataError(
+                f"index at {wavelength_nm:g} nm",
+                value=index,
+                limit="must be finite and at least 1",
+                remedy="check the coefficients and their units (µm), or narrow valid_nm",
+            )
+        return index
+
+    def u_index(self, wavelength_nm: float) -> float | None:
+        """Standard uncertainty of the index at a wavelength in nm, or None where none is known.
+
+        Raises
+        ------
+        DataError
+            As `index` does.
+        """
+        self.index(wavelength_nm)
+        variance = self._variance(wavelength_nm)
+        return None if variance is None else math.sqrt(variance)
+
+    def _refuse_outside(self, wavelength_nm: float) -> None:
+        low, high = self.range_nm
+        if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
+            limit = f"known from {low:g} to {high:g} nm only" if high < math.inf else "wavelengths are above 0 nm"
+            remedy = "take a wavelength inside, or data that reach there"
+            raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
+
+    @abstractmethod
+    def _data_range_nm(self) -> tuple[float, float]:
+        """Range that the data themselves give."""
+
+    @abstractmethod
+    def _index(self, wavelength_nm: float) -> float:
+        """Index by the formula, unchecked."""
+
+    @abstractmethod
+    def _variance(self, wavelength_nm: float) -> float | None:
+        """Variance of the index, or None where none is known."""
+
+
+class Constant(Dispersion):
+    """One number for all wavelengths (of `valid_nm`)."""
+
+    kind: Literal["number"] = "number"
+    n: Positive = Field(ge=1, lt=5, description="the refractive index, 1 to 5.")
+    u_n: NotNegative | None = Field(None, description="Standard uncertainty of n.")
+
+    def _data_range_nm(self) -> tuple[float, float]:
+        return 0.0, math.inf
+
+    def _index(self, wavelength_nm: float) -> float:  # noqa: ARG002
+        return self.n
+
+    def _variance(self, wavelength_nm: float) -> float | None:  # noqa: ARG002
+        return None if self.u_n is None else self.u_n**2
+
+
+class Tabulated(Dispersion):
+    """Measured indices at ascending wavelengths, linear in between: nothing is added to what was measured."""
+
+    kind: Literal["table"] = "table"
+    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")
+    n: tuple[Number, ...] = Field(min_length=2, description="the index at each wavelength.")
+    covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
+
+    @model_validator(mode="after")
+    def _table_is_sound(self) -> Self:
+        if len(self.n) != len(self.wavelength_nm):
+            raise refused("n", f"must have {len(self.wavelength_nm)} entries, one per wavelength", value=len(self.n))
+        for low, high in pairwise(self.wavelength_nm):
+            if not low < high:
+                raise refused("wavelength_nm", "must ascend", value=[low, high], remedy="sort the table")
+        if min(self.n) < 1:
+            raise refused("n", "must be at least 1", value=min(self.n))
+        low, high = self._data_range_nm()
+        if self.valid_nm is not None and not low <= self.valid_nm[0] < self.valid_nm[1] <= high:
+            raise refused("valid_nm", f"must lie within the table, {low:g} to {high:g}", value=list(self.valid_nm))
+        _refuse_covariance(self.covariance, len(self.n))
+        return self
+
+    def _data_range_nm(self) -> tuple[float, float]:
+        return self.wavelength_nm[0], self.wavelength_nm[-1]
+
+    def _weights(self, wavelength_nm: float) -> tuple[float, ...]:
+        """Share of each entry in the interpolated index."""
+        right = min(bisect_right(self.wavelength_nm, wavelength_nm), len(self.n) - 1)
+        low, high = self.wavelength_nm[right - 1], self.wavelength_nm[right]
+        share = (wavelength_nm - low) / (high - low)
+        return (*(0.0,) * (right - 1), 1 - share, share, *(0.0,) * (len(self.n) - right - 1))
+
+    def _index(self, wavelength_nm: float) -> float:
+        return sum(w * n for w, n in zip(self._weights(wavelength_nm), self.n, strict=True) if w)
+
+    def _variance(self, wavelength_nm: float) -> float | None:
+        return _propagated(self.covariance, self._weights(wavelength_nm))
+
+
+class Cauchy(Dispersion):
+    """Cauchy's formula n = A + B/λ² + C/λ⁴, λ in µm; for transparent matter far from absorption."""
+
+    kind: Literal["cauchy"] = "cauchy"
+    A: Number = Field(description="constant term.")
+    B_um2: Number = Field(0.0, description="Coefficient of 1/λ² in µm².")
+    C_um4: Number = Field(0.0, description="Coefficient of 1/λ⁴ in µm⁴.")
+    covariance: Covariance | None = Field(None, description="Covariance of (A, B_um2, C_um4).")
+
+    @model_validator(mode="after")
+    def _covariance_is_sound(self) -> Self:
+        _refuse_covariance(self.covariance, 3)
+        return self
+
+    def _data_range_nm(self) -> tuple[float, float]:
+        return 0.0, math.inf
+
+    def _index(self, wavelength_nm: float) -> float:
+        square = um_from_nm(wavelength_nm) ** 2
+        return self.A + self.B_um2 / square + self.C_um4 / square**2
+
+    def _variance(self, wavelength_nm: float) -> float | None:
+        square = um_from_nm(wavelength_nm) ** 2
+        return _propagated(self.covariance, (1.0, 1 / square, 1 / square**2))
+
+
+class Sellmeier(Dispersion):
+    """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C), λ in µm; any number of terms."""
+
+    kind: Literal["sellmeier"] = "sellmeier"
+    B: tuple[Number, ...] = Field(min_length=1, description="strength of each term.")
+    C_um2: tuple[NotNegative, ...] = Field(
+        min_length=1, description="square of each term's resonance wavelength in µm²."
+    )
+    covariance: Covariance | None = Field(None, description="Covariance of (B..., C_um2...).")
+
+    @model_validator(mode="after")
+    def _terms_are_sound(self) -> Self:
+        if len(self.B) != len(self.C_um2):
+            raise refused("C_um2", f"must have {len(self.B)} entries, one per B", value=len(self.C_um2))
+        _refuse_covariance(self.covariance, 2 * len(self.B))
+        return self
+
+    def _data_range_nm(self) -> tuple[float, float]:
+        return 0.0, math.inf
+
+    def _index(self, wavelength_nm: float) -> float:
+        square = um_from_nm(wavelength_nm) ** 2
+        return math.sqrt(1 + sum(b * square / (square - c) for b, c in zip(self.B, self.C_um2, strict=True)))
+
+    def _variance(self, wavelength_nm: float) -> float | None:
+        square, twice = um_from_nm(wavelength_nm) ** 2, 2 * self._index(wavelength_nm)
+        by_b = [square / (square - c) / twice for c in self.C_um2]
+        by_c = [b * square / (square - c) ** 2 / twice for b, c in zip(self.B, self.C_um2, strict=True)]
+        return _propagated(self.covariance, by_b + by_c)
+
+
+KINDS: dict[str, type[Dispersion]] = {
+    "number": Constant,
+    "table": Tabulated,
+    "cauchy": Cauchy,
+    "sellmeier": Sellmeier,
+}

@@ -1,0 +1,79 @@
+"""Points and directions of the plane, and the rigid motions that move them.
+
+A point or a direction is a pair (x, z), x to the right and z upwards; angles are degrees, counter-clockwise.
+"""
+
+import math
+from dataclasses import dataclass
+
+Point = tuple[float, float]
+"""(x, z) in mm, or a direction."""
+
+
+def dot(a: Point, b: Point) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def cross(a: Point, b: Point) -> float:
+    """z-component of the vector product: positive where ``b`` lies to the left of ``a``."""
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def minus(a: Point, b: Point) -> Point:
+    """Vector from ``b`` to ``a``."""
+    return (a[0] - b[0], a[1] - b[1])
+
+
+def along(origin: Point, direction: Point, distance: float) -> Point:
+    """Point at a distance from the origin along a unit direction."""
+    return (origin[0] + distance * direction[0], origin[1] + distance * direction[1])
+
+
+def unit(a: Point) -> Point:
+    """Vector of length 1 along ``a``."""
+    length = math.hypot(*a)
+    return (a[0] / length, a[1] / length)
+
+
+def left_of(a: Point) -> Point:
+    """``a`` turned by +90 degrees."""
+    return (-a[1], a[0])
+
+
+def right_of(a: Point) -> Point:
+    """``a`` turned by −90 degrees."""
+    return (a[1], -a[0])
+
+
+def heading(angle_deg: float) -> Point:
+    """Unit direction ``angle_deg`` counter-clockwise from +z: 0 is up the axis, −3 leans to the right."""
+    angle = math.radians(angle_deg)
+    return (-math.sin(angle), math.cos(angle))
+
+
+@dataclass(frozen=True)
+class Rigid:
+    """A turn by an angle and a shift: p -> R p + shift."""
+
+    cos: float = 1.0
+    sin: float = 0.0
+    shift: Point = (0.0, 0.0)
+
+    @classmethod
+    def about(cls, pivot: Point, angle_deg: float) -> "Rigid":
+        """Turn counter-clockwise by ``angle_deg`` about ``pivot``; the exact identity for 0."""
+        if angle_deg == 0.0:
+            return cls()
+        c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+        x, z = pivot
+        return cls(c, s, (x - (c * x - s * z), z - (s * x + c * z)))
+
+    def point(self, p: Point) -> Point:
+        """Where a point goes."""
+        x, z = self.vector(p)
+        return (x + self.shift[0], z + self.shift[1])
+
+    def vector(self, v: Point) -> Point:
+        """Where a direction goes."""
+        return (self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1])

@@ -1,0 +1,227 @@
+"""A scene: everything the tracer sees, and nothing it does not need.
+
+*Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
+right, with a behaviour: refracting, mirror, absorbing, or receiver. *Sources* launch rays. Detectors come in two kinds:
+a **receiver** is made of interfaces; it absorbs what arrives, and what arrives on its left, its face, is detected and
+enters the ledger. A **monitor** is a line that counts the power crossing it, positive towards its left, changes no ray
+and is not in the ledger. There may be any number of each; nothing here knows what a Y is.
+
+Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Curve, Segment
+from solen.errors import DesignError
+from solen.plane import Point, heading
+
+Behaviour = Literal["refracting", "mirror", "absorbing", "receiver"]
+BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver")
+
+
+@dataclass(frozen=True)
+class Region:
+    """A homogeneous medium: real index, and absorption of power per mm (Beer–Lambert)."""
+
+    name: str
+    index: float
+    absorption_per_mm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Interface:
+    """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any."""
+
+    name: str
+    curve: Curve
+    left: str
+    right: str
+    behaviour: Behaviour = "refracting"
+    receiver: str | None = None
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """A straight line from ``start`` to ``end`` that counts power; ``bins`` equal bins along it if a map is wanted."""
+
+    name: str
+    start: Point
+    end: Point
+    bins: int = 0
+
+    @property
+    def segment(self) -> Segment:
+        """The line as a curve."""
+        return Segment(self.start, self.end)
+
+
+@dataclass(frozen=True)
+class Launch:
+    """Rays as arrays (N,): origin in mm, unit direction, power in each polarisation (s: field out of the plane)."""
+
+    x_mm: NDArray[np.float64]
+    z_mm: NDArray[np.float64]
+    dx: NDArray[np.float64]
+    dz: NDArray[np.float64]
+    power_s: NDArray[np.float64]
+    power_p: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.x_mm)
+
+
+class Source(ABC):
+    """Something that launches rays; they are numbered, so that any stretch of them can be launched on its own."""
+
+    rays: int
+    power: float
+    s_share: float
+
+    @abstractmethod
+    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Origins (N, 2) in mm and unit directions (N, 2) of the rays of those numbers."""
+
+    def launch(self, start: int = 0, stop: int | None = None) -> Launch:
+        """Rays ``start`` up to ``stop``; each has the same share of the source's power."""
+        number = np.arange(start, self.rays if stop is None else stop, dtype=float)
+        origin, direction = self.place(number)
+        each = np.full(len(number), self.power / self.rays)
+        x, z, dx, dz = (np.ascontiguousarray(column) for column in (*origin.T, *direction.T))
+        return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share))
+
+
+@dataclass(frozen=True)
+class Fan(Source):
+    """Point source, uniform in angle over ``cone_deg`` about ``axis_deg``.
+
+    Each ray stands in the middle of its equal share of the cone, from the right edge of the cone to the left one, so
+    that N rays are the midpoint rule and a symmetric fan has no ray at its edges.
+    """
+
+    point: Point
+    axis_deg: float
+    cone_deg: float
+    rays: int
+    power: float = 1.0
+    s_share: float = 0.5
+
+    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See :meth:`Source.place`."""
+        angle = np.radians(self.axis_deg + self.cone_deg * ((number + 0.5) / self.rays - 0.5))
+        return np.tile(self.point, (len(number), 1)), np.column_stack([-np.sin(angle), np.cos(angle)])
+
+
+@dataclass(frozen=True)
+class Beam(Source):
+    """Parallel beam from the line ``start`` to ``end``: each ray in the middle of its equal share of the line."""
+
+    start: Point
+    end: Point
+    direction_deg: float
+    rays: int
+    power: float = 1.0
+    s_share: float = 0.5
+
+    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See :meth:`Source.place`."""
+        share = ((number + 0.5) / self.rays)[:, None]
+        origin = (1.0 - share) * np.asarray(self.start) + share * np.asarray(self.end)
+        return origin, np.tile(heading(self.direction_deg), (len(number), 1))
+
+
+@dataclass(frozen=True)
+class Rays(Source):
+    """Rays one by one: origins and directions (x, z); directions need not be of length 1."""
+
+    origins: tuple[Point, ...]
+    directions: tuple[Point, ...]
+    power: float = 1.0
+    s_share: float = 0.5
+
+    @property
+    def rays(self) -> int:  # type: ignore[override]  # a count that follows from the list
+        """Number of rays."""
+        return len(self.origins)
+
+    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See :meth:`Source.place`."""
+        which = number.astype(int)
+        direction = np.asarray(self.directions, dtype=float)[which]
+        return np.asarray(self.origins, dtype=float)[which], direction / np.hypot(*direction.T)[:, None]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit."""
+
+    regions: tuple[Region, ...]
+    interfaces: tuple[Interface, ...]
+    sources: tuple[Source, ...]
+    monitors: tuple[Monitor, ...] = ()
+    name: str = "scene"
+
+    def __post_init__(self) -> None:
+        _unique("region", (region.name for region in self.regions))
+        _unique("interface", (interface.name for interface in self.interfaces))
+        _unique("detector", (*self.receivers, *(monitor.name for monitor in self.monitors)))
+        for region in self.regions:
+            _check_region(region)
+        for interface in self.interfaces:
+            self._check_interface(interface)
+        if not self.sources or sum(source.rays for source in self.sources) < 1:
+            raise DesignError("scene.sources", value=len(self.sources), limit="at least one source with one ray")
+        if not all(math.isfinite(source.power) and source.power > 0 for source in self.sources):
+            raise DesignError("scene.sources", value="a power of 0 or less", limit="must be above 0")
+
+    @property
+    def receivers(self) -> tuple[str, ...]:
+        """Names of the receivers, in the order of their first interface."""
+        return tuple(dict.fromkeys(i.receiver for i in self.interfaces if i.receiver is not None))
+
+    @property
+    def rays(self) -> int:
+        """Rays launched by all sources."""
+        return sum(source.rays for source in self.sources)
+
+    @property
+    def emitted(self) -> float:
+        """Power of all sources together."""
+        return math.fsum(source.power for source in self.sources)
+
+    def _check_interface(self, interface: Interface) -> None:
+        what = f"interface {interface.name}"
+        names = {region.name for region in self.regions}
+        for side in (interface.left, interface.right):
+            if side not in names:
+                raise DesignError(what, value=side, limit=f"no such region; there are {', '.join(sorted(names))}")
+        if interface.behaviour not in BEHAVIOURS:
+            raise DesignError(what, value=interface.behaviour, limit=f"must be one of {', '.join(BEHAVIOURS)}")
+        if (interface.behaviour == "receiver") != (interface.receiver is not None):
+            raise DesignError(
+                what, value=interface.receiver, limit="a receiver, and only a receiver, names its detector"
+            )
+
+
+def _check_region(region: Region) -> None:
+    what = f"region {region.name}"
+    if not (math.isfinite(region.index) and region.index >= 1.0):
+        raise DesignError(what, value=region.index, limit="the index must be finite and at least 1")
+    if not (math.isfinite(region.absorption_per_mm) and region.absorption_per_mm >= 0.0):
+        raise DesignError(
+            what, value=region.absorption_per_mm, limit="the absorption per mm must be finite, at least 0"
+        )
+
+
+def _unique(what: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise DesignError(f"scene {what}", value=name, limit="the name is taken twice", remedy="rename one")
+        seen.add(name)

@@ -1,0 +1,41 @@
+"""The design file: what a user decides about a sensor, checked and frozen before any physics.
+
+`Design` and its tables are in `solen.spec.design`, reading and writing in `solen.spec.toml`, shipped designs in
+`solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
+"""
+
+from solen.spec.design import (
+    MAX_STEPS,
+    Body,
+    Design,
+    Emitter,
+    Lens,
+    Material,
+    Motion,
+    Receivers,
+    Trace,
+)
+from solen.spec.template import template, template_names
+from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, with_values
+
+__all__ = [
+    "MAX_STEPS",
+    "SCHEMA",
+    "Body",
+    "Design",
+    "Emitter",
+    "Lens",
+    "Material",
+    "Motion",
+    "Receivers",
+    "Trace",
+    "dumps",
+    "json_schema",
+    "load",
+    "loads",
+    "parse_assignment",
+    "save",
+    "template",
+    "template_names",
+    "with_values",
+]

@@ -1,0 +1,251 @@
+"""The design: everything that determines a sensor and its simulation, as frozen tables.
+
+The idea: one value holds what the user decided and nothing that follows from it. Keys are those of the design file,
+names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only what differs.
+Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
+
+The interface: `Design` and its tables `Material`, `Emitter`, `Lens`, `Body`, `Receivers`, `Motion`, `Trace`;
+`Motion.angles_deg` are the angles of a sweep; `Design.resin_file` is where a resin named by a file lies.
+"""
+
+from decimal import Decimal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
+
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, not_yet, or_refuse, refused
+
+MAX_STEPS = 100_000
+_SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
+
+Index = Annotated[Number, Field(ge=1, lt=5)]
+Sweep = Annotated[Number, Field(gt=-90, lt=90)]
+Point = tuple[Number, Number]
+Pivot = Literal["stem-base", "emitter"] | Point
+Part = Literal["lens", "emitter"]
+
+
+def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
+    if len(set(moves)) != len(moves) or "emitter" not in moves:
+        raise refused("", 'must be ["lens", "emitter"] or ["emitter"]', value=list(moves))
+    return ("lens", "emitter") if "lens" in moves else ("emitter",)
+
+
+class Material(Strict):
+    """What the body and the lens are printed in: an index, or a resin whose index depends on the wavelength."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["index"]}, {"required": ["resin"]}]})
+    table: ClassVar[str] = "material"
+
+    index: Index | None = Field(None, description="Refractive index at the emitter's wavelength, 1 to 5.")
+    resin: Text | None = Field(
+        None,
+        description="Name of a resin in the library, or a resin file (ends in .toml or holds a / or \\), "
+        "relative to the design file; evaluated at the emitter's wavelength.",
+    )
+    absorption_per_mm: NotNegative = Field(
+        0.0, description="Absorption of power per mm (base e); where left out, a resin's own loss is taken."
+    )
+
+    @model_validator(mode="after")
+    def _one_of_index_and_resin(self) -> Self:
+        if self.index is not None and self.resin is not None:
+            raise refused("", "gives both index and resin", remedy="keep one of the two")
+        if self.index is None and self.resin is None:
+            raise refused("", "gives neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+        return self
+
+    @property
+    def states_absorption(self) -> bool:
+        """Whether the absorption was stated, and so overrules a resin's own loss, even where it is 0."""
+        return "absorption_per_mm" in self.model_fields_set
+
+
+class Emitter(Strict):
+    """The light source before the lens, and the rays that stand for it."""
+
+    table: ClassVar[str] = "emitter"
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "power_mW", "width_mm", "height_mm", "spectrum"})
+
+    wavelength_nm: Annotated[Number, Field(ge=100, le=20_000)] = Field(860.0, description="Wavelength in nm.")
+    distance_mm: Positive = Field(1.0, description="Distance to the lens vertex in mm.")
+    offset_mm: Number = Field(0.0, description="Decentre from the axis in mm, towards +x.")
+    cone_deg: Annotated[Number, Field(gt=0, le=180)] = Field(
+        120.0, description="Full opening angle of the emitted fan in degrees."
+    )
+    rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(100, description="Number of rays.")
+    pattern: Annotated[Literal["fan"], not_yet("lambert", dict)] = Field(
+        "fan", description="Angular pattern: a fan uniform in angle."
+    )
+
+
+class Lens(Strict):
+    """The lens at the stem's base."""
+
+    table: ClassVar[str] = "lens"
+    reserved: ClassVar[frozenset[str]] = frozenset({"outline"})
+
+    shape: Literal["cartesian-oval", "none"] = Field(
+        "cartesian-oval",
+        description="A Cartesian oval, or none: a flat face at the stem's base, the emitter distance_mm before it.",
+    )
+    focus_mm: Positive = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
+    half_width_mm: Positive = Field(2.0, description="Half the lens aperture in mm.")
+    design_index: Index | None = Field(
+        None,
+        description="Index that the lens is shaped for; default: the material's at the emitter's wavelength.",
+    )
+
+
+class Body(Strict):
+    """The printed guide: a stem that widens as a parabola and forks into two arms."""
+
+    table: ClassVar[str] = "body"
+
+    kind: Annotated[Literal["y"], not_yet("outline")] = Field("y", description="Shape of the body: a Y.")
+    stem_length_mm: Positive = Field(16.2, description="Length of the stem in mm.")
+    stem_curve_per_mm: Number = Field(0.004, description="Quadratic coefficient of the stem's edge in 1/mm.")
+    arm_length_mm: Positive = Field(22.2, description="Length of an arm in mm.")
+    arm_width_mm: Positive = Field(3.0, description="Width of an arm in mm.")
+    arm_angle_deg: Annotated[Number, Field(gt=0, lt=90)] | None = Field(
+        None,
+        description="Angle of an arm from the axis in degrees; default: tangent to the stem's edge at the fork.",
+    )
+    thickness_mm: Positive = Field(4.0, description="Thickness in mm, along y.")
+
+
+class Receivers(Strict):
+    """The two receivers at the arm ends, and how the light reaches them."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"coupling": {"const": "air-gap"}}, "required": ["coupling"]},
+            "then": {"required": ["gap_mm"]},
+            "else": {"not": {"required": ["gap_mm"]}},
+        }
+    )
+    table: ClassVar[str] = "receivers"
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm", "height_mm"})
+
+    coupling: Literal["matched", "air-gap"] = Field(
+        "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
+    )
+    gap_mm: Positive | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+
+    @model_validator(mode="after")
+    def _gap_with_air_gap_only(self) -> Self:
+        if self.coupling == "air-gap" and self.gap_mm is None:
+            raise refused("gap_mm", 'missing: coupling = "air-gap" needs it', remedy="add gap_mm = 0.5")
+        if self.coupling != "air-gap" and self.gap_mm is not None:
+            remedy = 'leave it out, or set coupling = "air-gap"'
+            raise refused(
+                "gap_mm", f'has no meaning with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
+            )
+        return self
+
+
+class Motion(Strict):
+    """How the sensor is moved, and the angles of a sweep; counter-clockwise with z up and x to the right."""
+
+    table: ClassVar[str] = "motion"
+
+    kind: Annotated[Literal["rotation"], not_yet("bend")] = Field("rotation", description="Kind of motion.")
+    pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
+        Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
+    )
+    moves: Annotated[
+        tuple[Part, ...], AfterValidator(_parts), or_refuse('must be ["lens", "emitter"] or ["emitter"]')
+    ] = Field(
+        ("lens", "emitter"),
+        description='Parts that turn: ["lens", "emitter"] or ["emitter"].',
+        json_schema_extra={"uniqueItems": True, "contains": {"const": "emitter"}},
+    )
+    from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
+    to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
+    step_deg: Positive = Field(0.25, description=f"Step in degrees; at most {MAX_STEPS:,} steps.")
+
+    @model_validator(mode="after")
+    def _sweep_ascends_in_few_steps(self) -> Self:
+        if not self.from_deg < self.to_deg:
+            limit = f"must be less than motion.to_deg = {self.to_deg}"
+            raise refused("from_deg", limit, value=self.from_deg, remedy="swap the two")
+        if (self.to_deg - self.from_deg) / MAX_STEPS > self.step_deg * (1 + 1e-12):
+            limit = f"at most {MAX_STEPS:,} steps from {self.from_deg} to {self.to_deg}"
+            raise refused("step_deg", limit, value=self.step_deg, remedy="take a larger step")
+        return self
+
+    def angles_deg(self) -> tuple[float, ...]:
+        """Angles from `from_deg` to `to_deg` by `step_deg`, both ends included where the step meets them.
+
+        They are summed in decimal, as the file states them: -0.3 by 0.1 passes through exactly 0.0.
+
+        Returns
+        -------
+        tuple of float
+            Ascending, in degrees; none exceeds `to_deg`.
+        """
+        first, last, step = (Decimal(repr(value)) for value in (self.from_deg, self.to_deg, self.step_deg))
+        steps = int((last - first) / step + _SAME_ANGLE)
+        return tuple(_snapped(first + i * step, last, step * _SAME_ANGLE) for i in range(steps + 1))
+
+
+def _snapped(angle: Decimal, last: Decimal, near: Decimal) -> float:
+    """Angle as a float; a step such as 1/3 misses 0 and the end by its own rounding, which is mended here."""
+    goal = next((goal for goal in (Decimal(0), last) if abs(angle - goal) <= near), angle)
+    return float(goal)
+
+
+class Trace(Strict):
+    """How rays are followed."""
+
+    table: ClassVar[str] = "trace"
+    reserved: ClassVar[frozenset[str]] = frozenset({"dimension", "min_weight", "seed"})
+
+    mode: Literal["count", "power"] = Field(
+        "count", description="Whole rays that refract or reflect totally, or Fresnel power with both branches."
+    )
+
+
+class Design(Strict):
+    """A sensor: its name, material, optics, body, motion and trace.
+
+    Two designs are equal where their tables are and their resin, if it is a file, is the same file.
+    """
+
+    reserved: ClassVar[frozenset[str]] = frozenset({"emitters", "lenses"})
+
+    name: Text = Field(description="the name of the design, one line.")
+    material: Material = Field(description='what it is printed in, index = 1.44 or resin = "pmma".')
+    emitter: Emitter = Field(default_factory=Emitter, description="The light source.")
+    lens: Lens = Field(default_factory=Lens, description="The lens.")
+    body: Body = Field(default_factory=Body, description="The printed guide.")
+    receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
+    motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
+    trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
+
+    _folder: Path = PrivateAttr(default_factory=Path)
+
+    @property
+    def folder(self) -> Path:
+        """Folder that the design's relative paths start from: its file's, or the working one for a design in memory."""
+        return self._folder
+
+    @property
+    def resin_file(self) -> Path | None:
+        """Path of the resin file, or None where the material is an index or a library resin."""
+        resin = self.material.resin
+        if resin is None or not (resin.endswith(".toml") or "/" in resin or "\\" in resin):
+            return None
+        return self._folder / resin
+
+    def in_folder(self, folder: Path) -> Self:
+        """Return the same design with its relative paths starting from another folder."""
+        copy = self.model_copy()
+        copy._folder = folder
+        return copy
+
+    def __eq__(self, other: Any) -> bool:
+        if not isinstance(other, Design):
+            return NotImplemented
+        return self.__dict__ == other.__dict__ and self.resin_file == other.resin_file

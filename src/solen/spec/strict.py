@@ -1,0 +1,249 @@
+"""Strict tables: pydantic models of TOML files whose every refusal is one line that a user can act on.
+
+The idea: a file is a tree of tables, and each table is one frozen model. Unknown keys are refused with the nearest
+right name, names kept for later with "not yet supported", numbers are finite and never taken from text or booleans.
+pydantic finds the problems; this module tells them: the dotted key, the value found, the limit, the remedy.
+
+The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
+in a validator that looks at several keys; `not_yet` and `or_refuse` annotate single fields. `parse_toml`, `migrated`
+and `told_of` serve any TOML file that carries ``schema = <version>``.
+"""
+
+import difflib
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Annotated, Any, ClassVar
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from solen.errors import SolenError, SpecError
+
+Document = dict[str, Any]
+Migrations = Mapping[int, Callable[[Document], Document]]
+
+_LIMITS = {
+    "greater_than": "must be greater than {gt:.15g}",
+    "greater_than_equal": "must be at least {ge:.15g}",
+    "less_than": "must be less than {lt:.15g}",
+    "less_than_equal": "must be at most {le:.15g}",
+    "finite_number": "must be a finite number",
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "string_type": "must be text",
+    "string_unicode": "must be text without half characters",
+    "literal_error": "must be {expected}",
+    "tuple_type": "must be a list",
+    "too_short": "must have at least {min_length} entries",
+    "too_long": "must have at most {max_length} entries",
+}
+_LONGEST_VALUE = 60  # characters of a refused value shown in its line
+
+
+def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
+    """Problem to raise in a model's validator: the key of that table at fault, its value, the limit, the remedy."""
+    return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
+
+
+def not_yet(*later: object) -> BeforeValidator:
+    """Field annotation that refuses the values named (a type stands for all its values) as not yet supported."""
+
+    def check(value: object) -> object:
+        if any(isinstance(value, one) if isinstance(one, type) else value == one for one in later):
+            raise refused("", "not yet supported", value=value)
+        return value
+
+    return BeforeValidator(check)
+
+
+def or_refuse(limit: str) -> WrapValidator:
+    """Field annotation that tells every problem of a compound value by one limit, in the user's words."""
+
+    def check(value: object, handler: ValidatorFunctionWrapHandler) -> object:
+        try:
+            return handler(value)
+        except ValidationError:
+            raise refused("", limit, value=value) from None
+
+    return WrapValidator(check)
+
+
+def _one_line(text: str) -> str:
+    if not (text.strip() and text.isprintable()):
+        raise refused("", "must be one line of printable text, not empty", value=text)
+    return text
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Text = Annotated[str, AfterValidator(_one_line)]
+
+
+class Strict(BaseModel):
+    """One table of a file: frozen, closed to unknown keys, refusing in one line.
+
+    A derived class states its `table` (the dotted name that its keys are told under), the `error` raised and
+    the key names `reserved` for later. pydantic's own ``model_validate`` is not a door: build with the constructor.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    table: ClassVar[str] = ""
+    error: ClassVar[type[SolenError]] = SpecError
+    reserved: ClassVar[frozenset[str]] = frozenset()
+
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as bad:
+            raise _told(bad, type(self)) from None
+
+    # Keeps pydantic from calling this constructor for tables inside tables: the outermost tells every problem.
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+
+def nearest(word: str, names: Iterable[str]) -> str | None:
+    """Nearest of some names to a misspelt word, or None where nothing is near."""
+    by_lower = {name.lower(): name for name in names}
+    return next((by_lower[near] for near in difflib.get_close_matches(word.lower(), by_lower, n=1)), None)
+
+
+def _dotted(prefix: str, parts: Iterable[int | str]) -> str:
+    name = prefix
+    for part in parts:
+        if isinstance(part, int):
+            name += f"[{part}]"
+        elif part:
+            name += f".{part}" if name else part
+    return name
+
+
+def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
+    """Tables directly inside a table, by their key."""
+    kinds = {key: field.annotation for key, field in model.model_fields.items()}
+    return {key: kind for key, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Strict)}
+
+
+def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict], tuple[int | str, ...]]:
+    """Innermost table on the way to a location, and what remains of the way inside it."""
+    while len(loc) > 1 and (inner := _tables(model).get(str(loc[0]))):
+        model, loc = inner, loc[1:]
+    return model, loc
+
+
+def _shown(value: object) -> object:
+    """Value as its line shows it: shortened where its text would fill the screen."""
+    text = value if isinstance(value, str) else str(value)
+    return value if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+
+
+def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
+    """Limit and remedy for a key that its table does not have."""
+    if key in owner.reserved:
+        return "not yet supported", "leave it out"
+    stem = what.removesuffix(key)
+    elsewhere = [_dotted(root.table, (t, key)) for t, inner in _tables(root).items() if key in inner.model_fields]
+    near = nearest(key, owner.model_fields)
+    if elsewhere or near:
+        return "unknown key", f"did you mean {elsewhere[0] if elsewhere else f'{stem}{near}'}?"
+    return "unknown key", f"the keys here are {', '.join(owner.model_fields)}"
+
+
+def _problem(found: ErrorDetails, root: type[Strict]) -> tuple[str, object, str, str]:
+    """One problem as what, value, limit and remedy."""
+    kind, ctx = found["type"], found.get("ctx", {})
+    what = _dotted(root.table, found["loc"])
+    owner, rest = _owner(root, found["loc"])
+    field = owner.model_fields.get(str(rest[0])) if rest else None
+    if kind == "refused":
+        return _dotted(what, [ctx["key"]]), ctx["value"], ctx["limit"], ctx["remedy"] or _default(field)
+    if kind == "extra_forbidden":
+        return what, None, *_unknown(what, str(rest[-1]), owner, root)
+    if kind == "missing":
+        return what, None, "missing", f"add it: {field.description if field else ''}"
+    if kind == "model_type":
+        if isinstance(found["input"], list):
+            return what, None, "several are not yet supported", f"write one table, [{what}]"
+        return what, found["input"], "must be a table", f"write [{what}] and its keys below"
+    limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else found["msg"]
+    return what, found["input"], limit, _default(field)
+
+
+def _default(field: FieldInfo | None) -> str:
+    """Remedy that names a field's default, where it has one."""
+    default = None if field is None or field.is_required() else field.default
+    if default is None:
+        return ""
+    return f"the default is {list(default) if isinstance(default, tuple) else repr(default)}"
+
+
+def _told(bad: ValidationError, root: type[Strict]) -> SolenError:
+    """The first problem in one line, and how many more there are; unknown keys first, as they explain missing ones."""
+    found = sorted(bad.errors(include_url=False), key=lambda one: one["type"] != "extra_forbidden")
+    what, value, limit, remedy = _problem(found[0], root)
+    if more := len(found) - 1:
+        remedy = "; ".join(filter(None, (remedy, f"and {more} more problem{'s' if more > 1 else ''}")))
+    return root.error(what, value=_shown(value) if value is not None else None, limit=limit, remedy=remedy)
+
+
+@contextmanager
+def told_of(where: str) -> Iterator[None]:
+    """Prefix the refusals raised inside with the file or thing that they are about."""
+    try:
+        yield
+    except SolenError as bad:
+        raise type(bad)(f"{where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+
+
+def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
+    """Tables of a TOML text; ``error`` names the line and column where it is not TOML."""
+    try:
+        return tomllib.loads(f"{text}\n")  # a last line without its end would be told as "end of document"
+    except (ValueError, RecursionError) as bad:  # ValueError: also a number of more digits than Python reads
+        raise error(what, limit=f"not valid TOML: {bad}", remedy="correct it there") from None
+
+
+def migrated(data: Document, what: str, *, current: int, migrations: Migrations, error: type[SolenError]) -> Document:
+    """Bring a file's tables to the current schema, one version after the other, and take ``schema`` out.
+
+    Parameters
+    ----------
+    data
+        The tables as read, with their ``schema``.
+    what
+        The file, as errors name it.
+    current
+        The schema that this solen writes.
+    migrations
+        By old version, the function that turns its tables into those of the next version.
+    error
+        Raised where ``schema`` is missing, is no version, or is newer than ``current``.
+    """
+    data = dict(data)
+    found = data.pop("schema", None)
+    if found is None:
+        raise error(what, limit="schema is missing", remedy=f"add the line schema = {current} at its top")
+    if type(found) is not int or found < 1:
+        raise error(f"{what}: schema", value=found, limit="must be a whole number, at least 1")
+    if found > current:
+        raise error(
+            f"{what}: schema",
+            value=found,
+            limit=f"written by a newer solen; this one reads up to {current}",
+            remedy="update solen",
+        )
+    for version in range(found, current):
+        data = migrations[version](data)
+    return data

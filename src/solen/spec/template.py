@@ -1,0 +1,29 @@
+"""The design files that solen ships: a commented one to start from, and examples that state only what differs."""
+
+from importlib.resources import files
+
+from solen.errors import SpecError
+from solen.spec.strict import nearest
+
+_EXAMPLES = files("solen.spec") / "examples"
+
+
+def template_names() -> tuple[str, ...]:
+    """Names of the shipped designs, sorted."""
+    return tuple(sorted(file.name[:-5] for file in _EXAMPLES.iterdir() if file.name.endswith(".toml")))
+
+
+def template(name: str = "solen-860") -> str:
+    """Text of a shipped design file; the default shows every key with its default and a comment.
+
+    Raises
+    ------
+    SpecError
+        Where no shipped design has that name.
+    """
+    names = template_names()
+    if name not in names:
+        near = nearest(name, names)
+        remedy = f"did you mean {near}?" if near else ""
+        raise SpecError("example", value=name, limit=f"must be one of {', '.join(names)}", remedy=remedy)
+    return (_EXAMPLES / f"{name}.toml").read_text(encoding="utf-8")

@@ -1,0 +1,168 @@
+"""The design file: TOML in and out, single values set by dotted keys, and its JSON Schema.
+
+The idea: a file states ``schema``, ``name`` and whatever differs from the defaults. Reading migrates old schemas, then
+refuses what is not understood; writing omits defaults, so that reading what was written gives the same design.
+
+The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assignment` for ``--set key=value``;
+`json_schema` for editors.
+"""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
+from pydantic_core import core_schema
+
+from solen.errors import SpecError
+from solen.files import read_text, write_text
+from solen.spec.design import Design
+from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
+
+SCHEMA = 1
+MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+
+# Setting one of these takes the other away: a design gives exactly one of them.
+_REPLACES = {"material.index": "resin", "material.resin": "index"}
+
+
+def load(path: Path | str) -> Design:
+    """Design of a file.
+
+    Parameters
+    ----------
+    path
+        The design file. Relative paths inside it start from its folder.
+
+    Raises
+    ------
+    SpecError
+        Where the file cannot be read, is not TOML, has another schema, or is not a valid design.
+    """
+    path = Path(path)
+    return loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
+
+
+def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Design:
+    """Design of a TOML text; ``what`` names it in errors, ``folder`` is where its relative paths start."""
+    data = parse_toml(text, what, SpecError)
+    data = migrated(data, what, current=SCHEMA, migrations=MIGRATIONS, error=SpecError)
+    with told_of(what):
+        design = Design(**data)
+    return design if folder is None else design.in_folder(folder)
+
+
+def _document(design: Design) -> Document:
+    """Tables of the file without ``schema``: what differs from the defaults, and the name."""
+    tables: Document = {"name": design.name}
+    for key in Design.model_fields.keys() - {"name"}:
+        tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
+    if design.material.resin is not None and design.material.states_absorption:
+        tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
+    return {key: tables[key] for key in Design.model_fields if tables[key]}
+
+
+def dumps(design: Design) -> str:
+    """TOML text of a design, defaults omitted; `loads` gives the design back."""
+    return tomli_w.dumps({"schema": SCHEMA, **_document(design)})
+
+
+def save(path: Path | str, design: Design) -> Path:
+    """Write a design file in one piece, a relative resin file named anew from the folder written to.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written.
+    """
+    path = Path(path)
+    return write_text(path, dumps(_moved(design, path.absolute().parent)))
+
+
+def _moved(design: Design, folder: Path) -> Design:
+    """Return the design as a file in ``folder`` states it: the same resin file, from there."""
+    resin = design.resin_file
+    if resin is None or Path(design.material.resin or "").is_absolute() or design.folder.absolute() == folder:
+        return design.in_folder(folder)
+    try:
+        moved = Path(os.path.relpath(resin.absolute(), folder)).as_posix()
+    except ValueError:  # on Windows, another drive
+        moved = resin.absolute().as_posix()
+    return with_values(design, {"material.resin": moved}).in_folder(folder)
+
+
+def with_values(design: Design, values: Mapping[str, Any]) -> Design:
+    """Design with some values set.
+
+    Parameters
+    ----------
+    design
+        The design to start from; it stays as it is.
+    values
+        By dotted key (``"lens.focus_mm"``) the value, as TOML would hold it; None returns an optional key to its
+        default. Setting ``material.index`` takes a resin away and the other way round.
+
+    Raises
+    ------
+    SpecError
+        Where a key is unknown or the design would not be valid.
+    """
+    data = deepcopy(_document(design))
+    for key, value in values.items():
+        other = _REPLACES.get(key, "")
+        if other and value is not None and f"material.{other}" not in values:
+            data["material"].pop(other, None)
+        _set(data, key, value)
+    return Design(**data).in_folder(design.folder)
+
+
+def _set(data: Document, key: str, value: Any) -> None:
+    *tables, last = key.split(".")
+    for name in tables:
+        data = data.setdefault(name, {})
+        if not isinstance(data, dict):
+            raise SpecError(key, limit="unknown key", remedy=f"{name} holds a value, not keys")
+    data[last] = value
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Key and value of ``key=value``; the value is read as TOML where it is TOML, as text otherwise."""
+    key, equals, value = text.partition("=")
+    if not (equals and key.strip()):
+        raise SpecError(text, limit="not of the form key=value", remedy="write e.g. lens.focus_mm=25")
+    return key.strip(), _value(value.strip())
+
+
+def _value(text: str) -> Any:
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text
+    return parsed["value"] if len(parsed) == 1 else text
+
+
+class _FileSchema(GenerateJsonSchema):
+    """JSON Schema of a TOML file, which has no null: an optional key is left out."""
+
+    def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
+        return self.generate_inner(schema["schema"])
+
+    def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:
+        inner = super().default_schema(schema)
+        return {key: value for key, value in inner.items() if (key, value) != ("default", None)}
+
+
+def json_schema() -> Document:
+    """JSON Schema of the design file, for editors that check and complete it."""
+    schema = Design.model_json_schema(schema_generator=_FileSchema)
+    version = {"const": SCHEMA, "type": "integer", "description": "Version of this file format."}
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "solen design file"
+    schema["description"] = "A sensor: its name, material, optics, body, motion and trace."
+    schema["properties"] = {"schema": version, **schema["properties"]}
+    schema["required"] = ["schema", *schema["required"]]
+    return schema

@@ -1,0 +1,138 @@
+"""What a trace returns, whichever way it was computed: detectors, monitors, ledger, and paths where asked for.
+
+All powers are fractions of the emitted power. The ledger's four parts add up to 1: what receivers **detected**, what
+**escaped** to infinity, what was **absorbed** by media, walls and the backs of receivers, and what was **truncated**:
+branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface from a medium
+they were not in (counted in ``undefined`` and located, never dropped).
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError
+from solen.plane import Point
+
+Mode = Literal["count", "power"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+
+GOES_ON, DETECTED, ESCAPED, ABSORBED, TRUNCATED = range(5)
+FATES = ("goes on", "detected", "escaped", "absorbed", "truncated")
+
+LEG = np.dtype(
+    [(name, np.int64) for name in ("ray", "branch", "interface", "fate")]
+    + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p")]
+)
+"""One straight stretch: its ray and branch, the interface it ends on (−1: none), the fate there, start, direction,
+length (inf where it escapes) and the power at its start as a fraction of the emitted power."""
+
+KEPT_PLACES = 16
+"""How many places of undefined rays a trace remembers."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where following a ray ends.
+
+    ``min_weight`` is the power below which a branch is cut, as a fraction of the power its ray was launched with;
+    ``max_hits`` the most interfaces a ray may meet on one way.
+    """
+
+    min_weight: float = 1e-6
+    max_hits: int = 10_000
+
+    def __post_init__(self) -> None:
+        if not 1e-15 <= self.min_weight < 1.0:
+            raise DesignError("min_weight", value=self.min_weight, limit="must be from 1e-15 to below 1")
+        if self.max_hits < 1:
+            raise DesignError("max_hits", value=self.max_hits, limit="must be at least 1")
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """Where the emitted power went; the four add up to 1."""
+
+    detected: float
+    escaped: float
+    absorbed: float
+    truncated: float
+
+    @property
+    def total(self) -> float:
+        """Sum of the four: 1 but for rounding."""
+        return self.detected + self.escaped + self.absorbed + self.truncated
+
+
+@dataclass(frozen=True)
+class Detected:
+    """Reading of a receiver: power, and how many rays (or branches) arrived."""
+
+    power: float
+    rays: int
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """Reading of a monitor: net power towards its left, crossings, and net power per bin from start to end."""
+
+    power: float
+    rays: int
+    map: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Path:
+    """Way of one branch: its corners (N, 2) in mm, the interfaces met, its power at the start and its fate.
+
+    ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
+    """
+
+    ray: int
+    branch: int
+    points: NDArray[np.float64]
+    interfaces: tuple[int, ...]
+    power: float
+    fate: str
+    exit_direction: Point | None = None
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Result of tracing a scene."""
+
+    mode: Mode
+    rays: int
+    detectors: dict[str, Detected]
+    monitors: dict[str, Crossed]
+    ledger: Ledger
+    hits: int
+    undefined: int
+    undefined_at: tuple[Point, ...] = ()
+    legs: NDArray[np.void] | None = field(default=None, repr=False)
+
+    def paths(self) -> list[Path]:
+        """Ways of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
+        if self.legs is None or len(self.legs) == 0:
+            return []
+        order = np.argsort(self.legs["ray"] * (1 + self.legs["branch"].max()) + self.legs["branch"], kind="stable")
+        legs = self.legs[order]
+        new = (np.diff(legs["ray"]) != 0) | (np.diff(legs["branch"]) != 0)
+        return [_path(part) for part in np.split(legs, np.flatnonzero(new) + 1)]
+
+
+def _path(legs: NDArray[np.void]) -> Path:
+    last = legs[-1]
+    starts = np.column_stack([legs["x_mm"], legs["z_mm"]])
+    end = starts[-1] + last["length_mm"] * np.array([last["dx"], last["dz"]])
+    escaped = not np.isfinite(last["length_mm"])
+    return Path(
+        ray=int(last["ray"]),
+        branch=int(last["branch"]),
+        points=starts if escaped else np.vstack([starts, end]),
+        interfaces=tuple(int(i) for i in legs["interface"] if i >= 0),
+        power=float(legs[0]["power_s"] + legs[0]["power_p"]),
+        fate=FATES[int(last["fate"])],
+        exit_direction=(float(last["dx"]), float(last["dz"])) if escaped else None,
+    )

@@ -1,0 +1,154 @@
+"""Resin files, the library, and the numbers of a design's material."""
+
+from pathlib import Path
+
+import pytest
+
+from solen.errors import DataError, SolenError
+from solen.material import Cauchy, Constant, Optical, Sellmeier, Tabulated, library, library_resin, load_resin, optical
+from solen.spec import Design, Material, load
+
+HEAD = 'schema = 1\nname = "mine"\nsource = "measured"\n'
+
+
+def written(folder: Path, text: str) -> Path:
+    file = folder / "mine.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def told(folder: Path, text: str) -> str:
+    file = written(folder, text)
+    with pytest.raises(DataError) as refusal:
+        load_resin(file)
+    line = str(refusal.value)
+    assert len(line.splitlines()) == 1
+    assert line.startswith(str(file))
+    return line.removeprefix(str(file)).removeprefix(": ")
+
+
+@pytest.mark.parametrize(
+    ("index", "kind", "at_500_nm"),
+    [
+        ('kind = "number"\nn = 1.5\nu_n = 0.001', Constant, 1.5),
+        ('kind = "table"\nwavelength_nm = [400, 600]\nn = [1.52, 1.50]', Tabulated, 1.51),
+        ('kind = "cauchy"\nA = 1.49\nB_um2 = 0.005\nvalid_nm = [400, 900]', Cauchy, 1.51),
+        ('kind = "sellmeier"\nB = [1.25]\nC_um2 = [0.0]', Sellmeier, 1.5),
+    ],
+)
+def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: float, tmp_path: Path) -> None:
+    resin = load_resin(written(tmp_path, f"{HEAD}[index]\n{index}\n[loss]\nabsorption_per_mm = 0.01\n"))
+    assert isinstance(resin.index, kind)
+    assert resin.index.index(500) == pytest.approx(at_500_nm, abs=1e-12)
+    assert (resin.name, resin.source, resin.loss.absorption_per_mm) == ("mine", "measured", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (f"{HEAD}[index]\nn = 1.5", "index.kind; missing: must be one of number, table, cauchy, sellmeier; add"),
+        (
+            f'{HEAD}[index]\nkind = "cauchi"',
+            "index.kind = 'cauchi'; must be one of number, table, cauchy, sellmeier; did",
+        ),
+        (f"{HEAD}[index]\nkind = 3", "index.kind = 3; must be one of number"),
+        (f"{HEAD}[index]\nkind = ['cauchy']", "index.kind = ['cauchy']; must be one of number"),
+        (f'{HEAD}[index]\nkind = "cauchy"\nA = 1.5\nB_um = 0', "index.B_um; unknown key; did you mean index.B_um2?"),
+        (f'{HEAD}[index]\nkind = "number"\nn = 0.5', "index.n = 0.5; must be at least 1"),
+        (f"{HEAD}index = 1.5", "index = 1.5; must be a table; write [index]"),
+        (f"{HEAD}", "index; missing; add it: a table [index] with its kind."),
+        (f'{HEAD}sources = "x"\n[index]\nkind = "number"\nn = 1.5', "sources; unknown key; did you mean source?"),
+        (f'{HEAD}[index]\nkind = "number"\nn = 1.5\n[los]', "los; unknown key; did you mean loss?"),
+        (
+            f'{HEAD}[index]\nkind = "number"\nn = 1.5\n[loss]\nabsorption = 1',
+            "loss.absorption; unknown key; did you mean loss.absorption_per_mm?",
+        ),
+        (
+            f'{HEAD}[index]\nkind = "number"\nn = 1.5\n[loss]\nabsorption_per_mm = -1',
+            "loss.absorption_per_mm = -1; must be at least 0",
+        ),
+        ('name = "x"', "; schema is missing; add the line schema = 1"),
+        ("schema = 2", "schema = 2; written by a newer solen; this one reads up to 1; update solen"),
+        ("schema = ", "; not valid TOML: Invalid value (at line 1, column 10)"),
+    ],
+)
+def test_a_bad_file_is_told_in_one_line(text: str, line: str, tmp_path: Path) -> None:
+    assert told(tmp_path, text).startswith(line)
+
+
+def test_a_missing_file_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no such file"):
+        load_resin(tmp_path / "mine.toml")
+
+
+def test_pmma_has_the_index_of_the_literature() -> None:
+    pmma = library_resin("pmma").index
+    assert pmma.index(589.3) == pytest.approx(1.4906, abs=2e-4)
+    assert pmma.index(589.3) == pytest.approx((1 + 1.1819 * 0.5893**2 / (0.5893**2 - 0.011313)) ** 0.5, abs=1e-12)
+    assert pmma.range_nm == (436.8, 1052.0)
+
+
+def test_every_resin_of_the_library_loads_and_says_its_source() -> None:
+    assert "pmma" in library()
+    for name in library():
+        resin = library_resin(name)
+        assert resin.source
+        assert resin.index.index(sum(resin.index.range_nm) / 2) > 1
+
+
+def test_an_unknown_resin_is_told_with_the_nearest() -> None:
+    with pytest.raises(DataError, match=r"^resin = 'PMAA'; not in the library \(pmma\); did you mean pmma\?$"):
+        library_resin("PMAA")
+    with pytest.raises(
+        DataError, match=r"^resin = 'glass'; not in the library \(pmma\); a file's name ends in \.toml$"
+    ):
+        library_resin("glass")
+
+
+def test_a_design_with_an_index_is_taken_at_its_word() -> None:
+    design = Design(name="x", material=Material(index=1.44, absorption_per_mm=0.02))
+    assert optical(design) == Optical(1.44, None, 0.02, "the design's material.index")
+
+
+def test_a_library_resin_is_evaluated_at_the_emitters_wavelength() -> None:
+    found = optical(Design(name="x", material=Material(resin="pmma")))
+    assert found.index == pytest.approx(1.4833, abs=1e-4)
+    assert (found.u_index, found.absorption_per_mm) == (None, 0.0)
+    assert "116, 585 (2009)" in found.source
+
+
+def designed(folder: Path, material: str, wavelength_nm: float = 500) -> Design:
+    written(
+        folder,
+        f'{HEAD}[index]\nkind = "number"\nn = 1.5\nu_n = 0.001\nvalid_nm = [400, 900]\n'
+        "[loss]\nabsorption_per_mm = 0.03\n",
+    )
+    file = folder / "sensor.toml"
+    file.write_text(
+        f'schema = 1\nname = "x"\n[material]\n{material}\n[emitter]\nwavelength_nm = {wavelength_nm}\n',
+        encoding="utf-8",
+    )
+    return load(file)
+
+
+@pytest.mark.parametrize(("stated", "expected"), [("", 0.03), ("absorption_per_mm = 0.0", 0.0)])
+def test_a_resin_file_lies_beside_its_design_and_a_stated_absorption_overrules_it(
+    stated: str, expected: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    found = optical(designed(tmp_path, f'resin = "mine.toml"\n{stated}'))
+    assert found == Optical(1.5, 0.001, expected, "mine: measured")
+
+
+def test_a_wavelength_that_the_resin_does_not_know_is_told(tmp_path: Path) -> None:
+    line = "^resin mine: index at 950 nm; known from 400 to 900 nm only; take a wavelength inside"
+    with pytest.raises(SolenError, match=line):
+        optical(designed(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
+
+
+def test_a_design_that_names_no_resin_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no such file"):
+        optical(designed(tmp_path, 'resin = "other.toml"'))
+    with pytest.raises(DataError, match="did you mean pmma"):
+        optical(designed(tmp_path, 'resin = "pmm"'))

@@ -1,0 +1,259 @@
+"""The tables of a design: the paper's defaults, the limits of every number, and the angles of a sweep."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from solen.errors import SpecError
+from solen.spec import Body, Design, Emitter, Lens, Material, Motion, Receivers, Trace, with_values
+
+
+def design(**tables: Any) -> Design:
+    return Design(**{"name": "test", "material": {"index": 1.44}} | tables)
+
+
+def told(**tables: Any) -> str:
+    with pytest.raises(SpecError) as refusal:
+        design(**tables)
+    line = str(refusal.value)
+    assert len(line.splitlines()) == 1
+    return line
+
+
+def test_a_design_of_name_and_index_is_the_papers_sensor() -> None:
+    paper = design()
+    assert paper.material == Material(index=1.44, absorption_per_mm=0.0)
+    assert paper.emitter == Emitter(
+        wavelength_nm=860, distance_mm=1.0, offset_mm=0.0, cone_deg=120, rays=100, pattern="fan"
+    )
+    assert paper.lens == Lens(shape="cartesian-oval", focus_mm=20.0, half_width_mm=2.0, design_index=None)
+    assert paper.body == Body(
+        kind="y",
+        stem_length_mm=16.2,
+        stem_curve_per_mm=0.004,
+        arm_length_mm=22.2,
+        arm_width_mm=3.0,
+        arm_angle_deg=None,
+        thickness_mm=4.0,
+    )
+    assert paper.receivers == Receivers(coupling="matched", gap_mm=None)
+    assert paper.motion == Motion(
+        kind="rotation", pivot="stem-base", moves=("lens", "emitter"), from_deg=-3.0, to_deg=3.0, step_deg=0.25
+    )
+    assert paper.trace == Trace(mode="count")
+
+
+def test_a_design_is_frozen_and_hashable() -> None:
+    paper = design()
+    with pytest.raises(ValueError, match="frozen"):
+        paper.lens.focus_mm = 3.0  # type: ignore[misc]
+    assert hash(paper) == hash(design())
+    assert paper != design(lens={"focus_mm": 21})
+    assert paper != "a design"
+
+
+LIMITS = [
+    ("material", "index", 0.99, "at least 1"),
+    ("material", "index", 5, "less than 5"),
+    ("material", "absorption_per_mm", -0.1, "at least 0"),
+    ("emitter", "wavelength_nm", 99, "at least 100"),
+    ("emitter", "wavelength_nm", 20001, "at most 20000"),
+    ("emitter", "distance_mm", 0, "greater than 0"),
+    ("emitter", "cone_deg", 0, "greater than 0"),
+    ("emitter", "cone_deg", 180.5, "at most 180"),
+    ("emitter", "rays", 0, "at least 1"),
+    ("emitter", "rays", 1_000_000_001, "at most 1000000000"),
+    ("lens", "focus_mm", 0, "greater than 0"),
+    ("lens", "half_width_mm", -2.0, "greater than 0"),
+    ("lens", "design_index", 0.5, "at least 1"),
+    ("lens", "design_index", 5.0, "less than 5"),
+    ("body", "stem_length_mm", 0, "greater than 0"),
+    ("body", "arm_length_mm", 0, "greater than 0"),
+    ("body", "arm_width_mm", 0, "greater than 0"),
+    ("body", "arm_angle_deg", 0, "greater than 0"),
+    ("body", "arm_angle_deg", 90, "less than 90"),
+    ("body", "thickness_mm", 0, "greater than 0"),
+    ("receivers", "gap_mm", 0, "greater than 0"),
+    ("motion", "from_deg", -90, "greater than -90"),
+    ("motion", "to_deg", 90, "less than 90"),
+    ("motion", "step_deg", 0, "greater than 0"),
+]
+
+
+@pytest.mark.parametrize(("table", "key", "value", "limit"), LIMITS)
+def test_a_number_beyond_its_limit_is_told_with_value_and_limit(table: str, key: str, value: float, limit: str) -> None:
+    assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value}; must be {limit}")
+
+
+NUMBERS = [
+    (table, key)
+    for table in ("emitter", "lens", "body", "motion")
+    for key in Design.model_fields[table].annotation.model_fields  # type: ignore[union-attr]
+    if key.endswith(("_mm", "_nm", "_deg", "_index", "rays"))
+]
+
+
+@pytest.mark.parametrize(("table", "key"), NUMBERS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, True, "3", [3.0], 10**400])
+def test_what_is_no_finite_number_is_refused(table: str, key: str, value: object) -> None:
+    line = told(**{table: {key: value}})
+    assert line.startswith(f"{table}.{key} = ")
+    assert "must be" in line
+    assert len(line) < 200
+
+
+def test_enough_numbers_were_tried() -> None:
+    assert len(NUMBERS) >= 16
+
+
+@pytest.mark.parametrize("value", [1e6, 1.5])
+def test_rays_are_a_whole_number(value: float) -> None:
+    assert f"emitter.rays = {value}; must be a whole number" in told(emitter={"rays": value})
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value", "choices"),
+    [
+        ("lens", "shape", "oval", "'cartesian-oval' or 'none'"),
+        ("receivers", "coupling", "air", "'matched' or 'air-gap'"),
+        ("trace", "mode", "counts", "'count' or 'power'"),
+        ("body", "kind", "x", "'y'"),
+        ("motion", "kind", "shift", "'rotation'"),
+        ("emitter", "pattern", "cone", "'fan'"),
+    ],
+)
+def test_a_wrong_choice_is_told_with_the_choices(table: str, key: str, value: str, choices: str) -> None:
+    assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value!r}; must be {choices}")
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"),
+    [
+        ("motion", "kind", "bend"),
+        ("body", "kind", "outline"),
+        ("emitter", "pattern", "lambert"),
+        ("emitter", "pattern", {"angle_deg": [0, 10]}),
+    ],
+)
+def test_a_value_kept_for_later_is_not_yet_supported(table: str, key: str, value: object) -> None:
+    line = told(**{table: {key: value}})
+    assert line.startswith(f"{table}.{key} = {value!r}; not yet supported")
+
+
+def test_material_gives_exactly_one_of_index_and_resin() -> None:
+    assert told(material={}).startswith("material; gives neither index nor resin; add")
+    assert told(material={"index": 1.4, "resin": "pmma"}).startswith("material; gives both index and resin; keep")
+
+
+def test_a_table_alone_tells_its_dotted_key() -> None:
+    with pytest.raises(SpecError, match=r"^lens\.focus_mm = -1; must be greater than 0; the default is 20\.0$"):
+        Lens(focus_mm=-1)
+
+
+def test_a_gap_goes_with_an_air_gap_only() -> None:
+    assert Receivers(coupling="air-gap", gap_mm=0.5).gap_mm == 0.5
+    assert told(receivers={"coupling": "air-gap"}).startswith("receivers.gap_mm; missing")
+    assert told(receivers={"gap_mm": 0.5}).startswith("receivers.gap_mm = 0.5; has no meaning with coupling")
+
+
+@pytest.mark.parametrize("name", ["", " ", "two\nlines", 3])
+def test_a_name_is_one_line_of_text(name: object) -> None:
+    assert told(name=name).startswith(f"name = {name!r}; must be")
+
+
+def test_the_first_problem_is_told_and_the_others_are_counted() -> None:
+    assert "more problem" not in told(lens={"focus_mm": -1})
+    assert told(lens={"focus_mm": -1}, body={"kind": "x"}).endswith("and 1 more problem")
+    assert told(lens={"focus_mm": -1}, body={"kind": "x"}, trace={"mode": 2}).endswith("and 2 more problems")
+
+
+def test_a_long_value_is_cut_in_its_line() -> None:
+    line = told(lens={"shape": "x" * 1000})
+    assert "xxx..." in line
+    assert len(line) < 200
+
+
+@pytest.mark.parametrize("pivot", ["stem-base", "emitter", (1.5, -2.0)])
+def test_a_pivot_is_a_place_or_a_point(pivot: Any) -> None:
+    assert Motion(pivot=list(pivot) if isinstance(pivot, tuple) else pivot).pivot == pivot
+
+
+@pytest.mark.parametrize("pivot", ["stem", [1.0], [1, 2, 3], [1, math.nan], [1, True], ["1", 2], 3])
+def test_another_pivot_is_refused(pivot: object) -> None:
+    line = told(motion={"pivot": pivot})
+    assert line.startswith(f'motion.pivot = {pivot!r}; must be "stem-base", "emitter" or [x_mm, z_mm]')
+
+
+@pytest.mark.parametrize("moves", [["lens", "emitter"], ["emitter", "lens"]])
+def test_moves_have_no_order(moves: Any) -> None:
+    assert Motion(moves=moves).moves == ("lens", "emitter")
+    assert Motion(moves=["emitter"]).moves == ("emitter",)
+
+
+@pytest.mark.parametrize("moves", [[], ["lens"], ["emitter", "emitter"], "emitter", ["body", "emitter"], 3])
+def test_other_moves_are_refused(moves: object) -> None:
+    assert told(motion={"moves": moves}).startswith(f'motion.moves = {moves!r}; must be ["lens", "emitter"] or')
+
+
+@pytest.mark.parametrize(("start", "end"), [(3.0, -3.0), (1.0, 1.0)])
+def test_a_sweep_ascends(start: float, end: float) -> None:
+    line = told(motion={"from_deg": start, "to_deg": end})
+    assert line.startswith(f"motion.from_deg = {start}; must be less than motion.to_deg = {end}")
+
+
+@pytest.mark.parametrize("step", [5.9e-5, 1e-9, 5e-324])
+def test_a_sweep_has_at_most_a_hundred_thousand_steps(step: float) -> None:
+    assert told(motion={"step_deg": step}).startswith(f"motion.step_deg = {step}; at most 100,000 steps")
+    assert len(Motion(step_deg=6e-5).angles_deg()) == 100_001
+
+
+def test_the_default_angles_are_exact() -> None:
+    assert Motion().angles_deg() == tuple(i / 4 for i in range(-12, 13))
+
+
+def test_angles_carry_no_accumulated_error() -> None:
+    assert Motion(from_deg=-0.3, to_deg=0.3, step_deg=0.1).angles_deg() == (-0.3, -0.2, -0.1, 0.0, 0.1, 0.2, 0.3)
+    assert math.copysign(1, Motion(from_deg=-0.3, to_deg=0.3, step_deg=0.1).angles_deg()[3]) == 1
+
+
+def test_a_step_rounded_by_its_writer_still_meets_zero_and_the_end() -> None:
+    angles = Motion(from_deg=-5.0, to_deg=5.0, step_deg=5 / 6).angles_deg()
+    assert len(angles) == 13
+    assert (angles[0], angles[6], angles[-1]) == (-5.0, 0.0, 5.0)
+
+
+def test_a_step_that_misses_the_end_stops_before_it() -> None:
+    assert Motion(from_deg=0, to_deg=1, step_deg=0.4).angles_deg() == (0.0, 0.4, 0.8)
+    assert Motion(from_deg=0, to_deg=1, step_deg=3).angles_deg() == (0.0,)
+
+
+@given(st.floats(-89, 0, allow_subnormal=False), st.floats(0.01, 89), st.integers(1, 300), st.floats(0, 0.9))
+def test_angles_start_at_from_ascend_evenly_and_never_pass_to(
+    start: float, end: float, steps: int, part: float
+) -> None:
+    step = (end - start) / (steps + part)
+    angles = Motion(from_deg=start, to_deg=end, step_deg=step).angles_deg()
+    assert len(angles) == steps + 1
+    assert angles[0] == start or abs(start) <= 1e-9 * step
+    assert angles[-1] <= end
+    assert all(abs(angle - (start + i * step)) <= 2e-9 * step + 1e-13 for i, angle in enumerate(angles))
+
+
+@pytest.mark.parametrize("resin", ["mine.toml", "resins/mine", "resins\\mine"])
+def test_a_resin_with_a_path_is_a_file(resin: str, tmp_path: Any) -> None:
+    by_file = design(material={"resin": resin}).in_folder(tmp_path)
+    assert by_file.resin_file == tmp_path / resin
+    assert by_file.material.resin == resin
+    assert by_file != by_file.in_folder(tmp_path / "elsewhere")
+
+
+def test_a_resin_without_a_path_is_in_the_library(tmp_path: Any) -> None:
+    by_name = design(material={"resin": "pmma"})
+    assert by_name.resin_file is None
+    assert design().resin_file is None
+    assert by_name == by_name.in_folder(tmp_path)
+    assert by_name.in_folder(tmp_path).folder == tmp_path
+    assert with_values(by_name.in_folder(tmp_path), {"name": "b"}).folder == tmp_path

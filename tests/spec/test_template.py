@@ -1,0 +1,112 @@
+"""The shipped designs: the commented one shows every key with its default, and the JSON Schema accepts them all."""
+
+import re
+import tomllib
+from typing import Any
+
+import pytest
+
+from solen.errors import SpecError
+from solen.spec import Design, Material, json_schema, loads, template, template_names
+from solen.spec.strict import Strict
+
+TYPES: dict[str, tuple[type, ...]] = {
+    "string": (str,),
+    "number": (int, float),
+    "integer": (int,),
+    "array": (list,),
+    "object": (dict,),
+}
+
+
+def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
+    """Whether the part of JSON Schema that the design file's schema uses accepts a value."""
+    if "$ref" in schema:
+        return accepts(root["$defs"][schema["$ref"].rpartition("/")[2]], value, root)
+    if "anyOf" in schema:
+        return any(accepts(one, value, root) for one in schema["anyOf"])
+    if not isinstance(value, TYPES[schema["type"]]) or ("const" in schema and value != schema["const"]):
+        return False
+    if "enum" in schema and value not in schema["enum"]:
+        return False
+    if isinstance(value, list):
+        return "items" not in schema or all(accepts(schema["items"], one, root) for one in value)
+    if isinstance(value, dict):
+        known = schema["properties"]
+        one_of = sum(set(one["required"]) <= set(value) for one in schema.get("oneOf", [])) == 1
+        return (
+            set(schema.get("required", [])) <= set(value) <= set(known)
+            and (one_of or "oneOf" not in schema)
+            and all(accepts(known[key], inner, root) for key, inner in value.items())
+        )
+    return isinstance(value, str) or (
+        schema.get("minimum", value) <= value <= schema.get("maximum", value)
+        and ("exclusiveMinimum" not in schema or value > schema["exclusiveMinimum"])
+        and ("exclusiveMaximum" not in schema or value < schema["exclusiveMaximum"])
+    )
+
+
+def test_the_template_is_the_papers_sensor() -> None:
+    assert loads(template()) == Design(name="SOLen 860 nm", material=Material(index=1.44))
+
+
+@pytest.mark.parametrize("table", [key for key in Design.model_fields if key != "name"])
+def test_the_template_shows_every_key_with_its_default(table: str) -> None:
+    model = Design.model_fields[table].annotation
+    assert isinstance(model, type)
+    assert issubclass(model, Strict)
+    section = re.split(r"(?m)^\[", template().partition(f"\n[{table}]")[2])[0]
+    stated = tomllib.loads(template())[table]
+    for key, field in model.model_fields.items():
+        line = re.search(rf"(?m)^(# )?{key} = (.+)$", section)
+        assert line, key
+        if field.default is None:
+            assert line[1] or key == "index", key
+        else:
+            default = list(field.default) if isinstance(field.default, tuple) else field.default
+            assert stated[key] == default, key
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "wavelength_nm"),
+    [("solen-860", 1.44, 860), ("solen-500", 1.49, 500), ("solen-450", 1.54, 450), ("pmma-860", None, 860)],
+)
+def test_the_examples_load(name: str, index: float | None, wavelength_nm: float) -> None:
+    design = loads(template(name))
+    assert (design.material.index, design.emitter.wavelength_nm) == (index, wavelength_nm)
+    assert design.material.resin == (None if index else "pmma")
+
+
+def test_the_examples_are_listed() -> None:
+    assert template_names() == ("pmma-860", "solen-450", "solen-500", "solen-860")
+
+
+def test_an_unknown_example_is_told_with_the_nearest() -> None:
+    with pytest.raises(SpecError, match=r"^example = 'solen-850'; must be one of .*; did you mean solen-8?[56]0\?$"):
+        template("solen-850")
+
+
+@pytest.mark.parametrize("name", template_names())
+def test_the_json_schema_accepts_the_examples(name: str) -> None:
+    schema = json_schema()
+    assert accepts(schema, tomllib.loads(template(name)), schema)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ("focus_mm = 20.0", "focus_mm = 0"),
+        ("focus_mm", "focus"),
+        ('mode = "count"', 'mode = "counts"'),
+        ("schema = 1", "schema = 2"),
+        ("index = 1.44 ", "index = 5.0 "),
+        ("# resin", "resin"),
+        ('"emitter"]', '"stem"]'),
+    ],
+)
+def test_the_json_schema_refuses_what_the_file_door_refuses(right: str, wrong: str) -> None:
+    text = template().replace(right, wrong, 1)
+    schema = json_schema()
+    assert not accepts(schema, tomllib.loads(text), schema)
+    with pytest.raises(SpecError):
+        loads(text)

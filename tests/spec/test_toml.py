@@ -1,0 +1,311 @@
+"""The design file: unknown keys, schemas and bad TOML refused in one line; what is written reads back the same."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import solen.spec.toml as door
+from solen.errors import OutputError, SpecError
+from solen.spec import Design, dumps, json_schema, load, loads, parse_assignment, save, template, with_values
+from solen.spec.strict import migrated, nearest
+
+HEAD = 'schema = 1\nname = "test"\n[material]\nindex = 1.44\n'
+
+
+def told(text: str) -> str:
+    with pytest.raises(SpecError) as refusal:
+        loads(text, what="sensor.toml")
+    line = str(refusal.value)
+    assert len(line.splitlines()) == 1
+    assert line.startswith("sensor.toml")
+    return line.removeprefix("sensor.toml").removeprefix(": ")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[lens]\nfocus = 3", "lens.focus; unknown key; did you mean lens.focus_mm?"),
+        ("[lens]\ndistance_mm = 3", "lens.distance_mm; unknown key; did you mean emitter.distance_mm?"),
+        ("[lense]\nfocus_mm = 3", "lense; unknown key; did you mean lens?"),
+        ("[trace]\nqqq = 3", "trace.qqq; unknown key; the keys here are mode"),
+        ("[qqqq]", "qqqq; unknown key; the keys here are name, material, emitter, lens"),
+        ("[body]\nfolder = 'x'", "body.folder; unknown key"),
+        ("[body]\nkind = 'x'\nthick_mm = 3", "body.thick_mm; unknown key; did you mean body.thickness_mm?; and 1 more"),
+    ],
+)
+def test_an_unknown_key_is_told_with_the_nearest_right_name(text: str, line: str) -> None:
+    assert told(HEAD + text).startswith(line)
+
+
+def test_an_unknown_key_explains_the_missing_one() -> None:
+    text = 'schema = 1\nnames = "x"\n[material]\nindex = 1.44'
+    assert told(text) == "names; unknown key; did you mean name?; and 1 more problem"
+
+
+RESERVED = {
+    "emitter": ["part", "power_mW", "width_mm", "height_mm", "spectrum"],
+    "receivers": ["part", "width_mm", "height_mm"],
+    "trace": ["dimension", "min_weight", "seed"],
+    "lens": ["outline"],
+}
+
+
+@pytest.mark.parametrize(("table", "key"), [(table, key) for table, keys in RESERVED.items() for key in keys])
+def test_a_reserved_key_is_not_yet_supported(table: str, key: str) -> None:
+    assert told(f"{HEAD}[{table}]\n{key} = 1").startswith(f"{table}.{key}; not yet supported")
+
+
+@pytest.mark.parametrize("name", ["emitters", "lenses", "receivers", "emitter", "lens"])
+def test_several_parts_are_not_yet_supported(name: str) -> None:
+    line = told(f"{HEAD}[[{name}]]\n[[{name}]]\n")
+    assert line.startswith(f"{name}; ")
+    assert "not yet supported" in line
+
+
+def test_a_value_where_a_table_belongs_is_refused() -> None:
+    assert told('schema = 1\nname = "x"\nlens = 3\nmaterial = {index = 1.44}').startswith(
+        "lens = 3; must be a table; write [lens]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("schema = 1\n[material]\nindex = 1.44", "name; missing; add"),
+        ('schema = 1\nname = "x"', "material; missing; add"),
+        ('name = "x"\n[material]\nindex = 1.44', "; schema is missing; add the line schema = 1"),
+    ],
+)
+def test_what_a_file_must_state_is_told(text: str, line: str) -> None:
+    assert told(text).startswith(line)
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "true", "1.0", "'1'"])
+def test_a_schema_that_is_no_version_is_refused(value: str) -> None:
+    assert "must be a whole number, at least 1" in told(HEAD.replace("schema = 1", f"schema = {value}"))
+
+
+def test_a_newer_schema_says_to_update() -> None:
+    line = told(HEAD.replace("schema = 1", "schema = 7"))
+    assert line == "schema = 7; written by a newer solen; this one reads up to 1; update solen"
+
+
+def test_an_old_file_is_migrated_version_by_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(door, "SCHEMA", 3)
+    monkeypatch.setattr(
+        door,
+        "MIGRATIONS",
+        {
+            1: lambda data: {"name": data["title"], **data},
+            2: lambda data: {key: value for key, value in data.items() if key != "title"},
+        },
+    )
+    old = HEAD.replace("name =", "title =")
+    assert loads(old).name == "test"
+    assert dumps(loads(old)).startswith("schema = 3\n")
+    assert "unknown key" in told(old.replace("schema = 1", "schema = 3"))
+
+
+def test_migration_leaves_what_it_was_given() -> None:
+    data = {"schema": 1, "a": 1}
+    steps = {1: lambda tables: {**tables, "b": 2}}
+    assert migrated(data, "f", current=2, migrations=steps, error=SpecError) == {"a": 1, "b": 2}
+    assert data == {"schema": 1, "a": 1}
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("schema = 1\nname = ", "line 2"),
+        ("a = 1\na = 2", "line 2"),
+        ("a = " + "[" * 5000, ""),
+        ("a = " + "9" * 5000, ""),
+    ],
+)
+def test_bad_toml_is_told_with_its_place(text: str, where: str) -> None:
+    line = told(text)
+    assert "not valid TOML" in line
+    assert where in line
+
+
+def test_a_file_is_read_and_its_folder_known(tmp_path: Path) -> None:
+    file = tmp_path / "sensor.toml"
+    file.write_text("\ufeff" + HEAD.replace("index = 1.44", 'resin = "resins/mine.toml"'), encoding="utf-8")
+    design = load(str(file))
+    assert design.folder == tmp_path
+    assert design.resin_file == tmp_path / "resins" / "mine.toml"
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe", b"[lens]"])
+def test_a_file_that_cannot_be_read_is_named(content: bytes | None, tmp_path: Path) -> None:
+    file = tmp_path / "sensor.toml"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(SpecError) as refusal:
+        load(file)
+    assert str(refusal.value).startswith(str(file))
+    assert "\n" not in str(refusal.value)
+
+
+def test_defaults_are_omitted_on_writing() -> None:
+    assert dumps(loads(template())) == 'schema = 1\nname = "SOLen 860 nm"\n\n[material]\nindex = 1.44\n'
+
+
+def positive(highest: float) -> st.SearchStrategy[float]:
+    return st.floats(1e-9, highest)
+
+
+TABLES: dict[str, dict[str, st.SearchStrategy[Any]]] = {
+    "emitter": {
+        "wavelength_nm": st.floats(100, 20_000),
+        "distance_mm": positive(1e6),
+        "offset_mm": st.floats(-1e3, 1e3),
+        "cone_deg": positive(180),
+        "rays": st.integers(1, 10**9),
+    },
+    "lens": {
+        "shape": st.sampled_from(["cartesian-oval", "none"]),
+        "focus_mm": positive(1e300),
+        "design_index": st.floats(1, 4.99),
+    },
+    "body": {"stem_curve_per_mm": st.floats(-1, 1), "arm_angle_deg": positive(89), "thickness_mm": positive(9)},
+    "motion": {
+        "pivot": st.sampled_from(["emitter", "stem-base"]) | st.tuples(st.floats(-9, 9), st.floats(-9, 9)),
+        "moves": st.sampled_from([("emitter",), ("lens", "emitter")]),
+        "from_deg": st.floats(-89, 0),
+        "to_deg": st.floats(1, 89),
+        "step_deg": st.floats(0.01, 100),
+    },
+    "trace": {"mode": st.sampled_from(["count", "power"])},
+}
+LINE: st.SearchStrategy[Any] = st.text(st.characters(codec="utf-8"), min_size=1).filter(
+    lambda text: text.isprintable() and text.strip()
+)
+MATERIALS: st.SearchStrategy[Any] = st.fixed_dictionaries(
+    {"index": st.floats(1, 4.99)}, optional={"absorption_per_mm": st.floats(0, 9)}
+)
+RESINS: st.SearchStrategy[Any] = st.fixed_dictionaries({"resin": LINE}, optional={"absorption_per_mm": st.floats(0, 9)})
+RECEIVERS: st.SearchStrategy[dict[str, Any]] = st.just({}) | st.builds(
+    lambda gap: {"coupling": "air-gap", "gap_mm": gap}, positive(9)
+)
+DESIGNS: st.SearchStrategy[dict[str, Any]] = st.fixed_dictionaries(
+    {"name": LINE, "material": MATERIALS | RESINS, "receivers": RECEIVERS},
+    optional={table: st.fixed_dictionaries({}, optional=keys) for table, keys in TABLES.items()},
+)
+
+
+@given(DESIGNS)
+def test_what_is_written_reads_back_the_same(tables: dict[str, Any]) -> None:
+    design = Design(**tables)
+    again = loads(dumps(design))
+    assert again == design
+    assert dumps(again) == dumps(design)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_stated_absorption_of_zero_beside_a_resin_is_kept(stated: bool) -> None:
+    line = "absorption_per_mm = 0.0" if stated else ""
+    design = loads(HEAD.replace("index = 1.44", f'resin = "pmma"\n{line}'))
+    assert loads(dumps(design)).material.states_absorption is stated
+
+
+def test_a_saved_design_is_the_same_and_names_the_same_resin_file(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    design = loads(HEAD.replace("index = 1.44", 'resin = "mine.toml"'), folder=tmp_path)
+    assert load(save(tmp_path / "same.toml", design)) == design
+    moved = load(save(tmp_path / "other" / "sensor.toml", design))
+    assert moved.material.resin == "../mine.toml"
+    assert moved.resin_file is not None
+    assert moved.resin_file.resolve() == (tmp_path / "mine.toml").resolve()
+
+
+def test_saving_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        save(tmp_path / "missing" / "sensor.toml", loads(HEAD))
+
+
+def test_values_are_set_by_dotted_keys() -> None:
+    design = loads(HEAD)
+    changed = with_values(design, {"lens.focus_mm": 25, "name": "b", "motion.pivot": [0, 1]})
+    assert (changed.lens.focus_mm, changed.name, changed.motion.pivot) == (25.0, "b", (0.0, 1.0))
+    assert design.lens.focus_mm == 20.0
+    assert with_values(changed, {"lens": {"design_index": 1.5}}).lens.focus_mm == 20.0
+
+
+def test_none_returns_an_optional_key_to_its_default() -> None:
+    design = loads(HEAD + "[receivers]\ncoupling = 'air-gap'\ngap_mm = 1")
+    assert with_values(design, {"receivers.coupling": "matched", "receivers.gap_mm": None}) == loads(HEAD)
+
+
+def test_an_index_and_a_resin_replace_each_other() -> None:
+    by_resin = with_values(loads(HEAD), {"material.resin": "pmma"})
+    assert (by_resin.material.index, by_resin.material.resin) == (None, "pmma")
+    assert with_values(by_resin, {"material.index": 1.44}) == loads(HEAD)
+    with pytest.raises(SpecError, match="both index and resin"):
+        with_values(by_resin, {"material.index": 1.44, "material.resin": "pmma"})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "line"),
+    [
+        ("focus_mm", 25, "focus_mm; unknown key; did you mean lens.focus_mm?"),
+        ("lens.focus", 25, "lens.focus; unknown key; did you mean lens.focus_mm?"),
+        ("lens.focus_mm.x", 25, "lens.focus_mm = {'x': 25}; must be a number"),
+        ("name.x", 25, "name.x; unknown key"),
+        ("schema", 1, "schema; unknown key"),
+        ("lens.focus_mm", float("nan"), "lens.focus_mm = nan; must be a finite number"),
+        ("emitter.part", "led", "emitter.part; not yet supported"),
+        ("", 1, "; unknown key"),
+    ],
+)
+def test_setting_what_cannot_be_set_is_refused(key: str, value: object, line: str) -> None:
+    with pytest.raises(SpecError) as refusal:
+        with_values(loads(HEAD), {key: value})
+    assert str(refusal.value).startswith(line)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value"),
+    [
+        ("lens.focus_mm=25", "lens.focus_mm", 25),
+        (" lens.focus_mm = 2.5 ", "lens.focus_mm", 2.5),
+        ("motion.moves=['emitter']", "motion.moves", ["emitter"]),
+        ('name="a=b"', "name", "a=b"),
+        ("name=a=b", "name", "a=b"),
+        ("lens.shape=none", "lens.shape", "none"),
+        ("motion.pivot=[1, 2", "motion.pivot", "[1, 2"),
+        ("name=1\nother = 2", "name", "1\nother = 2"),
+        ("name=", "name", ""),
+    ],
+)
+def test_an_assignment_is_read_as_toml_and_else_as_text(text: str, key: str, value: object) -> None:
+    assert parse_assignment(text) == (key, value)
+
+
+@pytest.mark.parametrize("text", ["lens.focus_mm", "=25", ""])
+def test_what_is_no_assignment_is_refused(text: str) -> None:
+    with pytest.raises(SpecError, match=r"not of the form key=value; write e\.g\. lens\.focus_mm=25"):
+        parse_assignment(text)
+
+
+def test_nearest_finds_a_near_name_only() -> None:
+    assert nearest("Focus", ["focus_mm", "shape"]) == "focus_mm"
+    assert nearest("zzz", ["focus_mm", "shape"]) is None
+
+
+def test_the_json_schema_lists_every_key_of_every_table() -> None:
+    schema = json_schema()
+    assert schema["required"] == ["schema", "name", "material"]
+    assert schema["properties"]["schema"]["const"] == 1
+    assert set(schema["properties"]) == {"schema", *Design.model_fields}
+    assert set(schema["$defs"]) == {"Material", "Emitter", "Lens", "Body", "Receivers", "Motion", "Trace"}
+    for table in (schema, *schema["$defs"].values()):
+        assert table["additionalProperties"] is False
+    for table in schema["$defs"].values():
+        assert all(prop["description"] for prop in table["properties"].values())
+    assert "null" not in str(schema)
+    assert "folder" not in str(schema["properties"])
