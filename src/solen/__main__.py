@@ -1,7 +1,5 @@
-"""``python -m solen`` is the ``solen`` command."""
-
-import sys
+"""``python -m solen`` is the command ``solen``."""
 
 from solen.cli import main
 
-sys.exit(main())
+main()

@@ -79,7 +79,7 @@ class Curve(ABC):
     def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
         """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
 
-        Each piece is halved until its middle lies within a quarter of the tolerance of its chord.
+        Each piece is halved until its middle lies well within the tolerance of its chord.
         """
         u = np.linspace(0.0, 1.0, 9)
         while True:
@@ -89,7 +89,7 @@ class Curve(ABC):
             length = np.hypot(chord[:, 0], chord[:, 1])
             offset = middles - ends[:-1]
             sag = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0]) / np.where(length > 0, length, 1)
-            coarse = sag > tolerance_mm / 4
+            coarse = sag > 0.8 * tolerance_mm
             if not coarse.any() or len(u) > 2**16:
                 return ends
             u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))

@@ -7,6 +7,7 @@ new one, never a part of it.
 import contextlib
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from solen.errors import OutputError, SolenError
@@ -26,8 +27,13 @@ def read_text(path: Path, error: type[SolenError]) -> str:
         raise error(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check its permissions") from None
 
 
-def make_folder(path: Path) -> Path:
-    """Create a folder with its parents, and prove that a file can be written there; `OutputError` otherwise."""
+@contextlib.contextmanager
+def output_folder(path: Path) -> Iterator[Path]:
+    """Folder that results may go to, made with its parents if need be; `OutputError` where no file can be written.
+
+    Leaving with an exception removes the folder again if it was made here and is still empty.
+    """
+    existed = path.exists()
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
@@ -36,7 +42,13 @@ def make_folder(path: Path) -> Path:
         raise OutputError(
             str(path), limit=f"cannot be written: {bad.strerror or bad}", remedy="name another output folder"
         ) from None
-    return path
+    try:
+        yield path
+    except BaseException:
+        if not existed:
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        raise
 
 
 def write_text(path: Path, text: str) -> Path:

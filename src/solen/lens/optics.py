@@ -89,9 +89,8 @@ class OvalLens(Lens):
 
     def __post_init__(self) -> None:
         self._check_signs()
-        _, limit_mm = tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)
-        if self.half_width_mm >= limit_mm:
-            self._refuse_width(limit_mm)
+        if not self.half_width_mm < self.tangency_half_width_mm:
+            self._refuse_width(self.tangency_half_width_mm)
 
     @cached_property
     def front(self) -> CartesianOval:
@@ -133,6 +132,11 @@ class OvalLens(Lens):
         """Signed curvature z''/(1 + z'²)^(3/2) of the profile: positive where the front bulges towards the emitter."""
         fx, fz, fxx, fxz, fzz = self._derivatives(np.asarray(x_mm, dtype=float))
         return np.asarray(-(fxx * fz**2 - 2 * fxz * fx * fz + fzz * fx**2) / (np.hypot(fx, fz) ** 3) * np.sign(fz))
+
+    @cached_property
+    def tangency_half_width_mm(self) -> float:
+        """Half width at which rays from the emitter graze the oval: the limit of a usable one."""
+        return tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)[1]
 
     @property
     def vertex_radius_mm(self) -> float:

@@ -1,0 +1,243 @@
+"""The commands, in the order of the chain. Each is a thin door on `solen.pipeline`.
+
+With ``--json`` a command prints one JSON object on stdout and everything else on stderr. Bad input ends with one line
+on stderr and exit code 2; Ctrl-C with one line and 130. Nothing heavy is imported before a command needs it.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import cyclopts
+from cyclopts import App, Parameter
+
+from solen import __version__
+from solen.errors import SolenError
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+Set = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--set", negative=(), help="A key of the design and its value, as in --set lens.focus_mm=25; repeatable."
+    ),
+]
+Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object on stdout.")]
+
+app = App(
+    name="solen",
+    version=__version__,
+    help="From the index of a resin to the response curve of a 3D-printed soft optical sensor.",
+    help_format="plaintext",
+)
+
+
+@app.command(sort_key=1)
+def new(folder: Path, *, example: str = "solen-860", as_json: Json = False) -> None:
+    """Write a commented design file, FOLDER/sensor.toml.
+
+    Parameters
+    ----------
+    folder
+        Where to write it; made if need be.
+    example
+        Which of the shipped designs: solen-860, solen-500, solen-450 or pmma-860.
+    """
+    from solen import pipeline
+
+    found = pipeline.new(folder, example)
+    _show(found, as_json, lambda: [f"wrote {found['design']}", f"next: solen run {found['design']} --out out"])
+
+
+@app.command(sort_key=2)
+def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON either way
+    """Print the JSON Schema of the design file, for editors that check as one types."""
+    from solen import pipeline
+
+    print(json.dumps(pipeline.schema(), indent=1))
+
+
+@app.command(sort_key=3)
+def check(file: Path, *, set_: Set = None, as_json: Json = False) -> None:
+    """Prove that a design can be built at every angle of its motion.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    """
+    from solen import pipeline
+
+    found = pipeline.check(file, set_ or ())
+    _show(
+        found,
+        as_json,
+        lambda: [
+            f"{found['name']}: a valid sensor at all {found['angles']} angles",
+            *_lines({"index": found["material"]["index"]} | found["lens"] | found["body"]),
+        ],
+    )
+
+
+@app.command(sort_key=4)
+def lens(
+    file: Path, *, set_: Set = None, csv: Path | None = None, tolerance_mm: float = 1e-4, as_json: Json = False
+) -> None:
+    """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    csv
+        Write the profile as a table of x and z in mm.
+    tolerance_mm
+        How far a straight line between two points of the table may leave the profile.
+    """
+    from solen import pipeline
+
+    found = pipeline.lens(file, set_ or (), csv, tolerance_mm)
+    _show(found, as_json, lambda: _lines(found))
+
+
+@app.command(sort_key=5)
+def trace(
+    file: Path,
+    *,
+    angle_deg: float = 0.0,
+    no_lens: Annotated[bool, Parameter(negative=())] = False,
+    rays: int | None = None,
+    mode: str | None = None,
+    set_: Set = None,
+    paths: Annotated[bool, Parameter(negative=())] = False,
+    figure: Path | None = None,
+    as_json: Json = False,
+) -> None:
+    """Trace a design at one angle of its motion.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right.
+    no_lens
+        Leave the lens out: a flat face at the stem's base.
+    rays
+        Number of rays, in place of emitter.rays.
+    mode
+        count (refraction or total reflection) or power (Fresnel, both branches), in place of trace.mode.
+    paths
+        With --json: add the ways of all rays.
+    figure
+        Draw the rays into this .svg, .png or .pdf.
+    """
+    from solen import pipeline
+
+    chosen = {"lens.shape": "none" if no_lens else None, "emitter.rays": rays, "trace.mode": mode}
+    values = {key: value for key, value in chosen.items() if value is not None}
+    found = pipeline.trace_design(
+        file, set_ or (), angle_deg=angle_deg, values=values, paths=paths and as_json, figure=figure
+    )
+    _show(found, as_json, lambda: _trace_lines(found))
+
+
+@app.command(sort_key=6)
+def run(file: Path, *, out: Path, set_: Set = None, as_json: Json = False) -> None:
+    """Do the whole chain: lens, body, response with and without lens, figures, tables, report.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    out
+        Folder for report.html, results.json, results.csv and the figures; made if need be.
+    """
+    from solen import pipeline
+
+    with _progress("tracing") as progress:
+        found = pipeline.run(file, out, set_ or (), progress)
+    _show(found, as_json, lambda: _run_lines(found))
+
+
+def main() -> None:
+    """Entry point: run a command and turn what a user can mend into one line."""
+    sys.exit(_run(sys.argv[1:]))
+
+
+def _run(arguments: list[str]) -> int:
+    """Exit code of a command line."""
+    try:
+        app(arguments, exit_on_error=False, print_error=False, result_action="return_none")
+    except SolenError as bad:
+        return _refuse(str(bad), BAD_INPUT)
+    except cyclopts.CycloptsError as bad:
+        return _refuse(" ".join(str(bad).split()), BAD_INPUT)
+    except KeyboardInterrupt:
+        return _refuse("interrupted; nothing was written", INTERRUPTED)
+    except BrokenPipeError:  # the reader of a pipe had enough
+        sys.stderr.close()
+        return 0
+    return 0
+
+
+def _refuse(line: str, code: int) -> int:
+    print(f"solen: {line}", file=sys.stderr)
+    return code
+
+
+def _show(found: dict[str, Any], as_json: bool, lines: Callable[[], list[str]]) -> None:
+    """One JSON object, or lines for a reader."""
+    print(json.dumps(found, allow_nan=False) if as_json else "\n".join(lines()))
+
+
+def _lines(values: dict[str, Any]) -> list[str]:
+    shown = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
+    width = max(len(key) for key in shown)
+    return [f"  {key:{width}}  {_text(value)}" for key, value in shown.items()]
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _trace_lines(found: dict[str, Any]) -> list[str]:
+    lines = [f"{found['name']} at {found['angle_deg']:g} deg, {found['rays']} rays, mode {found['mode']}"]
+    lines += [f"  {name:9} {one['power']:.6f}  ({one['rays']} rays)" for name, one in found["detectors"].items()]
+    lines += [f"  {name:9} {power:.6f}" for name, power in found["ledger"].items()]
+    if found["undefined"]:
+        lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
+    if "figure" in found:
+        lines.append(f"figure: {found['figure']}")
+    return lines
+
+
+def _run_lines(found: dict[str, Any]) -> list[str]:
+    lines = [f"{found['name']}: index {found['material']['index']:.6g} at {found['material']['wavelength_nm']:g} nm"]
+    for name, one in found["summary"].items():
+        ends = f"{_text(one['contrast_from'])} at {one['from_deg']:g} deg to {_text(one['contrast_to'])}"
+        lines.append(f"  {name:8} contrast {ends} at {one['to_deg']:g} deg, received {one['received_share']:.4f}")
+    return [*lines, f"report: {found['report']}"]
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[Callable[[float], None]]:
+    """A progress bar on stderr where that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda done: bar.update(task, completed=done)

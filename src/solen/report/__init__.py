@@ -1,0 +1,1 @@
+"""Every figure, the numbers as plain data, and the HTML report."""

@@ -1,0 +1,179 @@
+"""Every figure, as a matplotlib `Figure` and as SVG text that is the same for the same numbers.
+
+Right is blue and left is orange, in every figure; grey is light that neither receiver gets.
+"""
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solen.errors import DesignError
+from solen.geometry import Body
+from solen.lens import OvalLens
+from solen.plane import along
+from solen.scene import Scene
+from solen.sensor import SATURATED, Response, Sensor
+from solen.trace import Mode, Path, Trace
+
+RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
+COLOURS = {"right": RIGHT, "left": LEFT}
+SHOWN_RAYS = 100
+"""Rays drawn in a picture at most: more make it a blot."""
+PAPER_INDICES = (1.44, 1.49, 1.54)
+STYLE: dict[Any, Any] = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 9,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": SOFT,
+    "grid.linewidth": 0.6,
+    "legend.frameon": False,
+}
+
+
+def svg(figure: Figure, salt: str) -> str:
+    """SVG text of a figure; ``salt`` keeps its inner names apart from those of other figures on one page."""
+    return encoded(figure, ".svg", salt).decode("utf-8")
+
+
+def encoded(figure: Figure, suffix: str, salt: str) -> bytes:
+    """A figure as the bytes of a file that ends in ``.svg``, ``.png`` or ``.pdf``; no date is in it."""
+    no_date: dict[str, dict[str, Any]] = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None}}
+    with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
+        data = io.BytesIO()
+        figure.savefig(data, format=suffix[1:], dpi=200, metadata=no_date.get(suffix))
+    return data.getvalue()
+
+
+def profile_figure(lens: OvalLens) -> Figure:
+    """The lens's profile beside those of the same lens cut for the paper's three indices."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.2, 3.4), layout="constrained")
+        axes = figure.add_subplot()
+        x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
+        for index, dashes in zip(PAPER_INDICES, ((4, 2), (1, 1.5), (6, 2, 1, 2)), strict=True):
+            other = _same_lens(lens, index)
+            if other is not None and abs(index - lens.design_index) > 1e-9:
+                axes.plot(x, other.z_mm(x), color=LOST, lw=1.2, dashes=dashes, label=f"n = {index:g}")
+        axes.plot(x, lens.z_mm(x), color=INK, lw=2, label=f"n = {lens.design_index:.4g} (this lens)")
+        axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
+        axes.set_aspect("equal")
+        axes.legend(loc="upper center")
+    return figure
+
+
+def response_figure(lens: tuple[Response, Response] | None, flat: tuple[Response, Response]) -> Figure:
+    """Receivers against angle, with lens and without: converged power as lines, the counted rays as dots."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.2, 3.5), layout="constrained")
+        power_axes, contrast_axes = figure.subplots(1, 2)
+        for pair, name, style in ((lens, "with lens", "-"), (flat, "no lens", "--")):
+            if pair is not None:
+                _draw_response(power_axes, contrast_axes, pair, name, style)
+        power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power", ylim=(0, None))
+        contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+        for bound in (-SATURATED, SATURATED):
+            contrast_axes.axhline(bound, color=LOST, lw=0.8, ls=":")
+        power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
+        power_axes.legend(fontsize=8)
+        contrast_axes.legend(fontsize=8)
+    return figure
+
+
+def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
+    """Rays in the body, one panel a view; ``zoom`` shows only that many mm about the lens's edges.
+
+    Views are title, body, scene and a trace that kept its legs.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2), layout="constrained")
+        for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
+            _draw_rays(axes, *view, zoom=zoom)
+    return figure
+
+
+def sensor_view(
+    sensor: Sensor, angle_deg: float, rays: int | None = None, mode: Mode = "count"
+) -> tuple[str, Body, Scene, Trace]:
+    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless told otherwise."""
+    lens = "" if sensor.has_lens else "no lens, "
+    title = f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
+    return title, sensor.body(angle_deg), sensor.scene(angle_deg, rays), sensor.trace(angle_deg, mode, rays, legs=True)
+
+
+def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
+    """The lens cut for another index; None where that oval is too narrow for it."""
+    try:
+        return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
+    except DesignError:
+        return None
+
+
+def _draw_response(
+    power_axes: Axes, contrast_axes: Axes, pair: tuple[Response, Response], name: str, style: str
+) -> None:
+    counted, power = pair
+    thin = 2.0 if style == "-" else 1.2
+    for side in ("right", "left"):
+        power_axes.plot(
+            power.angle_deg, getattr(power, side), style, color=COLOURS[side], lw=thin, label=f"{side}, {name}"
+        )
+        power_axes.plot(counted.angle_deg, getattr(counted, side), ".", color=COLOURS[side], ms=3, alpha=0.6)
+    contrast_axes.plot(power.angle_deg, power.contrast, style, color=INK, lw=thin, label=name)
+    contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
+
+
+def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:
+    outline = body.outline(1e-3)
+    axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
+    low, high = outline.min(axis=0), outline.max(axis=0)
+    beyond = 0.12 * float(high[1] - low[1])
+    for colour, lines in _coloured(scene, trace, beyond).items():
+        axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.45, alpha=0.85, zorder=2))
+    for interface in scene.interfaces:
+        if interface.receiver is not None:
+            axes.plot(*interface.curve.flattened().T, color=COLOURS.get(interface.receiver, INK), lw=3.5, zorder=3)
+    axes.plot(*body.emitter.point, "o", color=INK, ms=3.5, zorder=4)
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.set(title=title, xlabel="x (mm)", ylabel="z (mm)")
+    if zoom is None:
+        axes.set(xlim=(low[0] - 1.5, high[0] + 1.5), ylim=(body.emitter.point[1] - 1.5, high[1] + 1.5))
+        return
+    base = body.marks["stem-base"]
+    axes.set(xlim=(base[0] - zoom, base[0] + zoom), ylim=(body.emitter.point[1] - 0.5, base[1] + zoom))
+
+
+def _coloured(scene: Scene, trace: Trace, beyond_mm: float) -> dict[str, list[NDArray[np.float64]]]:
+    """Ways of the rays by colour, those that escape last and lowest; an escaping one is drawn a little way out."""
+    lines: dict[str, list[NDArray[np.float64]]] = {LOST: [], LEFT: [], RIGHT: []}
+    for path in trace.paths():
+        lines[_colour(scene, path)].append(_drawn(path, beyond_mm))
+    return lines
+
+
+def _colour(scene: Scene, path: Path) -> str:
+    if path.fate != "detected":
+        return LOST
+    return COLOURS.get(scene.interfaces[path.interfaces[-1]].receiver or "", INK)
+
+
+def _drawn(path: Path, beyond_mm: float) -> NDArray[np.float64]:
+    if path.exit_direction is None:
+        return path.points
+    x, z = path.points[-1]
+    return np.vstack([path.points, along((float(x), float(z)), path.exit_direction, beyond_mm)])

@@ -1,0 +1,165 @@
+"""The numbers of a study as plain data: what `results.json` and `results.csv` hold.
+
+A value that does not exist is null, never NaN. Powers are fractions of the emitted power.
+"""
+
+import csv
+import io
+import json
+import math
+from typing import Any
+
+import solen
+from solen.geometry import arm_angle_deg
+from solen.lens import Lens, OvalLens
+from solen.sensor import Case, Response, Sensor, Study
+
+SCHEMA = 1
+
+
+def results(study: Study) -> dict[str, Any]:
+    """Everything a study found, ready for JSON."""
+    cases = {"lens": study.lens, "no_lens": study.flat}
+    return {
+        "schema": SCHEMA,
+        "solen": solen.__version__,
+        "simulated": True,
+        "name": study.design.name,
+        "design": study.design.model_dump(mode="json", exclude_none=True),
+        "material": material_numbers(study.case.sensor),
+        "lens": lens_numbers(study.case.sensor.lens, study.case.sensor.material.index),
+        "body": body_numbers(study.case.sensor),
+        "summary": {name: summary(case) for name, case in cases.items() if case is not None},
+        "response": {name: _case(case) for name, case in cases.items() if case is not None},
+    }
+
+
+def material_numbers(sensor: Sensor) -> dict[str, Any]:
+    """Index and absorption at the emitter's wavelength, and where they come from."""
+    material = sensor.material
+    return {
+        "wavelength_nm": sensor.design.emitter.wavelength_nm,
+        "index": material.index,
+        "u_index": material.u_index,
+        "absorption_per_mm": material.absorption_per_mm,
+        "source": material.source,
+    }
+
+
+def lens_numbers(lens: Lens, index: float) -> dict[str, Any]:
+    """What a lens is and does in a material of ``index``."""
+    common = {
+        "distance_mm": lens.distance_mm,
+        "half_width_mm": lens.half_width_mm,
+        "depth_mm": lens.depth_mm,
+        "acceptance_deg": lens.acceptance_deg,
+    }
+    if not isinstance(lens, OvalLens):
+        return {"shape": "none", **common}
+    return {
+        "shape": "cartesian-oval",
+        **common,
+        "design_index": lens.design_index,
+        "material_index": index,
+        "focus_mm": lens.focus_mm,
+        "vertex_radius_mm": lens.vertex_radius_mm,
+        "edge_slope": float(lens.slope(lens.half_width_mm)),
+        "edge_curvature_per_mm": float(lens.curvature_per_mm(lens.half_width_mm)),
+        "edge_incidence_deg": lens.edge_incidence_deg(),
+        "tangency_half_width_mm": lens.tangency_half_width_mm,
+        "na_object": lens.na_object,
+        "na_image": lens.na_image,
+        "magnification": lens.magnification,
+        "paraxial_focus_mm": lens.paraxial_focus_mm(index),
+        "marginal_focus_mm": lens.marginal_focus_mm(index),
+    }
+
+
+def body_numbers(sensor: Sensor) -> dict[str, Any]:
+    """What follows from the body's dimensions, at rest."""
+    body = sensor.body()
+    right, left = body.marks["fork-right"], body.marks["fork-left"]
+    return {
+        "arm_angle_deg": arm_angle_deg(sensor.design),
+        "arm_angle_assumed": sensor.design.body.arm_angle_deg is None,
+        "fork_width_mm": right[0] - left[0],
+        "stem_base_z_mm": body.marks["stem-base"][1],
+        "crotch_z_mm": body.marks["crotch"][1],
+        "area_mm2": body.area_mm2(),
+        "faces": [face.name for face in body.faces],
+    }
+
+
+def summary(case: Case) -> dict[str, Any]:
+    """The few numbers one asks for first, from the converged power."""
+    power = case.power
+    worst = max(range(len(power.traces)), key=lambda i: abs(power.traces[i].ledger.total - 1.0))
+    return {
+        "from_deg": float(power.angle_deg[0]),
+        "to_deg": float(power.angle_deg[-1]),
+        "contrast_from": number(power.contrast[0]),
+        "contrast_to": number(power.contrast[-1]),
+        "null_deg": power.null_deg(),
+        "slope_per_deg": power.slope_per_deg(),
+        "saturation_deg": power.saturation_deg(),
+        "received_share": float((power.right + power.left).mean()),
+        "u_power": float(power.u.max()),
+        "ledger_error": abs(power.traces[worst].ledger.total - 1.0),
+        "truncated": max(trace.ledger.truncated for trace in power.traces),
+        "undefined_rays": sum(trace.undefined for trace in power.traces),
+        "rays_traced": int(power.rays.sum() + case.counted.rays.sum()),
+    }
+
+
+def csv_table(study: Study) -> str:
+    """One row an angle: right, left and contrast of every case, in the order of the header."""
+    cases = [(name, case) for name, case in (("lens", study.lens), ("no_lens", study.flat)) if case is not None]
+    columns = [(f"{name}_{kind}", response) for name, case in cases for kind, response in _pairs(case)]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["angle_deg"] + [f"{name}_{what}" for name, _ in columns for what in ("right", "left", "contrast")])
+    for i, angle in enumerate(study.flat.power.angle_deg):
+        row = [repr(float(angle))]
+        for _, response in columns:
+            values = (response.right[i], response.left[i], response.contrast[i])
+            row += ["" if math.isnan(value) else repr(float(value)) for value in values]
+        writer.writerow(row)
+    return text.getvalue()
+
+
+def json_text(data: dict[str, Any]) -> str:
+    """JSON text of plain data; what JSON cannot hold is an error, never a NaN."""
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def number(value: float) -> float | None:
+    """A plain float, or None for what JSON cannot hold."""
+    return float(value) if math.isfinite(value) else None
+
+
+def _pairs(case: Case) -> tuple[tuple[str, Response], tuple[str, Response]]:
+    return (("count", case.counted), ("power", case.power))
+
+
+def _case(case: Case) -> dict[str, Any]:
+    return {name: _response(response) for name, response in _pairs(case)}
+
+
+def _response(response: Response) -> dict[str, Any]:
+    return {
+        "angle_deg": [float(value) for value in response.angle_deg],
+        "right": [float(value) for value in response.right],
+        "left": [float(value) for value in response.left],
+        "contrast": [number(value) for value in response.contrast],
+        "u_power": [number(value) for value in response.u],
+        "rays": [int(value) for value in response.rays],
+        "ledger": [
+            {
+                "detected": trace.ledger.detected,
+                "escaped": trace.ledger.escaped,
+                "absorbed": trace.ledger.absorbed,
+                "truncated": trace.ledger.truncated,
+            }
+            for trace in response.traces
+        ],
+    }

@@ -1,0 +1,123 @@
+"""What the numbers mean for someone who wants to print this sensor, in plain words.
+
+Every sentence is computed from the study; none is printed when the study does not support it.
+"""
+
+from solen.lens import OvalLens
+from solen.report.results import summary
+from solen.sensor import SATURATED, Case, Study
+
+CHIP_MM = 0.2
+"""Width of a small LED chip, to say what a lens makes of it."""
+INDEX_STEP = 0.01
+"""How far off an index can easily be: about the uncertainty of one from a reflectance good to 0.003."""
+
+
+def findings(study: Study) -> list[tuple[str, str]]:
+    """Headings and sentences, the most important first."""
+    told = [("The signal", _signal(study)), ("Range", _range(study.case)), ("Light", _light(study))]
+    lens = study.case.sensor.lens
+    if isinstance(lens, OvalLens):
+        told += [("Alignment", _alignment(lens)), ("Index", _index(lens, study.case.sensor.material.index))]
+    return [*told, ("Not in these numbers", _limits(study))]
+
+
+def headline(study: Study) -> str:
+    """One sentence."""
+    found = summary(study.case)
+    start = f"{_signed(found['contrast_from'])} at {found['from_deg']:+g}°"
+    end = f"{_signed(found['contrast_to'])} at {found['to_deg']:+g}°"
+    return f"The contrast between the two receivers runs from {start} to {end}."
+
+
+def _signal(study: Study) -> str:
+    if study.lens is None:
+        return f"{headline(study)} This design has no lens."
+    flat = summary(study.flat)
+    return (
+        f"{headline(study)} Without the lens, from {_signed(flat['contrast_from'])} to {_signed(flat['contrast_to'])}. "
+        "A negative angle turns to the right and brightens the right receiver."
+    )
+
+
+def _range(case: Case) -> str:
+    found = summary(case)
+    if found["null_deg"] is None:
+        return "Both receivers never see the same in this range: there is no balance point to measure from."
+    balance = f"Both receivers see the same at {_zero(found['null_deg']):.2f}°"
+    if found["slope_per_deg"] is not None:
+        balance += f"; there the contrast changes by {abs(found['slope_per_deg']):.2g} per degree"
+    if found["saturation_deg"] is None:
+        return f"{balance}. It never reaches {SATURATED}: it grows over the whole range."
+    return (
+        f"{balance}. From {found['saturation_deg']:.2f}° on it is above {SATURATED}: beyond that the two signals tell "
+        "the direction of the motion, but hardly its amplitude."
+    )
+
+
+def _light(study: Study) -> str:
+    found, sensor = summary(study.case), study.case.sensor
+    half_cone = sensor.design.emitter.cone_deg / 2
+    text = f"On average {found['received_share']:.1%} of the emitted light reaches the receivers."
+    if sensor.lens.acceptance_deg < half_cone:
+        text += (
+            f" The face accepts ±{sensor.lens.acceptance_deg:.1f}° of the emitter's ±{half_cone:g}°; "
+            "the rest passes beside it."
+        )
+    if isinstance(sensor.lens, OvalLens):
+        text += (
+            f" At the lens's edge light arrives at {sensor.lens.edge_incidence_deg():.1f}° to the normal: "
+            "a rounded or rough edge costs light there first."
+        )
+    return text
+
+
+def _alignment(lens: OvalLens) -> str:
+    spot = CHIP_MM * lens.magnification
+    return (
+        f"The lens magnifies {lens.magnification:.1f} times: moving the emitter by 0.01 mm across the axis moves the "
+        f"focal spot by {0.01 * lens.magnification:.2f} mm, and a chip {CHIP_MM} mm wide makes a spot about "
+        f"{spot:.1f} mm wide. "
+        "These numbers are for a point emitter exactly in its place: a real LED gives a softer, shifted curve."
+    )
+
+
+def _index(lens: OvalLens, index: float) -> str:
+    if abs(index - lens.design_index) > 1e-9:
+        paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
+        return (
+            f"The lens is cut for {lens.design_index:.4g} but the material has {index:.4g}: rays near the axis cross "
+            f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
+        )
+    low, high = (lens.paraxial_focus_mm(index + step) for step in (-INDEX_STEP, INDEX_STEP))
+    return (
+        f"If the print's index were {INDEX_STEP} lower, rays near the axis would cross it {_focus(low)}; "
+        f"{INDEX_STEP} higher, {_focus(high)}. The response moves less than the focus "
+        f"does: see --set lens.design_index={lens.design_index:.4g} --set material.index={index + INDEX_STEP:.4g}."
+    )
+
+
+def _limits(study: Study) -> str:
+    absorption = study.case.sensor.material.absorption_per_mm
+    loss = (
+        f"the material absorbs {absorption:g} per mm"
+        if absorption > 0
+        else "no absorption was given, so none is counted"
+    )
+    return (
+        f"Rays in the plane only, perfectly smooth faces, no scatter, no diffraction; {loss}. The arms' angle is "
+        + ("assumed to continue the stem's edge." if study.design.body.arm_angle_deg is None else "as given.")
+    )
+
+
+def _focus(focus_mm: float | None) -> str:
+    return "nowhere behind the lens" if focus_mm is None else f"at {focus_mm:.1f} mm"
+
+
+def _signed(value: float | None) -> str:
+    return "no light" if value is None else f"{_zero(value):+.3f}"
+
+
+def _zero(value: float) -> float:
+    """The value, without the sign of a zero."""
+    return 0.0 if abs(value) < 5e-4 else value

@@ -1,0 +1,225 @@
+"""One design under its motion, as plain calls: lens, body, scene, trace, response.
+
+A :class:`Sensor` is a design with what follows from it at once: the material's index at the emitter's wavelength and
+the lens cut for it. Everything that depends on the angle is a method. A :class:`Response` is what its receivers see
+over the angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.geometry import Body, y_body
+from solen.lens import FlatFace, Lens, lens_of
+from solen.material import Optical, optical
+from solen.scene import Scene, sensor_scene
+from solen.spec import Design, with_values
+from solen.trace import Mode, Trace, trace
+
+TOLERANCE = 5e-5
+"""To what change of a receiver's power, as a fraction of the emitted power, a converged trace is driven."""
+FIRST_RAYS, MOST_RAYS = 2**13, 2**20
+SATURATED = 0.95
+"""Contrast from which on a differential signal hardly moves any more."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Response:
+    """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
+
+    ``u`` (N,) is the last change of any reading when the number of rays was doubled; NaN for a sweep of a fixed number
+    of rays, which is a count and not an estimate.
+    """
+
+    mode: Mode
+    angle_deg: NDArray[np.float64]
+    right: NDArray[np.float64]
+    left: NDArray[np.float64]
+    u: NDArray[np.float64]
+    rays: NDArray[np.int64]
+    traces: tuple[Trace, ...]
+
+    @property
+    def contrast(self) -> NDArray[np.float64]:
+        """(R − L)/(R + L), NaN where no light arrives."""
+        total = self.right + self.left
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(total > 0, (self.right - self.left) / total, np.nan))
+
+    def at(self, angle_deg: float) -> int:
+        """Place of the angle nearest to ``angle_deg``."""
+        return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
+
+    def null_deg(self) -> float | None:
+        """Angle at which both receivers see the same, by a straight line between two angles; None without one."""
+        for i in range(len(self.angle_deg) - 1):
+            a, b = self.contrast[i], self.contrast[i + 1]
+            if a == 0.0:
+                return float(self.angle_deg[i])
+            if a * b < 0.0:
+                share = a / (a - b)
+                return float((1 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1])
+        return float(self.angle_deg[-1]) if self.contrast[-1] == 0.0 else None
+
+    def slope_per_deg(self) -> float | None:
+        """Change of the contrast per degree across the null, over the angles on its two sides; None without a null."""
+        null = self.null_deg()
+        if null is None or len(self.angle_deg) < 3:
+            return None
+        i = min(max(self.at(null), 1), len(self.angle_deg) - 2)
+        rise = self.contrast[i + 1] - self.contrast[i - 1]
+        return float(rise / (self.angle_deg[i + 1] - self.angle_deg[i - 1]))
+
+    def saturation_deg(self) -> float | None:
+        """Smallest distance from the null at which the contrast reaches `SATURATED`; None where it never does."""
+        null = self.null_deg()
+        full = np.abs(self.contrast) >= SATURATED
+        if null is None or not full.any():
+            return None
+        return float(np.min(np.abs(self.angle_deg[full] - null)))
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A design and what follows from it; make it with `Sensor.of`."""
+
+    design: Design
+    material: Optical
+    lens: Lens
+
+    @classmethod
+    def of(cls, design: Design) -> "Sensor":
+        """Sensor of a design; `DesignError` or `DataError` where its lens or its resin cannot be."""
+        material = optical(design)
+        return cls(design, material, lens_of(design, material.index))
+
+    @property
+    def has_lens(self) -> bool:
+        """Whether light enters by a lens rather than by the stem's flat face."""
+        return not isinstance(self.lens, FlatFace)
+
+    @cached_property
+    def without_lens(self) -> "Sensor":
+        """The same sensor with the stem's flat face for a lens."""
+        return Sensor.of(with_values(self.design, {"lens.shape": "none"}))
+
+    def body(self, angle_deg: float = 0.0) -> Body:
+        """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
+        return y_body(self.design, self.lens, angle_deg)
+
+    def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
+        """Scene at an angle, with ``rays`` rays in place of the design's."""
+        return sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+
+    def trace(
+        self, angle_deg: float = 0.0, mode: Mode | None = None, rays: int | None = None, *, legs: bool = False
+    ) -> Trace:
+        """Trace at an angle, in the design's mode and with its rays unless told otherwise."""
+        return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, legs=legs)
+
+    def converged(
+        self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE
+    ) -> tuple[Trace, float]:
+        """Trace with the number of rays doubled until no receiver changes by more than ``tolerance``.
+
+        Returns
+        -------
+        trace, u
+            The last trace, and the last change as its uncertainty; above ``tolerance`` where even `MOST_RAYS` rays do
+            not reach it.
+        """
+        rays = FIRST_RAYS
+        before = self.trace(angle_deg, mode, rays)
+        while True:
+            rays *= 2
+            after = self.trace(angle_deg, mode, rays)
+            u = max(abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors)
+            if u <= tolerance or rays >= MOST_RAYS:
+                return after, u
+            before = after
+
+    def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
+        """Response by counting the design's own number of rays, as the paper does."""
+        return self._sweep("count", lambda angle: (self.trace(angle, "count"), math.nan), angles_deg, progress)
+
+    def power(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
+        """Response in power, converged at every angle."""
+        return self._sweep("power", self.converged, angles_deg, progress)
+
+    def _sweep(
+        self,
+        mode: Mode,
+        at: Callable[[float], tuple[Trace, float]],
+        angles_deg: Sequence[float] | None,
+        progress: Progress | None,
+    ) -> Response:
+        angles = self.design.motion.angles_deg() if angles_deg is None else tuple(angles_deg)
+        results = []
+        for done, angle in enumerate(angles, start=1):
+            results.append(at(angle))
+            if progress is not None:
+                progress(done / len(angles))
+        traces = tuple(result for result, _ in results)
+        return Response(
+            mode=mode,
+            angle_deg=np.array(angles),
+            right=np.array([result.detectors["right"].power for result in traces]),
+            left=np.array([result.detectors["left"].power for result in traces]),
+            u=np.array([u for _, u in results]),
+            rays=np.array([result.rays for result in traces]),
+            traces=traces,
+        )
+
+
+@dataclass(frozen=True)
+class Case:
+    """A sensor's response twice over: by counting the design's rays, and in power, converged."""
+
+    sensor: Sensor
+    counted: Response
+    power: Response
+
+
+@dataclass(frozen=True)
+class Study:
+    """A design with its lens (None for a design without one) and without it, over the angles of its motion."""
+
+    design: Design
+    lens: Case | None
+    flat: Case
+
+    @property
+    def case(self) -> Case:
+        """The design's own case."""
+        return self.lens or self.flat
+
+
+def study(design: Design, progress: Progress | None = None) -> Study:
+    """Trace a design over its motion, with lens and without, counting and in power.
+
+    Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
+    at once. ``progress`` is called with the share done, up to 1.
+    """
+    sensor = Sensor.of(design)
+    sensors = (sensor, sensor.without_lens) if sensor.has_lens else (sensor,)
+    for one in sensors:
+        for angle_deg in design.motion.angles_deg():
+            one.body(angle_deg)
+    steps = [(one, mode) for one in sensors for mode in ("count", "power")]
+    responses = []
+    for number, (one, mode) in enumerate(steps):
+        sweep = one.count if mode == "count" else one.power
+        responses.append(sweep(progress=_part(progress, number, len(steps))))
+    cases = [Case(one, *responses[2 * i : 2 * i + 2]) for i, one in enumerate(sensors)]
+    return Study(design, cases[0] if sensor.has_lens else None, cases[-1])
+
+
+def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
+    """Progress of one part of several, told as the share of the whole."""
+    return None if progress is None else lambda done: progress((number + done) / parts)

@@ -1,0 +1,124 @@
+"""Comparing two traces ray by ray, as far as the scene itself lets them be compared.
+
+Each straight stretch of a ray has a key that does not depend on what other branches do: the key of its branch and its
+place in it; a branch's key is that of its parent and the place where it left it. The rule: the reference is traced three
+times, as launched and with every launch turned by ±1e-13 rad. A stretch is compared only where all three references
+have it, ending on the same interface with the same fate and, to 1e-9 mm, at the same place, and so have every stretch
+before it. All others are *left out*, and counted. On what is compared, the engine must have the same stretch, on the same
+interface, with the same fate, ending within 1e-9 mm, and carrying the same power to 1e-9 of it (or of the branch's
+weakest possible power); where nothing is left out it must have no stretch more.
+"""
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.scene import Rays, Scene
+from solen.trace import Trace
+
+TURN_RAD = 1e-13
+TOLERANCE_MM = 1e-9
+Key = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One straight stretch: the interface it ends on, its fate, its end (its direction where it escapes), its power."""
+
+    interface: int
+    fate: int
+    end: tuple[float, float]
+    power: tuple[float, float]
+
+    def near(self, other: "Stretch") -> bool:
+        """Same interface, fate and, within the tolerance, end."""
+        same = (self.interface, self.fate) == (other.interface, other.fate)
+        return same and math.dist(self.end, other.end) <= TOLERANCE_MM
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How a scene came out: stretches of the reference, those left out, and the largest deviation of the others."""
+
+    stretches: int
+    left_out: int
+    deviation_mm: float
+    deviation_power: float
+
+
+def turned(scene: Scene, angle_rad: float) -> Scene:
+    """The scene with every ray's launch turned by a small angle."""
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
+    sources = []
+    for source in scene.sources:
+        launch = source.launch()
+        origins = tuple(zip(launch.x_mm.tolist(), launch.z_mm.tolist(), strict=True))
+        directions = zip((c * launch.dx - s * launch.dz).tolist(), (s * launch.dx + c * launch.dz).tolist(), strict=True)
+        sources.append(Rays(origins, tuple(directions), source.power, source.s_share))
+    return dataclasses.replace(scene, sources=tuple(sources))
+
+
+def stretches(trace: Trace) -> dict[Key, Stretch]:
+    """Every stretch by its key: ray, then place, branch by branch, then the place in the last branch."""
+    assert trace.legs is not None
+    found: dict[Key, Stretch] = {}
+    branch_key: dict[int, Key] = {}
+    place: dict[int, int] = {}
+    ray = -1
+    last: Key = ()
+    for leg in trace.legs:
+        if int(leg["ray"]) != ray:
+            ray, branch_key, place = int(leg["ray"]), {}, {}
+            last = (ray,)
+        branch = int(leg["branch"])
+        if branch not in branch_key:  # it was just split off the stretch before
+            branch_key[branch], place[branch] = last, 0
+        last = (*branch_key[branch], place[branch])
+        place[branch] += 1
+        found[last] = _stretch(leg)
+    return found
+
+
+def compared(truth: Trace, others: tuple[Trace, ...], engine: Trace) -> Comparison:
+    """Compare; the assertion that fails names the stretch."""
+    reference, fast = stretches(truth), stretches(engine)
+    turned_ones = [stretches(other) for other in others]
+    kept: set[Key] = set()
+    deviation_mm = deviation_power = 0.0
+    for key, stretch in reference.items():  # parents come before their children
+        if not (_predecessor(key) in kept or _is_first(key)):
+            continue
+        if not all(key in other and stretch.near(other[key]) for other in turned_ones):
+            continue
+        kept.add(key)
+        assert key in fast, f"the engine has no stretch {key}: {stretch}"
+        assert stretch.near(fast[key]), f"stretch {key}: reference {stretch}, engine {fast[key]}"
+        deviation_mm = max(deviation_mm, math.dist(stretch.end, fast[key].end))
+        deviation_power = max(deviation_power, *_deviation(stretch.power, fast[key].power))
+    left_out = len(reference) - len(kept)
+    assert left_out or len(fast) == len(reference), "the engine has stretches that the reference has not"
+    return Comparison(len(reference), left_out, deviation_mm, deviation_power)
+
+
+def _stretch(leg: np.void) -> Stretch:
+    length = float(leg["length_mm"])
+    x, z, dx, dz = (float(leg[name]) for name in ("x_mm", "z_mm", "dx", "dz"))
+    end = (x + length * dx, z + length * dz) if math.isfinite(length) else (dx, dz)
+    return Stretch(int(leg["interface"]), int(leg["fate"]), end, (float(leg["power_s"]), float(leg["power_p"])))
+
+
+def _is_first(key: Key) -> bool:
+    return len(key) == 2 and key[1] == 0
+
+
+def _predecessor(key: Key) -> Key:
+    """The stretch before, in the same branch or the one it was split off."""
+    return (*key[:-1], key[-1] - 1) if key[-1] > 0 else key[:-1]
+
+
+def _deviation(a: tuple[float, float], b: tuple[float, float]) -> NDArray[np.float64]:
+    """Deviation of the powers as a share of the stretch's power."""
+    return np.abs(np.subtract(a, b)) / max(sum(a), 1e-300)

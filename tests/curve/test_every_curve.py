@@ -1,0 +1,237 @@
+"""What every curve promises, tested over all of them: a new leaf without a strategy here fails the first test."""
+
+import inspect
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
+from solen.lens import tangency
+from solen.plane import Point, Rigid, along, cross, dot, heading, left_of, minus, unit
+
+Draw = Callable[[st.SearchStrategy[float]], float]
+
+coordinate = st.floats(-10, 10)
+place = st.tuples(coordinate, coordinate)
+angle_deg = st.floats(-180, 180)
+DENSE = np.linspace(0.0, 1.0, 1001)
+BEFORE_MM = 60.0
+"""From where a ray sees all of any curve drawn here ahead of it."""
+
+
+@st.composite
+def segments(draw: Callable[..., Point]) -> Segment:
+    a, b = draw(place), draw(place)
+    assume(math.dist(a, b) > 0.1)
+    return Segment(a, b)
+
+
+@st.composite
+def arcs(draw: Draw) -> Arc:
+    sweep = draw(st.floats(1, 360)) * draw(st.sampled_from([-1.0, 1.0]))
+    return Arc((draw(coordinate), draw(coordinate)), draw(st.floats(0.1, 10)), draw(angle_deg), sweep)
+
+
+@st.composite
+def parabolas(draw: Draw) -> Parabola:
+    start, end = draw(coordinate), draw(coordinate)
+    assume(abs(start - end) > 0.1)
+    bend = draw(st.one_of(st.floats(0.001, 0.5), st.floats(-0.5, -0.001), st.just(0.0)))
+    return Parabola((draw(coordinate), draw(coordinate)), heading(draw(angle_deg)), bend, start, end)
+
+
+@st.composite
+def ovals(draw: Draw) -> CartesianOval:
+    n1, s, f = draw(st.floats(1, 1.3)), draw(st.floats(0.5, 5)), draw(st.floats(5, 50))
+    n2 = n1 + draw(st.floats(0.1, 0.8))
+    edge = draw(st.floats(0.1, 0.9)) * tangency(n1, n2, s, f)[0] * draw(st.sampled_from([-1.0, 1.0]))
+    return CartesianOval((draw(coordinate), draw(coordinate)), heading(draw(angle_deg)), n1, n2, s, f, edge, -edge)
+
+
+LEAVES: dict[type[Curve], st.SearchStrategy[Curve]] = {
+    Segment: segments(),
+    Arc: arcs(),
+    Parabola: parabolas(),
+    CartesianOval: ovals(),
+}
+every_curve = pytest.mark.parametrize("leaf", LEAVES, ids=lambda leaf: leaf.__name__)
+few = settings(max_examples=40, deadline=None)
+
+
+def all_leaves(cls: type[Curve]) -> set[type[Curve]]:
+    below = {leaf for child in cls.__subclasses__() for leaf in all_leaves(child)}
+    mine = cls.__module__.startswith("solen.") and not inspect.isabstract(cls)
+    return below | {cls} if mine else below
+
+
+def point_at(curve: Curve, u: float) -> Point:
+    x, z = curve.points(np.array([u]))[0]
+    return (float(x), float(z))
+
+
+def tangent(curve: Curve, u: float) -> Point:
+    """Direction by finite differences inside [0, 1]."""
+    low, high = max(u - 1e-5, 0.0), min(u + 1e-5, 1.0)
+    return unit(minus(point_at(curve, high), point_at(curve, low)))
+
+
+def distance_to(curve: Curve, point: Point) -> float:
+    """Distance to ever shorter chords round the nearest sample; knows nothing of the curve's equation."""
+    u = DENSE[::4]
+    for _ in range(3):
+        samples = curve.points(u)
+        i = int(np.argmin(np.hypot(samples[:, 0] - point[0], samples[:, 1] - point[1])))
+        u = np.linspace(u[max(i - 1, 0)], u[min(i + 1, len(u) - 1)], 101)
+    return float(polyline_distance(curve.points(u), np.array([point]))[0])
+
+
+def searched(curve: Curve, origin: Point, direction: Point) -> list[tuple[float, float]]:
+    """Crossings of the ray's line as (distance, sine of the angle), by a sign search along the curve."""
+
+    def side(u: float) -> float:
+        return cross(direction, minus(point_at(curve, u), origin))
+
+    offset = curve.points(DENSE) - np.asarray(origin)
+    sides = direction[0] * offset[:, 1] - direction[1] * offset[:, 0]
+    found = []
+    for i in np.flatnonzero(sides[:-1] * sides[1:] < 0):
+        u = float(brentq(side, float(DENSE[i]), float(DENSE[i + 1]), xtol=1e-15))
+        t = dot(minus(point_at(curve, u), origin), direction)
+        found.append((t, abs(cross(direction, tangent(curve, u)))))
+    return sorted(found)
+
+
+def test_every_leaf_has_a_strategy_here() -> None:
+    assert all_leaves(Curve) == set(LEAVES)
+
+
+@every_curve
+@few
+@given(data=st.data())
+def test_points_run_from_start_to_end(leaf: type[Curve], data: st.DataObject) -> None:
+    curve = data.draw(LEAVES[leaf])
+    points = curve.points(np.array([0.0, 0.3, 1.0]))
+    assert points.shape == (3, 2)
+    assert math.dist(points[0], curve.start) == 0.0
+    assert math.dist(points[-1], curve.end) == 0.0
+    steps = np.hypot(*np.diff(curve.points(DENSE), axis=0).T)
+    assert np.all(np.isfinite(steps))
+    assert steps.max() < 0.5  # no jump, whatever the parametrisation
+
+
+@every_curve
+@few
+@given(data=st.data(), u=st.floats(0.001, 0.999))
+def test_normal_is_unit_and_left_of_the_walk(leaf: type[Curve], data: st.DataObject, u: float) -> None:
+    curve = data.draw(LEAVES[leaf])
+    normal = curve.normal_at(point_at(curve, u))
+    assert math.hypot(*normal) == pytest.approx(1.0, abs=1e-14)
+    assert dot(normal, left_of(tangent(curve, u))) > 1 - 1e-8
+
+
+@every_curve
+@few
+@given(data=st.data(), target=place, towards=angle_deg, back=st.floats(0, BEFORE_MM))
+def test_hits_lie_on_ray_and_curve_and_none_is_missing(
+    leaf: type[Curve], data: st.DataObject, target: Point, towards: float, back: float
+) -> None:
+    curve = data.draw(LEAVES[leaf])
+    direction = heading(towards)
+    origin = along(target, direction, -back)
+    hits = curve.hits(origin, direction)
+    assert all(t > 0 for t in hits)
+    for t in hits:
+        assert distance_to(curve, along(origin, direction, t)) < 1e-9
+    for t, sine in searched(curve, origin, direction):
+        if t > 1e-8 and sine > 1e-3:
+            assert min((abs(t - hit) for hit in hits), default=math.inf) < 1e-9
+    assert len(hits) <= 2
+
+
+@every_curve
+@few
+@given(data=st.data(), u=st.floats(0.02, 0.98), towards=angle_deg)
+def test_leaving_gives_the_other_roots_and_never_the_point_itself(
+    leaf: type[Curve], data: st.DataObject, u: float, towards: float
+) -> None:
+    curve = data.draw(LEAVES[leaf])
+    direction = heading(towards)
+    assume(abs(cross(direction, tangent(curve, u))) > 0.02)
+    origin = along(point_at(curve, u), direction, -BEFORE_MM)
+    roots = sorted(curve.hits(origin, direction))
+    assume(all(abs(cross(direction, curve.normal_at(along(origin, direction, t)))) < 0.9998 for t in roots))
+    ends = [math.dist(end, along(origin, direction, t)) for end in (curve.start, curve.end) for t in roots]
+    assume(min(ends) > 1e-6 or curve.start == curve.end)
+    stood_on = min(range(len(roots)), key=lambda i: abs(roots[i] - BEFORE_MM))
+    assert roots[stood_on] == pytest.approx(BEFORE_MM, abs=1e-9)
+    left = sorted(curve.hits(along(origin, direction, roots[stood_on]), direction, leaving=True))
+    assert left == pytest.approx([t - roots[stood_on] for t in roots[stood_on + 1 :]], abs=1e-8)
+
+
+@every_curve
+@few
+@given(data=st.data(), pivot=place, turn=angle_deg, u=st.floats(0, 1), towards=angle_deg)
+def test_moving_the_curve_moves_points_normals_and_hits(
+    leaf: type[Curve], data: st.DataObject, pivot: Point, turn: float, u: float, towards: float
+) -> None:
+    curve = data.draw(LEAVES[leaf])
+    motion = Rigid.about(pivot, turn)
+    moved = curve.moved(motion)
+    assert type(moved) is type(curve)
+    here = point_at(curve, u)
+    assert math.dist(point_at(moved, u), motion.point(here)) < 1e-12
+    assert math.dist(moved.normal_at(motion.point(here)), motion.vector(curve.normal_at(here))) < 1e-11
+    direction = heading(towards)
+    assume(0.02 < u < 0.98 and abs(cross(direction, tangent(curve, u))) > 0.02)
+    origin = along(here, direction, -BEFORE_MM)
+    hits = moved.hits(motion.point(origin), motion.vector(direction))
+    assert min(abs(t - BEFORE_MM) for t in hits) < 1e-9
+
+
+@every_curve
+@few
+@given(data=st.data(), origin=place, towards=angle_deg)
+def test_reversed_swaps_ends_and_turns_the_normal_and_keeps_the_hits(
+    leaf: type[Curve], data: st.DataObject, origin: Point, towards: float
+) -> None:
+    curve = data.draw(LEAVES[leaf])
+    other = curve.reversed()
+    assert type(other) is type(curve)
+    u = np.linspace(0.0, 1.0, 11)
+    assert np.abs(other.points(1.0 - u) - curve.points(u)).max() < 1e-12
+    for point in curve.points(u):
+        at: Point = (float(point[0]), float(point[1]))
+        nx, nz = curve.normal_at(at)
+        assert math.dist(other.normal_at(at), (-nx, -nz)) < 1e-12
+    direction = heading(towards)
+    assume(distance_to(curve, origin) > 1e-6)
+    assert sorted(other.hits(origin, direction)) == pytest.approx(sorted(curve.hits(origin, direction)), abs=1e-9)
+    assert np.abs(other.reversed().points(u) - curve.points(u)).max() < 1e-12
+
+
+@every_curve
+@few
+@given(data=st.data(), exponent=st.floats(-4.5, -1))
+def test_flattened_stays_within_the_tolerance(leaf: type[Curve], data: st.DataObject, exponent: float) -> None:
+    curve = data.draw(LEAVES[leaf])
+    polyline = curve.flattened(10**exponent)
+    assert math.dist(polyline[0], curve.start) == 0.0
+    assert math.dist(polyline[-1], curve.end) == 0.0
+    assert polyline_distance(polyline, curve.points(DENSE[::2])).max() <= 10**exponent
+
+
+def polyline_distance(polyline: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distance of each point to the nearest piece, in slices that spare memory."""
+    best = np.full(len(points), np.inf)
+    for a, b in pairwise(polyline):
+        chord = b - a
+        share = np.clip((points - a) @ chord / max(float(chord @ chord), 1e-300), 0, 1)
+        best = np.minimum(best, np.hypot(*(points - a - share[:, None] * chord).T))
+    return best
