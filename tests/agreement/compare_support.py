@@ -1,12 +1,12 @@
 """Comparing two traces ray by ray, as far as the scene itself lets them be compared.
 
-Each straight stretch of a ray has a key that does not depend on what other branches do: the key of its branch and its
-place in it; a branch's key is that of its parent and the place where it left it. The rule: the reference is traced three
-times, as launched and with every launch turned by ±1e-13 rad. A stretch is compared only where all three references
-have it, ending on the same interface with the same fate and, to 1e-9 mm, at the same place, and so have every stretch
-before it. All others are *left out*, and counted. On what is compared, the engine must have the same stretch, on the same
-interface, with the same fate, ending within 1e-9 mm, and carrying the same power to 1e-9 of it (or of the branch's
-weakest possible power); where nothing is left out it must have no stretch more.
+Each straight stretch of a ray has a key that does not depend on what other branches do: the key of its branch and
+its place in it; a branch's key is that of its parent and the place where it left it. The rule: the reference is traced
+three times, as launched and with every launch turned by ±1e-13 rad. A stretch is compared only where all three
+references have it, ending on the same interface with the same fate and, to 1e-9 mm, at the same place, and so have
+every stretch before it. All others are *left out*, and counted. On what is compared, the engine must have the same
+stretch, on the same interface, with the same fate, ending within 1e-9 mm; where nothing is left out it must have no
+stretch more. How far the powers deviate, as a share of the stretch's power, is told to the caller.
 """
 
 import dataclasses
@@ -56,7 +56,9 @@ def turned(scene: Scene, angle_rad: float) -> Scene:
     for source in scene.sources:
         launch = source.launch()
         origins = tuple(zip(launch.x_mm.tolist(), launch.z_mm.tolist(), strict=True))
-        directions = zip((c * launch.dx - s * launch.dz).tolist(), (s * launch.dx + c * launch.dz).tolist(), strict=True)
+        directions = zip(
+            (c * launch.dx - s * launch.dz).tolist(), (s * launch.dx + c * launch.dz).tolist(), strict=True
+        )
         sources.append(Rays(origins, tuple(directions), source.power, source.s_share))
     return dataclasses.replace(scene, sources=tuple(sources))
 
@@ -65,20 +67,12 @@ def stretches(trace: Trace) -> dict[Key, Stretch]:
     """Every stretch by its key: ray, then place, branch by branch, then the place in the last branch."""
     assert trace.legs is not None
     found: dict[Key, Stretch] = {}
-    branch_key: dict[int, Key] = {}
-    place: dict[int, int] = {}
-    ray = -1
-    last: Key = ()
-    for leg in trace.legs:
-        if int(leg["ray"]) != ray:
-            ray, branch_key, place = int(leg["ray"]), {}, {}
-            last = (ray,)
-        branch = int(leg["branch"])
-        if branch not in branch_key:  # it was just split off the stretch before
-            branch_key[branch], place[branch] = last, 0
-        last = (*branch_key[branch], place[branch])
-        place[branch] += 1
-        found[last] = _stretch(leg)
+    branches: dict[tuple[int, int], Key] = {}
+    for leg in trace.legs:  # parents come before their children
+        ray, branch, parent, hit = (int(leg[name]) for name in ("ray", "branch", "parent", "hit"))
+        if (ray, branch) not in branches:
+            branches[ray, branch] = (ray,) if parent < 0 else (*branches[ray, parent], hit - 1)
+        found[(*branches[ray, branch], hit)] = _stretch(leg)
     return found
 
 
@@ -89,9 +83,7 @@ def compared(truth: Trace, others: tuple[Trace, ...], engine: Trace) -> Comparis
     kept: set[Key] = set()
     deviation_mm = deviation_power = 0.0
     for key, stretch in reference.items():  # parents come before their children
-        if not (_predecessor(key) in kept or _is_first(key)):
-            continue
-        if not all(key in other and stretch.near(other[key]) for other in turned_ones):
+        if not _follows(key, kept) or not all(key in other and stretch.near(other[key]) for other in turned_ones):
             continue
         kept.add(key)
         assert key in fast, f"the engine has no stretch {key}: {stretch}"
@@ -110,13 +102,12 @@ def _stretch(leg: np.void) -> Stretch:
     return Stretch(int(leg["interface"]), int(leg["fate"]), end, (float(leg["power_s"]), float(leg["power_p"])))
 
 
-def _is_first(key: Key) -> bool:
-    return len(key) == 2 and key[1] == 0
-
-
-def _predecessor(key: Key) -> Key:
-    """The stretch before, in the same branch or the one it was split off."""
-    return (*key[:-1], key[-1] - 1) if key[-1] > 0 else key[:-1]
+def _follows(key: Key, kept: set[Key]) -> bool:
+    """Whether the stretch is a launch, or the one before it, in its branch or the one it was split off, is kept."""
+    before, hit = key[:-1], key[-1] - 1
+    if hit < 0:
+        return True
+    return before in kept if len(before) > 1 and before[-1] == hit else (*before, hit) in kept
 
 
 def _deviation(a: tuple[float, float], b: tuple[float, float]) -> NDArray[np.float64]:

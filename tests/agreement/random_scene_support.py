@@ -10,8 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from solen.curve import Arc, CartesianOval, Curve, Parabola, Point, Rigid, Segment, along, left_of, minus, unit
+from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
 from solen.lens.optics import tangency
+from solen.plane import Point, Rigid, along, left_of, minus, unit
 from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene
 from solen.scene.model import Behaviour, Source
 
@@ -95,7 +96,7 @@ def add_circle(build: Builder, center: Point, radius_mm: float, outside: str) ->
 
 
 def add_lens(build: Builder, center: Point, radius_mm: float, outside: str) -> str:
-    """An oval front, two flared parabolic sides and a straight back, turned at random: a small cousin of the Y's stem."""
+    """An oval front, two flared parabolic sides and a straight back, turned at random: a cousin of the Y's stem."""
     inside = build.region()
     n2 = build.regions[-1].index
     image_mm = float(build.rng.uniform(8, 25))
@@ -178,4 +179,10 @@ def random_scene(seed: int, rays: int, nearest_corner_mm: float = 1e-8) -> Scene
         Monitor(f"m{i}", (-20.0, a), (20.0, b), bins)
         for i, ((a, b), bins) in enumerate(zip(heights, (0, 7, 50), strict=True))
     )
-    return Scene(tuple(build.regions), tuple(build.interfaces), sources(build, rays, nearest_corner_mm), monitors, f"random {seed}")
+    return Scene(
+        tuple(build.regions),
+        tuple(build.interfaces),
+        sources(build, rays, nearest_corner_mm),
+        monitors,
+        f"random {seed}",
+    )

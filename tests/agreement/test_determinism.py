@@ -54,7 +54,7 @@ def test_ways_are_the_same_on_one_thread_and_two() -> None:
 def test_ways_carry_what_the_ledger_says(mode: Mode) -> None:
     scene = dataclasses.replace(random_scene(5, 500), monitors=())
     result = trace(scene, mode, LIMITS, legs=True)
-    ended = {name: 0.0 for name in ("detected", "escaped")}
+    ended = dict.fromkeys(("detected", "escaped"), 0)
     for way in result.paths():
         if way.fate in ended:
             ended[way.fate] += 1

@@ -8,7 +8,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from solen.curve import Arc
-from solen.plane import Point, cross, heading, minus
+from solen.interface import reflected
+from solen.plane import Point, along, cross, heading, minus
 
 place = st.tuples(st.floats(-10, 10), st.floats(-10, 10))
 
@@ -53,24 +54,34 @@ def test_the_inside_of_a_circle_is_on_its_left() -> None:
 def test_an_arc_beyond_half_a_circle_has_its_gap_where_it_should(sweep_deg: float) -> None:
     arc = Arc((0.0, 0.0), 1.0, 10.0, sweep_deg)
     sign = math.copysign(1.0, sweep_deg)
-    for turn_deg in np.arange(0.5, 360.0, 1.9):
+    for turn_deg in np.arange(0.5, 360.0, 1.7):
         polar = math.radians(10.0 + sign * turn_deg)
         met = arc.hits((0.0, 0.0), (math.cos(polar), math.sin(polar)))
         expected = (1.0,) if turn_deg < abs(sweep_deg) else ()
         assert met == pytest.approx(expected, abs=1e-15), turn_deg
 
 
-def test_a_ray_inside_a_circle_walks_round_it_in_equal_chords() -> None:
-    circle, at, direction = Arc.circle((0.0, 0.0), 1.0), (1.0, 0.0), heading(60.0)
-    first = circle.hits(at, direction, leaving=True)
-    assert len(first) == 1
-    for _ in range(1000):
+def walk(circle: Arc, angle_deg: float, chords: int) -> float:
+    """Largest distance from the circle of a ray that is mirrored inside it so many times."""
+    at, direction = (circle.center[0] + circle.radius_mm, circle.center[1]), heading(angle_deg)
+    worst = 0.0
+    for _ in range(chords):
         (t,) = circle.hits(at, direction, leaving=True)
-        assert t == pytest.approx(first[0], abs=1e-10)
-        at = (at[0] + t * direction[0], at[1] + t * direction[1])
-        nx, nz = circle.normal_at(at)
-        into = direction[0] * nx + direction[1] * nz
-        direction = (direction[0] - 2 * into * nx, direction[1] - 2 * into * nz)
+        assert t == pytest.approx(2 * circle.radius_mm * math.sin(math.radians(angle_deg)), abs=1e-9)
+        at = along(at, direction, t)
+        direction = reflected(direction, circle.normal_at(at))
+        worst = max(worst, abs(math.dist(at, circle.center) - circle.radius_mm))
+    return worst
+
+
+@pytest.mark.parametrize("angle_deg", [0.5, 10.0, 60.0, 89.9])
+def test_a_ray_inside_a_circle_walks_round_it_in_equal_chords(angle_deg: float) -> None:
+    assert walk(Arc.circle((0.3, 0.7), 2.0), angle_deg, 100) < 1e-11
+
+
+@pytest.mark.xfail(reason="defect: dividing the root out lets the ray drift off the circle, then miss it", strict=True)
+def test_a_ray_inside_a_circle_never_drifts_out() -> None:
+    assert walk(Arc.circle((0.0, 0.0), 1.0), 60.0, 5000) < 1e-11
 
 
 @pytest.mark.xfail(reason="defect: the ends of a nearly flat arc are lost to rounding", strict=True)

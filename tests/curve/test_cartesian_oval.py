@@ -98,7 +98,9 @@ def test_beyond_tangency_the_points_are_nan_and_no_warning_is_raised() -> None:
     assert np.isnan(radius[1:]).all()
 
 
-@pytest.mark.xfail(reason="defect: Newton never meets its threshold from afar, a third of the hits is lost", strict=True)
+@pytest.mark.xfail(
+    reason="defect: Newton never meets its threshold from afar, a third of the hits is lost", strict=True
+)
 @pytest.mark.parametrize("distance_mm", [1e3, 1e4, 1e6])
 def test_rays_from_afar_find_the_front(distance_mm: float) -> None:
     for x in np.linspace(-1.9, 1.9, 101):

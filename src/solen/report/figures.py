@@ -62,7 +62,7 @@ def encoded(figure: Figure, suffix: str, salt: str) -> bytes:
 def profile_figure(lens: OvalLens) -> Figure:
     """The lens's profile beside those of the same lens cut for the paper's three indices."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 3.4), layout="constrained")
+        figure = Figure(figsize=(5.2, 2.7), layout="constrained")
         axes = figure.add_subplot()
         x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
         for index, dashes in zip(PAPER_INDICES, ((4, 2), (1, 1.5), (6, 2, 1, 2)), strict=True):

@@ -14,7 +14,7 @@ from itertools import islice
 import numpy as np
 
 from solen.errors import DesignError
-from solen.scene import Launch, Scene
+from solen.scene import Launch, Scene, Source
 from solen.trace import kernel
 from solen.trace.result import (
     ABSORBED,
@@ -30,6 +30,7 @@ from solen.trace.result import (
     Limits,
     Mode,
     Trace,
+    in_order,
 )
 from solen.trace.tables import Tables, compile_scene
 
@@ -88,7 +89,7 @@ def trace(
         done += rays
         if progress is not None:
             progress(done)
-    return _result(scene, mode, total, np.concatenate(kept) if kept else None)
+    return _result(scene, mode, total, in_order(np.concatenate(kept)) if kept else None)
 
 
 def _chunks(
@@ -96,10 +97,11 @@ def _chunks(
 ) -> Iterator[tuple[int, kernel.Sums]]:
     """Sums of one chunk after the other, in order, a few of them ahead of the consumer."""
 
-    def job(launch: Launch, first: int) -> tuple[int, kernel.Sums]:
-        return len(launch), _trace_chunk(tables, scene, launch, first, split, limits, legs)
+    def job(source: Source, start: int, stop: int, before: int) -> tuple[int, kernel.Sums]:
+        launch = source.launch(start, stop)
+        return len(launch), _trace_chunk(tables, scene, launch, before + start, split, limits, legs)
 
-    jobs = _launches(scene)
+    jobs = _stretches(scene)
     if threads == 1 or scene.rays <= CHUNK:
         yield from (job(*item) for item in jobs)
         return
@@ -113,12 +115,12 @@ def _chunks(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _launches(scene: Scene) -> Iterator[tuple[Launch, int]]:
-    """Rays of all sources in chunks, each with the number of its first ray."""
+def _stretches(scene: Scene) -> Iterator[tuple[Source, int, int, int]]:
+    """Rays of all sources in chunks: the source, the first and last of its rays, and the rays before that source."""
     before = 0
     for source in scene.sources:
         for start in range(0, source.rays, CHUNK):
-            yield source.launch(start, min(start + CHUNK, source.rays)), before + start
+            yield source, start, min(start + CHUNK, source.rays), before
         before += source.rays
 
 
@@ -169,8 +171,7 @@ def _add(total: kernel.Sums, sums: kernel.Sums) -> kernel.Sums:
 def _legs(sums: kernel.Sums, emitted: float) -> np.ndarray[tuple[int, ...], np.dtype[np.void]]:
     rows = sums.legs[: sums.counts[kernel.LEGS]]
     legs = np.empty(len(rows), dtype=LEG)
-    names = ("ray", "branch", "interface", "fate", "x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p")
-    for column, name in enumerate(names):
+    for column, name in enumerate(LEG.names or ()):
         legs[name] = rows[:, column]
     legs["power_s"] /= emitted
     legs["power_p"] /= emitted

@@ -1,5 +1,10 @@
 """The compiled loop over rays: tables in, sums out; it holds the same physics as `solen.trace.reference`.
 
+Rays are carried in blocks. For every curve of the scene an inner loop runs over the rays of the block, free of branches
+so that the processor handles several rays at once; then each ray is taken through the interface it met, rays that ended
+leave their places to branches that wait and to rays not yet launched. A ray that stands on a curve has that curve's
+root at zero divided out by algebra (its constant term is zero), never by a distance threshold.
+
 Everything here is compiled by numba without the interpreter's lock, so that chunks of rays run on several threads, and
 cached on disk. It lives in one file because the cache of a compiled function looks only at the file it stands in.
 """
@@ -21,15 +26,22 @@ R = TypeVar("R")
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-STACK = 64
-"""Branches waiting at most: each holds more than all that were split off it, so log2(1/least weight) suffice."""
+BLOCK = 128
+"""Rays carried side by side: enough to fill vector registers, few enough to stay in the nearest cache."""
+NEWTON_STEPS = 60
 HITS, UNDEFINED, LEGS = range(3)
-LEG_WIDTH = 11
+RUNNING, CONVERGED, MISSED = 0.0, 1.0, 2.0
+LEG_WIDTH = 13
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """`numba.njit` with a cache on disk, keeping the types that a checker sees."""
-    return cast("Callable[P, R]", numba.njit(cache=True, nogil=True)(function))
+    """`numba.njit` with a cache on disk, keeping the types that a checker sees.
+
+    Division follows IEEE 754 (no branch for a zero divisor), and rounding may differ by fused operations and by
+    multiplying with a reciprocal; infinities and NaN keep their meaning, parallel rays depend on it.
+    """
+    jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "arcp", "nsz"})
+    return cast("Callable[P, R]", jit(function))
 
 
 class Sums(NamedTuple):
@@ -56,123 +68,221 @@ class Sums(NamedTuple):
 
 
 @compiled
-def quadratic(a: float, b: float, c: float, leaving: bool) -> tuple[float, float]:
-    """Real roots of a t² + b t + c without cancellation, −1 for none; with ``leaving`` t = 0 is divided out."""
-    if leaving:
-        return (-b / a if a != 0.0 else -1.0), -1.0
-    discriminant = b * b - 4.0 * a * c
-    if discriminant < 0.0:
-        return -1.0, -1.0
-    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
-    return (q / a if a != 0.0 else -1.0), (c / q if q != 0.0 else -1.0)
+def segment_hits(
+    c: int, shape: Floats, n: int, x: Floats, z: Floats, dx: Floats, dz: Floats, last: Ints, best: Floats, found: Ints
+) -> None:
+    """Segment ``c`` against rays 0 to n: its distance and number go to ``best`` and ``found`` if it is the nearest."""
+    ax, az, ux, uz, high = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4] + END_TOLERANCE_MM
+    for i in range(n):
+        wx, wz = ax - x[i], az - z[i]
+        inverse = 1.0 / (dx[i] * uz - dz[i] * ux)
+        t = (wx * uz - wz * ux) * inverse
+        place = (wx * dz[i] - wz * dx[i]) * inverse
+        hit = (t > 0.0) & (t < best[i]) & (place >= -END_TOLERANCE_MM) & (place <= high) & (last[i] != c)
+        best[i] = t if hit else best[i]
+        found[i] = c if hit else found[i]
 
 
 @compiled
-def segment_hit(shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to a segment, inf for none."""
-    slant = dx * shape[c, 3] - dz * shape[c, 2]
-    if leaving or slant == 0.0:
-        return math.inf
-    wx, wz = shape[c, 0] - ox, shape[c, 1] - oz
-    ahead = (wx * shape[c, 3] - wz * shape[c, 2]) * slant
-    if ahead <= 0.0:
-        return math.inf
-    slant2 = slant * slant
-    place = (wx * dz - wz * dx) * slant
-    if place < -END_TOLERANCE_MM * slant2 or place > (shape[c, 4] + END_TOLERANCE_MM) * slant2:
-        return math.inf
-    return float(ahead / slant2)
+def arc_hits(
+    c: int, shape: Floats, n: int, x: Floats, z: Floats, dx: Floats, dz: Floats, last: Ints, best: Floats, found: Ints
+) -> None:
+    """Arc ``c`` against rays 0 to n, as in `segment_hits`."""
+    cx, cz, radius, mx, mz = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4]
+    reach = radius * shape[c, 5] - END_TOLERANCE_MM
+    for i in range(n):
+        wx, wz = x[i] - cx, z[i] - cz
+        half_b = wx * dx[i] + wz * dz[i]
+        rest = wx * wx + wz * wz - radius * radius
+        rest = 0.0 if last[i] == c else rest
+        square = half_b * half_b - rest
+        root = math.sqrt(max(square, 0.0))
+        q = -half_b - (root if half_b >= 0.0 else -root)
+        for t in (q, rest / q):
+            hit = (t > 0.0) & (t < best[i]) & (square >= 0.0)
+            hit &= (wx + t * dx[i]) * mx + (wz + t * dz[i]) * mz >= reach
+            best[i] = t if hit else best[i]
+            found[i] = c if hit else found[i]
 
 
 @compiled
-def arc_hit(shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to an arc, inf for none."""
-    wx, wz = ox - shape[c, 0], oz - shape[c, 1]
-    first, second = quadratic(1.0, 2.0 * (wx * dx + wz * dz), wx * wx + wz * wz - shape[c, 2] * shape[c, 2], leaving)
-    best = math.inf
-    for t in (first, second):
-        if (
-            0.0 < t < best
-            and (wx + t * dx) * shape[c, 3] + (wz + t * dz) * shape[c, 4]
-            >= shape[c, 2] * shape[c, 5] - END_TOLERANCE_MM
-        ):
-            best = t
-    return best
+def parabola_hits(
+    c: int, shape: Floats, n: int, x: Floats, z: Floats, dx: Floats, dz: Floats, last: Ints, best: Floats, found: Ints
+) -> None:
+    """Parabola ``c`` against rays 0 to n, as in `segment_hits`; its frame: the axis, and the axis turned by −90°."""
+    vx, vz, ax, az, bend = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4]
+    low, high = shape[c, 5] - END_TOLERANCE_MM, shape[c, 6] + END_TOLERANCE_MM
+    for i in range(n):
+        wx, wz = x[i] - vx, z[i] - vz
+        run, rise = wx * ax + wz * az, wx * az - wz * ax
+        d_run, d_rise = dx[i] * ax + dz[i] * az, dx[i] * az - dz[i] * ax
+        a, b = -bend * d_run * d_run, d_rise - 2.0 * bend * run * d_run
+        rest = rise - bend * run * run
+        rest = 0.0 if last[i] == c else rest
+        square = b * b - 4.0 * a * rest
+        root = math.sqrt(max(square, 0.0))
+        q = -0.5 * (b + (root if b >= 0.0 else -root))
+        for t in (q / a, rest / q):
+            place = run + t * d_run
+            hit = (t > 0.0) & (t < best[i]) & (square >= 0.0) & (place >= low) & (place <= high)
+            best[i] = t if hit else best[i]
+            found[i] = c if hit else found[i]
 
 
 @compiled
-def parabola_hit(shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to a parabola, inf for none. Its frame: the axis, and the axis turned by −90 degrees."""
-    wx, wz = ox - shape[c, 0], oz - shape[c, 1]
-    run, rise = wx * shape[c, 2] + wz * shape[c, 3], wx * shape[c, 3] - wz * shape[c, 2]
-    d_run, d_rise = dx * shape[c, 2] + dz * shape[c, 3], dx * shape[c, 3] - dz * shape[c, 2]
-    bend = shape[c, 4]
-    first, second = quadratic(
-        -bend * d_run * d_run, d_rise - 2.0 * bend * run * d_run, rise - bend * run * run, leaving
-    )
-    best = math.inf
-    for t in (first, second):
-        if 0.0 < t < best and shape[c, 5] - END_TOLERANCE_MM <= run + t * d_run <= shape[c, 6] + END_TOLERANCE_MM:
-            best = t
-    return best
+def oval_hits(
+    c: int,
+    shape: Floats,
+    n: int,
+    x: Floats,
+    z: Floats,
+    dx: Floats,
+    dz: Floats,
+    last: Ints,
+    best: Floats,
+    found: Ints,
+    work: Floats,
+    pick: Ints,
+) -> None:
+    """Front of oval ``c`` against rays 0 to n, as in `segment_hits`.
+
+    Only rays whose line comes near the front are taken. One that is outside and goes inwards meets the near root first;
+    that one, or for a ray inside the far one, counts if it lies on the front. A ray on the front itself can only meet
+    the far root. Rays that leave the depth of the front while still inside the convex oval cannot meet it at all.
+    """
+    ax, az, deepest = shape[c, 9], shape[c, 10], shape[c, 11] + END_TOLERANCE_MM
+    for far in (False, True):
+        m = 0
+        for i in range(n):
+            cx, cz = shape[c, 13] - x[i], shape[c, 14] - z[i]
+            near = (abs(cx * dz[i] - cz * dx[i]) <= shape[c, 15]) & (cx * dx[i] + cz * dz[i] > -shape[c, 15])
+            pick[m] = i
+            m += 1 if near else 0
+        m = oval_candidates(c, shape, m, x, z, dx, dz, last, work, pick, far)
+        if m == 0:
+            continue
+        oval_newton(c, shape, m, work, 1.0 if far else -1.0)
+        for j in range(m):
+            i, t = pick[j], work[5, j]
+            depth = (x[i] + t * dx[i] - shape[c, 7]) * ax + (z[i] + t * dz[i] - shape[c, 8]) * az
+            if work[6, j] == CONVERGED and 0.0 < t < best[i] and depth <= deepest:
+                best[i] = t
+                found[i] = c
 
 
 @compiled
-def oval_terms(shape: Floats, c: int, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
-    """Residual of the oval's equation at a point and its derivative along a direction."""
+def oval_candidates(
+    c: int,
+    shape: Floats,
+    m: int,
+    x: Floats,
+    z: Floats,
+    dx: Floats,
+    dz: Floats,
+    last: Ints,
+    work: Floats,
+    pick: Ints,
+    far: bool,
+) -> int:
+    """Of the m rays in ``pick`` keep those that may meet the near or the far root on the front, with Newton's start.
+
+    ``work`` rows: x, z, dx, dz, unused, distance, state. Returns how many are kept.
+    """
+    circle, outwards = shape[c, 6] / shape[c, 5], 1.0 if far else -1.0
+    ax, az = shape[c, 9], shape[c, 10]
+    kept = 0
+    for j in range(m):
+        i = pick[j]
+        value, slope = oval_terms(c, shape, x[i], z[i], dx[i], dz[i])
+        leaving = last[i] == c
+        outside = (value > 0.0) and not leaving
+        rise = dx[i] * ax + dz[i] * az
+        if far:
+            if leaving and slope >= 0.0:
+                continue
+            top = (shape[c, 11] - (x[i] - shape[c, 7]) * ax - (z[i] - shape[c, 8]) * az) / rise
+            if not outside and rise > 0.0:  # inside: does it get past the front's depth before it gets out?
+                beyond, _ = oval_terms(c, shape, x[i] + top * dx[i], z[i] + top * dz[i], dx[i], dz[i])
+                if top <= 0.0 or beyond < 0.0:
+                    continue
+            if outside and slope >= 0.0:
+                continue
+        elif not outside or slope >= 0.0:
+            continue
+        wx, wz = x[i] - shape[c, 2], z[i] - shape[c, 3]
+        middle, nearest = -(wx * dx[i] + wz * dz[i]), wx * dz[i] - wz * dx[i]
+        square = circle * circle - nearest * nearest
+        if square <= 0.0:
+            continue
+        pick[kept] = i
+        work[0, kept], work[1, kept], work[2, kept], work[3, kept] = x[i], z[i], dx[i], dz[i]
+        work[5, kept] = middle + outwards * math.sqrt(square)
+        work[6, kept] = RUNNING
+        kept += 1
+    return kept
+
+
+@compiled
+def oval_newton(c: int, shape: Floats, m: int, work: Floats, outwards: float) -> None:
+    """Newton's method from outside for m rays side by side; ``work`` as in `oval_candidates`."""
+    x1, z1, x2, z2 = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3]
+    n1, n2, constant = shape[c, 4], shape[c, 5], shape[c, 6]
+    wx, wz, wdx, wdz, distance, state = work[0], work[1], work[2], work[3], work[5], work[6]
+    for _ in range(NEWTON_STEPS):
+        running = 0
+        for j in range(m):
+            px, pz = wx[j] + distance[j] * wdx[j], wz[j] + distance[j] * wdz[j]
+            ax, az, bx, bz = px - x1, pz - z1, px - x2, pz - z2
+            a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
+            value = n1 * a + n2 * b - constant
+            slope = n1 * (ax * wdx[j] + az * wdz[j]) / a + n2 * (bx * wdx[j] + bz * wdz[j]) / b
+            live = state[j] == RUNNING
+            missed = slope * outwards <= 0.0
+            distance[j] = distance[j] - value / slope if live & (not missed) else distance[j]
+            now = MISSED if missed else (CONVERGED if value <= ROUNDING * constant else RUNNING)
+            state[j] = now if live else state[j]
+            running += 1 if state[j] == RUNNING else 0
+        if running == 0:
+            return
+
+
+@compiled
+def oval_terms(c: int, shape: Floats, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
+    """Residual of the oval's equation at a point and its derivative along a direction (at a focus, the mean one)."""
     ax, az, bx, bz = x - shape[c, 0], z - shape[c, 1], x - shape[c, 2], z - shape[c, 3]
     a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
-    slope = shape[c, 4] * (ax * dx + az * dz) / a + shape[c, 5] * (bx * dx + bz * dz) / b
-    return shape[c, 4] * a + shape[c, 5] * b - shape[c, 6], slope
+    slope_1 = shape[c, 4] * (ax * dx + az * dz) / a if a > 0.0 else 0.0
+    slope_2 = shape[c, 5] * (bx * dx + bz * dz) / b if b > 0.0 else 0.0
+    return shape[c, 4] * a + shape[c, 5] * b - shape[c, 6], slope_1 + slope_2
 
 
 @compiled
-def oval_root(
-    shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, start: float, outwards: float
-) -> float:
-    """Newton's method from a start outside the convex oval; −1 where the line misses it."""
-    t = start
-    for _ in range(200):
-        value, slope = oval_terms(shape, c, ox + t * dx, oz + t * dz, dx, dz)
-        if slope * outwards <= 0.0:
-            return -1.0
-        t -= value / slope
-        if value <= ROUNDING * shape[c, 6]:
-            return t
-    return -1.0
-
-
-@compiled
-def oval_hit(shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to the front of a Cartesian oval, inf for none; the circle round the piece spares most rays Newton."""
-    cx, cz = shape[c, 13] - ox, shape[c, 14] - oz
-    if abs(cx * dz - cz * dx) > shape[c, 15]:
-        return math.inf
-    wx, wz = ox - shape[c, 2], oz - shape[c, 3]
-    circle, middle, nearest = shape[c, 6] / shape[c, 5], -(wx * dx + wz * dz), wx * dz - wz * dx
-    if abs(nearest) >= circle or (leaving and oval_terms(shape, c, ox, oz, dx, dz)[1] >= 0.0):
-        return math.inf
-    reach = math.sqrt(circle * circle - nearest * nearest)
-    for outwards in (-1.0, 1.0):
-        if leaving and outwards < 0.0:
-            continue
-        t = oval_root(shape, c, ox, oz, dx, dz, middle + outwards * reach, outwards)
-        depth = (ox + t * dx - shape[c, 7]) * shape[c, 9] + (oz + t * dz - shape[c, 8]) * shape[c, 10]
-        if t > 0.0 and depth <= shape[c, 11] + END_TOLERANCE_MM:
-            return t
-    return math.inf
-
-
-@compiled
-def curve_hit(kind: int, shape: Floats, c: int, ox: float, oz: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to the first point of a curve ahead, inf for none."""
-    if kind == SEGMENT:
-        return segment_hit(shape, c, ox, oz, dx, dz, leaving)
-    if kind == PARABOLA:
-        return parabola_hit(shape, c, ox, oz, dx, dz, leaving)
-    if kind == ARC:
-        return arc_hit(shape, c, ox, oz, dx, dz, leaving)
-    return oval_hit(shape, c, ox, oz, dx, dz, leaving)
+def find_hits(
+    kind: Ints,
+    shape: Floats,
+    n: int,
+    x: Floats,
+    z: Floats,
+    dx: Floats,
+    dz: Floats,
+    last: Ints,
+    best: Floats,
+    found: Ints,
+    work: Floats,
+    pick: Ints,
+) -> None:
+    """Nearest interface ahead of rays 0 to n, into ``best`` (inf for none) and ``found`` (−1 for none)."""
+    for i in range(n):
+        best[i], found[i] = math.inf, -1
+    for c in range(len(kind)):
+        if kind[c] == SEGMENT:
+            segment_hits(c, shape, n, x, z, dx, dz, last, best, found)
+        elif kind[c] == PARABOLA:
+            parabola_hits(c, shape, n, x, z, dx, dz, last, best, found)
+        elif kind[c] == ARC:
+            arc_hits(c, shape, n, x, z, dx, dz, last, best, found)
+        else:
+            oval_hits(c, shape, n, x, z, dx, dz, last, best, found, work, pick)
 
 
 @compiled
@@ -196,17 +306,6 @@ def curve_normal(kind: int, shape: Floats, c: int, x: float, z: float) -> tuple[
 
 
 @compiled
-def next_hit(kind: Ints, shape: Floats, ox: float, oz: float, dx: float, dz: float, last: int) -> tuple[int, float]:
-    """Nearest interface ahead and its distance; −1 and inf for none."""
-    nearest, found = math.inf, -1
-    for c in range(len(kind)):
-        t = curve_hit(kind[c], shape, c, ox, oz, dx, dz, c == last)
-        if t < nearest:
-            nearest, found = t, c
-    return found, nearest
-
-
-@compiled
 def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float, float]:
     """Reflected fractions of power in s and p."""
     s = (n1 * cos_in - n2 * cos_out) / (n1 * cos_in + n2 * cos_out)
@@ -215,33 +314,51 @@ def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float,
 
 
 @compiled
-def count_monitors(tables: Tables, sums: Sums, ray: Floats, length: float, loss: float) -> None:
+def count_monitors(
+    tables: Tables, sums: Sums, ox: float, oz: float, dx: float, dz: float, length: float, power: float, loss: float
+) -> None:
     """Count a straight stretch at every monitor it crosses, with the power left there."""
-    ox, oz, dx, dz = ray[0], ray[1], ray[2], ray[3]
     lines = tables.monitor
     for m in range(len(lines)):
-        t = segment_hit(lines, m, ox, oz, dx, dz, False)
-        if t > length or t == math.inf:
+        wx, wz = lines[m, 0] - ox, lines[m, 1] - oz
+        inverse = 1.0 / (dx * lines[m, 3] - dz * lines[m, 2])
+        t = (wx * lines[m, 3] - wz * lines[m, 2]) * inverse
+        place = (wx * dz - wz * dx) * inverse
+        inside = -END_TOLERANCE_MM <= place <= lines[m, 4] + END_TOLERANCE_MM
+        if not (0.0 < t <= length and t < math.inf and inside):
             continue
-        power = (ray[4] + ray[5]) * math.exp(-loss * t)
-        power = math.copysign(power, lines[m, 2] * dz - lines[m, 3] * dx)
-        sums.crossed[m] += power
+        left = math.copysign(power * math.exp(-loss * t), -inverse)
+        sums.crossed[m] += left
         sums.crossings[m] += 1
         if tables.bins[m] > 0:
-            place = math.hypot(ox + t * dx - lines[m, 0], oz + t * dz - lines[m, 1])
-            b = min(int(place / lines[m, 4] * tables.bins[m]), tables.bins[m] - 1)
-            sums.maps[tables.first_bin[m] + b] += power
+            b = min(max(int(place / lines[m, 4] * tables.bins[m]), 0), tables.bins[m] - 1)
+            sums.maps[tables.first_bin[m] + b] += left
 
 
 @compiled
-def note_leg(sums: Sums, number: int, branch: int, interface: int, fate: int, ray: Floats, length: float) -> None:
-    """Keep a straight stretch where there is room; count it in any case. ``ray``: x, z, dx, dz, s, p."""
+def note_leg(
+    sums: Sums,
+    number: int,
+    branch: int,
+    parent: int,
+    hit: int,
+    interface: int,
+    fate: int,
+    x: float,
+    z: float,
+    dx: float,
+    dz: float,
+    length: float,
+    s: float,
+    p: float,
+) -> None:
+    """Keep a straight stretch where there is room; count it in any case."""
     row = sums.counts[LEGS]
     if row < len(sums.legs):
         leg = sums.legs[row]
-        leg[0], leg[1], leg[2], leg[3] = number, branch, interface, fate
-        leg[4], leg[5], leg[6], leg[7] = ray[0], ray[1], ray[2], ray[3]
-        leg[8], leg[9], leg[10] = length, ray[4], ray[5]
+        leg[0], leg[1], leg[2], leg[3], leg[4], leg[5] = number, branch, parent, hit, interface, fate
+        leg[6], leg[7], leg[8], leg[9] = x, z, dx, dz
+        leg[10], leg[11], leg[12] = length, s, p
     sums.counts[LEGS] += 1
 
 
@@ -266,39 +383,28 @@ def end_fate(behaviour: int, from_right: bool, worn_out: bool) -> int:
 
 @compiled
 def interact(
-    ray: Floats,
-    parts: Floats,
-    x: float,
-    z: float,
-    nx: float,
-    nz: float,
-    n1: float,
-    n2: float,
-    mirror: bool,
-    split: bool,
-) -> None:
-    """What an interface makes of a ray arriving at (x, z): ``parts[0]`` goes through, ``parts[1]`` back.
+    dx: float, dz: float, nx: float, nz: float, n1: float, n2: float, mirror: bool, split: bool
+) -> tuple[float, float, float, float, float, float]:
+    """What an interface makes of a ray: direction through, direction back, reflected fractions of s and p.
 
-    A ray, like each part, is x, z, dx, dz, s, p; a part that does not exist has no power. The normal is any of the two.
+    The normal is either of the two. Counting sends all of a ray through unless it is reflected totally.
     """
-    cos_in = -(ray[2] * nx + ray[3] * nz)
+    cos_in = -(dx * nx + dz * nz)
     if cos_in < 0.0:
         cos_in, nx, nz = -cos_in, -nx, -nz
+    bx, bz = dx + 2.0 * cos_in * nx, dz + 2.0 * cos_in * nz
     ratio = n1 / n2
     sin2 = ratio * ratio * (1.0 - cos_in * cos_in)
-    back_s, back_p = 1.0, 1.0
-    if not mirror and sin2 < 1.0:
-        cos_out = math.sqrt(1.0 - sin2)
-        bend = ratio * cos_in - cos_out
-        tx, tz = ratio * ray[2] + bend * nx, ratio * ray[3] + bend * nz
-        scale = 1.0 / math.sqrt(tx * tx + tz * tz)
-        parts[0, 2], parts[0, 3] = scale * tx, scale * tz
-        back_s, back_p = fresnel(cos_in, cos_out, n1, n2) if split else (0.0, 0.0)
-    parts[1, 2], parts[1, 3] = ray[2] + 2.0 * cos_in * nx, ray[3] + 2.0 * cos_in * nz
-    for part in range(2):
-        parts[part, 0], parts[part, 1] = x, z
-    parts[0, 4], parts[0, 5] = ray[4] * (1.0 - back_s), ray[5] * (1.0 - back_p)
-    parts[1, 4], parts[1, 5] = ray[4] * back_s, ray[5] * back_p
+    if mirror or sin2 >= 1.0:
+        return 0.0, 0.0, bx, bz, 1.0, 1.0
+    cos_out = math.sqrt(1.0 - sin2)
+    bend = ratio * cos_in - cos_out
+    tx, tz = ratio * dx + bend * nx, ratio * dz + bend * nz
+    scale = 1.0 / math.sqrt(tx * tx + tz * tz)
+    if not split:
+        return scale * tx, scale * tz, bx, bz, 0.0, 0.0
+    back_s, back_p = fresnel(cos_in, cos_out, n1, n2)
+    return scale * tx, scale * tz, bx, bz, back_s, back_p
 
 
 @compiled
@@ -306,90 +412,143 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     tables: Tables, sums: Sums, rays: Floats, first: int, split: bool, min_weight: float, max_hits: int
 ) -> None:
     """Trace rays (N, 6): x, z, dx, dz, s, p, the first being number ``first``, and add up what becomes of them."""
-    kind, shape, behaviour = tables.kind, tables.shape, tables.behaviour
-    ray, parts, waiting_ray = np.empty(6), np.empty((2, 6)), np.empty((STACK, 6))
-    waiting_state = np.empty((STACK, 4), dtype=np.int64)  # branch, region, last interface, hits
+    kind, shape, behaviour, regions = tables.kind, tables.shape, tables.behaviour, tables.refractive_index
+    state, tags = np.empty((7, BLOCK)), np.empty((6, BLOCK), dtype=np.int64)
+    x, z, dx, dz, s, p, least = state[0], state[1], state[2], state[3], state[4], state[5], state[6]
+    region, last, hits, branch, number, parent = tags[0], tags[1], tags[2], tags[3], tags[4], tags[5]
+    best, found = np.empty(BLOCK), np.empty(BLOCK, dtype=np.int64)
+    work, pick = np.empty((7, BLOCK)), np.empty(BLOCK + 1, dtype=np.int64)
+    waiting_state, waiting_tags = np.empty((4 * BLOCK, 7)), np.empty((4 * BLOCK, 6), dtype=np.int64)
+    branches = np.ones(len(rays), dtype=np.int64)
     keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0
-    for i in range(len(rays)):
-        ray[:] = rays[i]
-        least = min_weight * (ray[4] + ray[5])
-        branch, branches, waiting, region, last, hits = 0, 1, 0, -1, -1, 0
-        while True:
-            power, fate = ray[4] + ray[5], GOES_ON
-            found, length = next_hit(kind, shape, ray[0], ray[1], ray[2], ray[3], last)
-            if found < 0:
-                loss = tables.absorption[region] if split and region >= 0 else 0.0
+    n, waiting, launched = 0, 0, 0
+    while True:
+        while n < BLOCK and waiting > 0:
+            waiting -= 1
+            for k in range(7):
+                state[k, n] = waiting_state[waiting, k]
+            for k in range(6):
+                tags[k, n] = waiting_tags[waiting, k]
+            n += 1
+        while n < BLOCK and launched < len(rays):
+            for k in range(6):
+                state[k, n] = rays[launched, k]
+            least[n] = min_weight * (s[n] + p[n])
+            region[n], last[n], hits[n], branch[n], number[n], parent[n] = -1, -1, 0, 0, launched, -1
+            launched += 1
+            n += 1
+        if n == 0:
+            return
+        find_hits(kind, shape, n, x, z, dx, dz, last, best, found, work, pick)
+        left = 0
+        for i in range(n):
+            c, length, power = found[i], best[i], s[i] + p[i]
+            if c < 0:
+                loss = tables.absorption[region[i]] if split and region[i] >= 0 else 0.0
                 fate = ABSORBED if loss > 0.0 else ESCAPED
                 if has_monitors:
-                    count_monitors(tables, sums, ray, math.inf, loss)
+                    count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], math.inf, power, loss)
                 if keeps_legs:
-                    note_leg(sums, first + i, branch, -1, fate, ray, math.inf)
-            else:
-                sums.counts[HITS] += 1
-                x, z = ray[0] + length * ray[2], ray[1] + length * ray[3]
-                nx, nz = curve_normal(kind[found], shape, found, x, z)
-                from_right = ray[2] * nx + ray[3] * nz > 0.0
-                here, there = tables.left[found], tables.right[found]
-                if from_right:
-                    here, there = there, here
-                if region not in (-1, here):
-                    fate = TRUNCATED
-                    note_undefined(sums, x, z)
-                    if keeps_legs:
-                        note_leg(sums, first + i, branch, found, fate, ray, length)
-                else:
-                    loss = tables.absorption[here] if split else 0.0
-                    if has_monitors:
-                        count_monitors(tables, sums, ray, length, loss)
-                    kept = math.exp(-loss * length) if loss > 0.0 else 1.0
-                    fate = end_fate(behaviour[found], from_right, hits + 1 >= max_hits or kept * power < least)
-                    if keeps_legs:
-                        note_leg(sums, first + i, branch, found, fate, ray, length)
-                    if loss > 0.0:
-                        ray[4] *= kept
-                        ray[5] *= kept
-                        sums.fate[ABSORBED] += power - (ray[4] + ray[5])
-                        power = ray[4] + ray[5]
-                    if fate == DETECTED:
-                        sums.detected[tables.receiver[found]] += power
-                        sums.arrived[tables.receiver[found]] += 1
-            if fate == GOES_ON:
-                mirror = behaviour[found] == MIRROR
-                interact(
-                    ray,
-                    parts,
-                    x,
-                    z,
-                    nx,
-                    nz,
-                    tables.refractive_index[here],
-                    tables.refractive_index[there],
-                    mirror,
-                    split,
+                    note_leg(
+                        sums,
+                        first + number[i],
+                        branch[i],
+                        parent[i],
+                        hits[i],
+                        -1,
+                        fate,
+                        x[i],
+                        z[i],
+                        dx[i],
+                        dz[i],
+                        math.inf,
+                        s[i],
+                        p[i],
+                    )
+                sums.fate[fate] += power
+                continue
+            sums.counts[HITS] += 1
+            px, pz = x[i] + length * dx[i], z[i] + length * dz[i]
+            nx, nz = curve_normal(kind[c], shape, c, px, pz)
+            from_right = dx[i] * nx + dz[i] * nz > 0.0
+            here, there = tables.left[c], tables.right[c]
+            if from_right:
+                here, there = there, here
+            undefined = region[i] != -1 and region[i] != here
+            loss = tables.absorption[here] if split and not undefined else 0.0
+            kept = math.exp(-loss * length) if loss > 0.0 else 1.0
+            worn_out = undefined or hits[i] + 1 >= max_hits or kept * power < least[i]
+            fate = TRUNCATED if undefined else end_fate(behaviour[c], from_right, worn_out)
+            if undefined:
+                note_undefined(sums, px, pz)
+            elif has_monitors:
+                count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], length, power, loss)
+            if keeps_legs:
+                note_leg(
+                    sums,
+                    first + number[i],
+                    branch[i],
+                    parent[i],
+                    hits[i],
+                    c,
+                    fate,
+                    x[i],
+                    z[i],
+                    dx[i],
+                    dz[i],
+                    length,
+                    s[i],
+                    p[i],
                 )
-                on, back = parts[0, 4] + parts[0, 5], parts[1, 4] + parts[1, 5]
-                sums.fate[TRUNCATED] += (on if on < least else 0.0) + (back if back < least else 0.0)
-                hits, last = hits + 1, found
-                weaker = 1 if back <= on else 0
-                if on >= least and back >= least:  # the stronger part waits under the branch's number
-                    waiting_ray[waiting] = parts[1 - weaker]
-                    waiting_state[waiting, 0], waiting_state[waiting, 1] = branch, here if weaker == 0 else there
-                    waiting_state[waiting, 2], waiting_state[waiting, 3] = last, hits
-                    waiting += 1
-                    branch = branches
-                    branches += 1
-                    ray[:] = parts[weaker]
-                    region = here if weaker == 1 else there
-                elif on >= least or back >= least:
-                    ray[:] = parts[1 - weaker]
-                    region = here if weaker == 0 else there
-                else:
-                    fate, power = TRUNCATED, 0.0  # both parts are counted already
+            s_here, p_here = kept * s[i], kept * p[i]
+            if loss > 0.0:
+                sums.fate[ABSORBED] += power - (s_here + p_here)
+                power = s_here + p_here
             if fate != GOES_ON:
                 sums.fate[fate] += power
-                if waiting == 0:
-                    break
-                waiting -= 1
-                ray[:] = waiting_ray[waiting]
-                branch, region = waiting_state[waiting, 0], waiting_state[waiting, 1]
-                last, hits = waiting_state[waiting, 2], waiting_state[waiting, 3]
+                if fate == DETECTED:
+                    sums.detected[tables.receiver[c]] += power
+                    sums.arrived[tables.receiver[c]] += 1
+                continue
+            tx, tz, bx, bz, back_s, back_p = interact(
+                dx[i], dz[i], nx, nz, regions[here], regions[there], behaviour[c] == MIRROR, split
+            )
+            back_s, back_p = s_here * back_s, p_here * back_p
+            on_s, on_p = s_here - back_s, p_here - back_p
+            on, back = on_s + on_p, back_s + back_p
+            sums.fate[TRUNCATED] += (on if on < least[i] else 0.0) + (back if back < least[i] else 0.0)
+            both = on >= least[i] and back >= least[i]
+            if not (on >= least[i] or back >= least[i]):
+                continue
+            goes_back = back <= on if both else back >= least[i]  # of two parts the weaker goes first
+            own, above = branch[i], parent[i]
+            if both:
+                if waiting == len(waiting_state):
+                    waiting_state = np.concatenate((waiting_state, np.empty_like(waiting_state)))
+                    waiting_tags = np.concatenate((waiting_tags, np.empty_like(waiting_tags)))
+                w = waiting_state[waiting]
+                w[0], w[1], w[6] = px, pz, least[i]
+                if goes_back:
+                    w[2], w[3], w[4], w[5] = tx, tz, on_s, on_p
+                else:
+                    w[2], w[3], w[4], w[5] = bx, bz, back_s, back_p
+                tag = waiting_tags[waiting]
+                tag[0], tag[1], tag[2] = there if goes_back else here, c, hits[i] + 1
+                tag[3], tag[4], tag[5] = own, number[i], above
+                waiting += 1
+                own, above = branches[number[i]], own
+                branches[number[i]] += 1
+            hits[left], number[left], least[left], branch[left], parent[left] = (
+                hits[i] + 1,
+                number[i],
+                least[i],
+                own,
+                above,
+            )
+            x[left], z[left], last[left] = px, pz, c
+            if goes_back:
+                dx[left], dz[left], s[left], p[left], region[left] = bx, bz, back_s, back_p, here
+            else:
+                dx[left], dz[left], s[left], p[left], region[left] = tx, tz, on_s, on_p, there
+            left += 1
+        n = left

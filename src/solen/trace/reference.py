@@ -30,6 +30,7 @@ from solen.trace.result import (
     Limits,
     Mode,
     Trace,
+    in_order,
 )
 
 
@@ -44,6 +45,7 @@ class Ray:
     s: float
     p: float
     least: float
+    parent: int = -1
     region: str | None = None
     last: Interface | None = None
     hits: int = 0
@@ -175,7 +177,7 @@ class _Tracer:
             return left[0] if left else None
         waiting.append(left[1])
         self.branches += 1
-        return replace(left[0], branch=self.branches - 1)
+        return replace(left[0], branch=self.branches - 1, parent=left[0].branch)
 
     def _absorbed_on_the_way(self, ray: Ray, region: str, length_mm: float) -> Ray:
         absorption = self.regions[region].absorption_per_mm
@@ -210,7 +212,8 @@ class _Tracer:
 
     def _leg(self, ray: Ray, fate: int, interface: Interface | None, length_mm: float) -> None:
         which = -1 if interface is None else self.scene.interfaces.index(interface)
-        self.legs.append((ray.number, ray.branch, which, fate, *ray.origin, *ray.direction, length_mm, ray.s, ray.p))
+        numbers = (ray.number, ray.branch, ray.parent, ray.hits, which, fate)
+        self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p))
 
     def _monitor(self, ray: Ray, region: str | None, length_mm: float) -> None:
         """Count a straight stretch at every monitor it crosses, with the power left there."""
@@ -231,7 +234,7 @@ class _Tracer:
     def result(self, legs: bool) -> Trace:
         """The trace, as fractions of the emitted power."""
         emitted = self.scene.emitted
-        kept = np.array(self.legs, dtype=LEG) if legs else None
+        kept = in_order(np.array(self.legs, dtype=LEG)) if legs else None
         if kept is not None:
             kept["power_s"] /= emitted
             kept["power_p"] /= emitted

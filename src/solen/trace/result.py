@@ -22,11 +22,13 @@ GOES_ON, DETECTED, ESCAPED, ABSORBED, TRUNCATED = range(5)
 FATES = ("goes on", "detected", "escaped", "absorbed", "truncated")
 
 LEG = np.dtype(
-    [(name, np.int64) for name in ("ray", "branch", "interface", "fate")]
+    [(name, np.int64) for name in ("ray", "branch", "parent", "hit", "interface", "fate")]
     + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p")]
 )
-"""One straight stretch: its ray and branch, the interface it ends on (−1: none), the fate there, start, direction,
-length (inf where it escapes) and the power at its start as a fraction of the emitted power."""
+"""One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were met
+on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it escapes),
+and the power at its start as a fraction of the emitted power. A trace holds them in the order of ray, branch and hit; how
+a ray's branches are numbered is up to the tracer, but a parent always comes before its children."""
 
 KEPT_PLACES = 16
 """How many places of undefined rays a trace remembers."""
@@ -86,11 +88,14 @@ class Crossed:
 class Path:
     """Way of one branch: its corners (N, 2) in mm, the interfaces met, its power at the start and its fate.
 
+    ``parent`` is the branch of the same ray that it was split off, −1 for the launched ray itself.
+
     ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
     """
 
     ray: int
     branch: int
+    parent: int
     points: NDArray[np.float64]
     interfaces: tuple[int, ...]
     power: float
@@ -116,10 +121,13 @@ class Trace:
         """Ways of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
         if self.legs is None or len(self.legs) == 0:
             return []
-        order = np.argsort(self.legs["ray"] * (1 + self.legs["branch"].max()) + self.legs["branch"], kind="stable")
-        legs = self.legs[order]
-        new = (np.diff(legs["ray"]) != 0) | (np.diff(legs["branch"]) != 0)
-        return [_path(part) for part in np.split(legs, np.flatnonzero(new) + 1)]
+        new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)
+        return [_path(part) for part in np.split(self.legs, np.flatnonzero(new) + 1)]
+
+
+def in_order(legs: NDArray[np.void]) -> NDArray[np.void]:
+    """Stretches in the order that a `Trace` holds them in."""
+    return np.asarray(legs[np.lexsort((legs["hit"], legs["branch"], legs["ray"]))])
 
 
 def _path(legs: NDArray[np.void]) -> Path:
@@ -130,6 +138,7 @@ def _path(legs: NDArray[np.void]) -> Path:
     return Path(
         ray=int(last["ray"]),
         branch=int(last["branch"]),
+        parent=int(last["parent"]),
         points=starts if escaped else np.vstack([starts, end]),
         interfaces=tuple(int(i) for i in legs["interface"] if i >= 0),
         power=float(legs[0]["power_s"] + legs[0]["power_p"]),

@@ -1,0 +1,93 @@
+"""Small scenes and questions that several tests share."""
+
+import dataclasses
+import math
+
+from solen.curve import Arc, Curve, Segment
+from solen.plane import Point, Rigid
+from solen.scene import Interface, Monitor, Rays, Region, Scene
+from solen.scene.model import Source
+from solen.trace import Limits, Path, Trace, trace
+
+FINE = Limits(min_weight=1e-15, max_hits=1000)
+AIR = Region("air", 1.0)
+
+
+def glass(index: float, absorption_per_mm: float = 0.0) -> Region:
+    """A medium called glass."""
+    return Region("glass", index, absorption_per_mm)
+
+
+def slab(source: Source, index: float, thickness_mm: float, absorption_per_mm: float = 0.0) -> Scene:
+    """A slab from z = 0 up to its thickness, 2 m wide, with a monitor behind it."""
+    front = Segment((-1000.0, 0.0), (1000.0, 0.0))
+    back = Segment((-1000.0, thickness_mm), (1000.0, thickness_mm))
+    behind = Monitor("behind", (-1000.0, thickness_mm + 1.0), (1000.0, thickness_mm + 1.0))
+    interfaces = (Interface("front", front, "glass", "air"), Interface("back", back, "air", "glass"))
+    return Scene((AIR, glass(index, absorption_per_mm)), interfaces, (source,), (behind,))
+
+
+def one_ray(origin: Point, angle_deg: float, s_share: float = 0.5) -> Rays:
+    """A single ray, ``angle_deg`` counter-clockwise from +z."""
+    angle = math.radians(angle_deg)
+    return Rays((origin,), ((-math.sin(angle), math.cos(angle)),), s_share=s_share)
+
+
+def box(reach_mm: float, inside: str = "air") -> tuple[Interface, ...]:
+    """Four receivers round the origin, facing it."""
+    corners = [(-reach_mm, -reach_mm), (reach_mm, -reach_mm), (reach_mm, reach_mm), (-reach_mm, reach_mm)]
+    names = ("below", "right", "above", "left")
+    ends = zip(names, corners, [*corners[1:], corners[0]], strict=True)
+    return tuple(Interface(name, Segment(a, b), inside, inside, "receiver", name) for name, a, b in ends)
+
+
+def body(curves: list[Curve], name: str = "glass", outside: str = "air") -> tuple[Interface, ...]:
+    """Refracting interfaces of counter-clockwise curves."""
+    return tuple(Interface(f"{name}-{i}", curve, name, outside) for i, curve in enumerate(curves))
+
+
+def moved(scene: Scene, motion: Rigid) -> Scene:
+    """The whole scene after a rigid motion; its sources become single rays."""
+    return dataclasses.replace(
+        scene,
+        interfaces=tuple(dataclasses.replace(i, curve=i.curve.moved(motion)) for i in scene.interfaces),
+        monitors=tuple(
+            dataclasses.replace(m, start=motion.point(m.start), end=motion.point(m.end)) for m in scene.monitors
+        ),
+        sources=tuple(_moved_source(source, motion) for source in scene.sources),
+    )
+
+
+def same_readings(a: Trace, b: Trace, tolerance: float) -> None:
+    """Detectors, monitors and ledger agree."""
+    for name, reading in a.detectors.items():
+        assert abs(b.detectors[name].power - reading.power) <= tolerance, name
+        assert b.detectors[name].rays == reading.rays, name
+    for name, crossed in a.monitors.items():
+        assert abs(b.monitors[name].power - crossed.power) <= tolerance, name
+    for part in ("detected", "escaped", "absorbed", "truncated"):
+        assert abs(getattr(a.ledger, part) - getattr(b.ledger, part)) <= tolerance, part
+
+
+def only_path(scene: Scene) -> Path:
+    """The way of a scene's only ray, in counting mode."""
+    (path,) = trace(scene, "count", Limits(max_hits=1000), legs=True).paths()
+    return path
+
+
+def circle_arcs(center: Point, radius_mm: float, pieces: int) -> list[Curve]:
+    """A circle in equal arcs, counter-clockwise."""
+    sweep = 360.0 / pieces
+    return [Arc(center, radius_mm, 17.0 + i * sweep, sweep) for i in range(pieces)]
+
+
+def _moved_source(source: Source, motion: Rigid) -> Rays:
+    launch = source.launch()
+    origins = zip(launch.x_mm.tolist(), launch.z_mm.tolist(), strict=True)
+    directions = zip(launch.dx.tolist(), launch.dz.tolist(), strict=True)
+    return Rays(
+        tuple(motion.point(p) for p in origins),
+        tuple(motion.vector(d) for d in directions),
+        source.power,
+        source.s_share,
+    )

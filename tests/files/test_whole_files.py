@@ -1,0 +1,172 @@
+"""Files are written whole or not at all, and every failure is one line."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from solen import files
+from solen.errors import DataError, OutputError, SpecError
+
+
+def told(error: Exception) -> str:
+    assert len(str(error).splitlines()) == 1
+    return str(error)
+
+
+def test_what_is_written_is_read_back(tmp_path: Path) -> None:
+    target = tmp_path / "out.txt"
+    assert files.write_text(target, "ein Öl\nzwei\n") == target
+    assert target.read_bytes() == "ein Öl\nzwei\n".encode()
+    assert files.read_text(target, DataError) == "ein Öl\nzwei\n"
+    assert files.write_bytes(target, b"\x00\xff").read_bytes() == b"\x00\xff"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("failing", ["replace", "chmod"])
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
+    target = tmp_path / "out.txt"
+    target.write_text("old", encoding="utf-8")
+
+    def fails(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, failing, fails)
+    with pytest.raises(OutputError, match="No space left on device") as refusal:
+        files.write_text(target, "new")
+    monkeypatch.undo()
+    assert str(target) in told(refusal.value)
+    assert target.read_text(encoding="utf-8") == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_an_interrupt_leaves_the_old_file_and_nothing_else(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = tmp_path / "out.txt"
+    target.write_text("old", encoding="utf-8")
+
+    def interrupted(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        files.write_text(target, "new")
+    assert target.read_text(encoding="utf-8") == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written") as refusal:
+        files.write_text(tmp_path / "no" / "out.txt", "x")
+    assert "No such file" in told(refusal.value)
+
+
+def test_a_folder_in_the_way_is_told(tmp_path: Path) -> None:
+    (tmp_path / "out.txt").mkdir()
+    with pytest.raises(OutputError, match="cannot be written") as refusal:
+        files.write_text(tmp_path / "out.txt", "x")
+    told(refusal.value)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.txt"]
+
+
+def test_missing_permission_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("tempfile.NamedTemporaryFile", denied)
+    with pytest.raises(OutputError, match="Permission denied") as refusal:
+        files.write_text(tmp_path / "out.txt", "x")
+    told(refusal.value)
+    monkeypatch.setattr("tempfile.TemporaryFile", denied)
+    with pytest.raises(OutputError, match="Permission denied") as refusal, files.output_folder(tmp_path / "new"):
+        pytest.fail("entered")
+    told(refusal.value)
+
+
+def test_a_folder_is_made_with_its_parents_and_handed_over_empty(tmp_path: Path) -> None:
+    with files.output_folder(tmp_path / "a" / "b") as folder:
+        assert folder == tmp_path / "a" / "b"
+        assert list(folder.iterdir()) == []
+    with files.output_folder(folder) as again:
+        assert again == folder
+    assert folder.is_dir()
+
+
+def test_a_folder_made_for_nothing_is_removed_and_only_then(tmp_path: Path) -> None:
+    def interrupted(folder: Path, after_writing: bool) -> None:
+        with files.output_folder(folder) as made:
+            if after_writing:
+                files.write_text(made / "x", "x")
+            raise KeyboardInterrupt
+
+    def fails_in(folder: Path, *, after_writing: bool) -> None:
+        with pytest.raises(KeyboardInterrupt):
+            interrupted(folder, after_writing)
+
+    fails_in(tmp_path / "new", after_writing=False)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "old").mkdir()
+    fails_in(tmp_path / "old", after_writing=False)
+    fails_in(tmp_path / "kept", after_writing=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["kept", "old"]
+
+
+@pytest.mark.parametrize("below", [(), ("deeper",)])
+def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[str, ...]) -> None:
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    with (
+        pytest.raises(OutputError, match="cannot be written") as refusal,
+        files.output_folder(tmp_path.joinpath("file", *below)),
+    ):
+        pytest.fail("entered")
+    told(refusal.value)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="another limit on names")
+@pytest.mark.xfail(reason="defect: path.exists() stands outside the try", strict=True, raises=OSError)
+def test_a_folder_of_too_long_a_name_is_told(tmp_path: Path) -> None:
+    with pytest.raises(OutputError), files.output_folder(tmp_path / ("x" * 300)):
+        pytest.fail("entered")
+
+
+def test_a_byte_order_mark_is_dropped(tmp_path: Path) -> None:
+    (tmp_path / "bom.toml").write_bytes(b"\xef\xbb\xbfschema = 1\n")
+    assert files.read_text(tmp_path / "bom.toml", SpecError) == "schema = 1\n"
+
+
+@pytest.mark.parametrize("data", [b"ab\xff", "ab\u00f6".encode("latin-1"), "ab".encode("utf-16")])
+def test_what_is_not_utf_8_is_refused(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "other.toml").write_bytes(data)
+    with pytest.raises(SpecError, match="not UTF-8 text") as refusal:
+        files.read_text(tmp_path / "other.toml", SpecError)
+    assert "other.toml" in told(refusal.value)
+
+
+def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no such file") as refusal:
+        files.read_text(tmp_path / "none", DataError)
+    told(refusal.value)
+    with pytest.raises(DataError, match=r"is a folder|cannot be read") as refusal:
+        files.read_text(tmp_path, DataError)
+    told(refusal.value)
+    (tmp_path / "file").write_text("x", encoding="utf-8")
+    with pytest.raises(DataError, match=r"cannot be read|no such file") as refusal:
+        files.read_text(tmp_path / "file" / "below", DataError)
+    told(refusal.value)
+
+
+@pytest.mark.xfail(reason="defect: a null byte in a path is a ValueError to pathlib", strict=True)
+def test_a_path_with_a_null_byte_is_told() -> None:
+    with pytest.raises(DataError):
+        files.read_text(Path("a\0b"), DataError)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX permissions")
+@pytest.mark.xfail(reason="defect: a private file becomes readable by all", strict=True)
+def test_a_private_file_stays_private(tmp_path: Path) -> None:
+    target = tmp_path / "out.txt"
+    target.write_text("old", encoding="utf-8")
+    target.chmod(0o600)
+    files.write_text(target, "new")
+    assert target.stat().st_mode & 0o777 == 0o600
