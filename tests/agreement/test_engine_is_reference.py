@@ -94,6 +94,14 @@ def test_same_hits_within_a_micron_of_corners_down_to_where_corners_overlap(mode
     assert undefined < 0.1 * aimed
 
 
+@pytest.mark.parametrize("mode", ["count", "power"])
+def test_same_hits_with_many_rays_side_by_side(mode: Mode) -> None:
+    """The engine carries rays in blocks: more of them than any block holds, and branches that wait their turn."""
+    limits = Limits(min_weight=1e-2, max_hits=30)
+    share, _ = told(mode, [check_scene(random_scene(seed, 100), mode, limits) for seed in (200, 201)])
+    assert share < MOST_LEFT_OUT[mode]
+
+
 @pytest.mark.evidence
 @pytest.mark.parametrize("mode", ["count", "power"])
 def test_same_hits_on_a_thousand_scenes(mode: Mode) -> None:

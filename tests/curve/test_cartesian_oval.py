@@ -21,7 +21,7 @@ def searched(origin: Point, direction: Point, longest: float) -> list[float]:
 
     grid = np.linspace(0.0, longest, 801)
     sides = np.array([side(float(t)) for t in grid])
-    places = np.flatnonzero(sides[:-1] * sides[1:] < 0)
+    places = np.flatnonzero((sides[:-1] < 0) != (sides[1:] < 0))
     return [float(brentq(side, float(grid[i]), float(grid[i + 1]), xtol=1e-14)) for i in places]
 
 

@@ -101,7 +101,7 @@ def searched(curve: Curve, origin: Point, direction: Point) -> list[tuple[float,
     offset = curve.points(DENSE) - np.asarray(origin)
     sides = direction[0] * offset[:, 1] - direction[1] * offset[:, 0]
     found = []
-    for i in np.flatnonzero(sides[:-1] * sides[1:] < 0):
+    for i in np.flatnonzero((sides[:-1] < 0) != (sides[1:] < 0)):
         u = float(brentq(side, float(DENSE[i]), float(DENSE[i + 1]), xtol=1e-15))
         t = dot(minus(point_at(curve, u), origin), direction)
         found.append((t, abs(cross(direction, tangent(curve, u)))))

@@ -148,86 +148,98 @@ def oval_hits(
 
     Only rays whose line comes near the front are taken. One that is outside and goes inwards meets the near root first;
     that one, or for a ray inside the far one, counts if it lies on the front. A ray on the front itself can only meet
-    the far root. Rays that leave the depth of the front while still inside the convex oval cannot meet it at all.
+    the far root. Rays that pass the depth of the front while still inside the convex oval cannot meet it at all.
+
+    Rows of ``work``: 0 to 5 x, z, dx, dz, distance and state of the rays that Newton's method runs on, whose places are
+    in ``pick``; 6 to 14 residual, slope, residual at the front's depth, place, x, z, dx, dz and whether it stands on the
+    front, of all rays that come near.
     """
-    ax, az, deepest = shape[c, 9], shape[c, 10], shape[c, 11] + END_TOLERANCE_MM
+    near = oval_near(c, shape, n, x, z, dx, dz, last, work)
+    if near == 0:
+        return
+    oval_classify(c, shape, near, work)
     for far in (False, True):
-        m = 0
-        for i in range(n):
-            cx, cz = shape[c, 13] - x[i], shape[c, 14] - z[i]
-            near = (abs(cx * dz[i] - cz * dx[i]) <= shape[c, 15]) & (cx * dx[i] + cz * dz[i] > -shape[c, 15])
-            pick[m] = i
-            m += 1 if near else 0
-        m = oval_candidates(c, shape, m, x, z, dx, dz, last, work, pick, far)
+        m = oval_starts(c, shape, near, work, pick, far)
         if m == 0:
             continue
         oval_newton(c, shape, m, work, 1.0 if far else -1.0)
         for j in range(m):
-            i, t = pick[j], work[5, j]
-            depth = (x[i] + t * dx[i] - shape[c, 7]) * ax + (z[i] + t * dz[i] - shape[c, 8]) * az
-            if work[6, j] == CONVERGED and 0.0 < t < best[i] and depth <= deepest:
+            i, t = pick[j], work[4, j]
+            depth = (x[i] + t * dx[i] - shape[c, 7]) * shape[c, 9] + (z[i] + t * dz[i] - shape[c, 8]) * shape[c, 10]
+            if work[5, j] == CONVERGED and 0.0 < t < best[i] and depth <= shape[c, 11] + END_TOLERANCE_MM:
                 best[i] = t
                 found[i] = c
 
 
 @compiled
-def oval_candidates(
-    c: int,
-    shape: Floats,
-    m: int,
-    x: Floats,
-    z: Floats,
-    dx: Floats,
-    dz: Floats,
-    last: Ints,
-    work: Floats,
-    pick: Ints,
-    far: bool,
+def oval_near(
+    c: int, shape: Floats, n: int, x: Floats, z: Floats, dx: Floats, dz: Floats, last: Ints, work: Floats
 ) -> int:
-    """Of the m rays in ``pick`` keep those that may meet the near or the far root on the front, with Newton's start.
+    """Put the rays whose line passes the circle round the front side by side; returns how many."""
+    near = 0
+    for i in range(n):
+        cx, cz = shape[c, 13] - x[i], shape[c, 14] - z[i]
+        work[10, near], work[11, near], work[12, near], work[13, near] = x[i], z[i], dx[i], dz[i]
+        work[9, near] = i
+        work[14, near] = 1.0 if last[i] == c else 0.0
+        passes = (abs(cx * dz[i] - cz * dx[i]) <= shape[c, 15]) & (cx * dx[i] + cz * dz[i] > -shape[c, 15])
+        near += 1 if passes else 0
+    return near
 
-    ``work`` rows: x, z, dx, dz, unused, distance, state. Returns how many are kept.
-    """
+
+@compiled
+def oval_classify(c: int, shape: Floats, near: int, work: Floats) -> None:
+    """Residual and slope where the rays stand, and the residual where they reach the front's depth."""
+    x1, z1, x2, z2 = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3]
+    n1, n2, constant = shape[c, 4], shape[c, 5], shape[c, 6]
+    vx, vz, ax, az, depth = shape[c, 7], shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11]
+    for j in range(near):
+        x, z, dx, dz = work[10, j], work[11, j], work[12, j], work[13, j]
+        px, pz, qx, qz = x - x1, z - z1, x - x2, z - z2
+        p, q = math.sqrt(px * px + pz * pz), math.sqrt(qx * qx + qz * qz)
+        slope_1 = (px * dx + pz * dz) / (p if p > 0.0 else 1.0)  # at a focus the mean of both sides, 0
+        slope_2 = (qx * dx + qz * dz) / (q if q > 0.0 else 1.0)
+        work[6, j] = n1 * p + n2 * q - constant
+        work[7, j] = n1 * slope_1 + n2 * slope_2
+        top = (depth - (x - vx) * ax - (z - vz) * az) / (dx * ax + dz * az)
+        px, pz, qx, qz = px + top * dx, pz + top * dz, qx + top * dx, qz + top * dz
+        beyond = n1 * math.sqrt(px * px + pz * pz) + n2 * math.sqrt(qx * qx + qz * qz) - constant
+        work[8, j] = beyond if top > 0.0 else -1.0
+
+
+@compiled
+def oval_starts(c: int, shape: Floats, near: int, work: Floats, pick: Ints, far: bool) -> int:
+    """Of the rays near the front take those that may meet the near or the far root on it, with Newton's start."""
     circle, outwards = shape[c, 6] / shape[c, 5], 1.0 if far else -1.0
-    ax, az = shape[c, 9], shape[c, 10]
-    kept = 0
-    for j in range(m):
-        i = pick[j]
-        value, slope = oval_terms(c, shape, x[i], z[i], dx[i], dz[i])
-        leaving = last[i] == c
-        outside = (value > 0.0) and not leaving
-        rise = dx[i] * ax + dz[i] * az
-        if far:
-            if leaving and slope >= 0.0:
-                continue
-            top = (shape[c, 11] - (x[i] - shape[c, 7]) * ax - (z[i] - shape[c, 8]) * az) / rise
-            if not outside and rise > 0.0:  # inside: does it get past the front's depth before it gets out?
-                beyond, _ = oval_terms(c, shape, x[i] + top * dx[i], z[i] + top * dz[i], dx[i], dz[i])
-                if top <= 0.0 or beyond < 0.0:
-                    continue
-            if outside and slope >= 0.0:
-                continue
-        elif not outside or slope >= 0.0:
+    m = 0
+    for j in range(near):
+        leaving = work[14, j] == 1.0
+        outside = work[6, j] > 0.0 and not leaving
+        x, z, dx, dz = work[10, j], work[11, j], work[12, j], work[13, j]
+        rises = dx * shape[c, 9] + dz * shape[c, 10] > 0.0
+        away = work[7, j] >= 0.0 and (outside or leaving)
+        passes = far and not outside and rises and work[8, j] < 0.0
+        if away or passes or (not far and not outside):
             continue
-        wx, wz = x[i] - shape[c, 2], z[i] - shape[c, 3]
-        middle, nearest = -(wx * dx[i] + wz * dz[i]), wx * dz[i] - wz * dx[i]
+        wx, wz = x - shape[c, 2], z - shape[c, 3]
+        middle, nearest = -(wx * dx + wz * dz), wx * dz - wz * dx
         square = circle * circle - nearest * nearest
         if square <= 0.0:
             continue
-        pick[kept] = i
-        work[0, kept], work[1, kept], work[2, kept], work[3, kept] = x[i], z[i], dx[i], dz[i]
-        work[5, kept] = middle + outwards * math.sqrt(square)
-        work[6, kept] = RUNNING
-        kept += 1
-    return kept
+        pick[m] = int(work[9, j])
+        work[0, m], work[1, m], work[2, m], work[3, m] = x, z, dx, dz
+        work[4, m] = middle + outwards * math.sqrt(square)
+        work[5, m] = RUNNING
+        m += 1
+    return m
 
 
 @compiled
 def oval_newton(c: int, shape: Floats, m: int, work: Floats, outwards: float) -> None:
-    """Newton's method from outside for m rays side by side; ``work`` as in `oval_candidates`."""
+    """Newton's method from outside for m rays side by side; ``work`` as in `oval_hits`."""
     x1, z1, x2, z2 = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3]
     n1, n2, constant = shape[c, 4], shape[c, 5], shape[c, 6]
-    wx, wz, wdx, wdz, distance, state = work[0], work[1], work[2], work[3], work[5], work[6]
+    wx, wz, wdx, wdz, distance, state = work[0], work[1], work[2], work[3], work[4], work[5]
     for _ in range(NEWTON_STEPS):
         running = 0
         for j in range(m):
@@ -244,16 +256,6 @@ def oval_newton(c: int, shape: Floats, m: int, work: Floats, outwards: float) ->
             running += 1 if state[j] == RUNNING else 0
         if running == 0:
             return
-
-
-@compiled
-def oval_terms(c: int, shape: Floats, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
-    """Residual of the oval's equation at a point and its derivative along a direction (at a focus, the mean one)."""
-    ax, az, bx, bz = x - shape[c, 0], z - shape[c, 1], x - shape[c, 2], z - shape[c, 3]
-    a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
-    slope_1 = shape[c, 4] * (ax * dx + az * dz) / a if a > 0.0 else 0.0
-    slope_2 = shape[c, 5] * (bx * dx + bz * dz) / b if b > 0.0 else 0.0
-    return shape[c, 4] * a + shape[c, 5] * b - shape[c, 6], slope_1 + slope_2
 
 
 @compiled
@@ -417,7 +419,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     x, z, dx, dz, s, p, least = state[0], state[1], state[2], state[3], state[4], state[5], state[6]
     region, last, hits, branch, number, parent = tags[0], tags[1], tags[2], tags[3], tags[4], tags[5]
     best, found = np.empty(BLOCK), np.empty(BLOCK, dtype=np.int64)
-    work, pick = np.empty((7, BLOCK)), np.empty(BLOCK + 1, dtype=np.int64)
+    work, pick = np.empty((15, BLOCK + 1)), np.empty(BLOCK, dtype=np.int64)
     waiting_state, waiting_tags = np.empty((4 * BLOCK, 7)), np.empty((4 * BLOCK, 6), dtype=np.int64)
     branches = np.ones(len(rays), dtype=np.int64)
     keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0

@@ -25,10 +25,10 @@ LEG = np.dtype(
     [(name, np.int64) for name in ("ray", "branch", "parent", "hit", "interface", "fate")]
     + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p")]
 )
-"""One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were met
-on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it escapes),
-and the power at its start as a fraction of the emitted power. A trace holds them in the order of ray, branch and hit; how
-a ray's branches are numbered is up to the tracer, but a parent always comes before its children."""
+"""One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were
+met on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it
+escapes), and the power at its start as a fraction of the emitted power. A trace holds them in the order of ray, branch
+and hit; how a ray's branches are numbered is up to the tracer, but a parent always comes before its children."""
 
 KEPT_PLACES = 16
 """How many places of undefined rays a trace remembers."""
