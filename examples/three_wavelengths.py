@@ -1,0 +1,39 @@
+"""The three shipped designs, for 860, 500 and 450 nm: how the index shapes the lens and what light gets in.
+
+A higher index makes a flatter lens, which accepts more of the emitter's cone. The received power counts the losses by
+reflection; it is the same at every angle of the motion but for rays that cross the body more than once.
+"""
+
+from typing import NamedTuple
+
+from solen.sensor import Sensor
+from solen.spec import loads, template
+
+
+class Row(NamedTuple):
+    """What one design comes to."""
+
+    refractive_index: float
+    depth_mm: float
+    acceptance_deg: float
+    received: float
+
+
+def main() -> list[Row]:
+    """One row for each wavelength, the longest first."""
+    rows = []
+    print("wavelength   index   depth    accepts   received at rest")
+    for name in ("solen-860", "solen-500", "solen-450"):
+        sensor = Sensor.of(loads(template(name)))
+        found, _ = sensor.converged(0.0)
+        received = found.ledger.detected
+        row = Row(sensor.material.index, sensor.lens.depth_mm, sensor.lens.acceptance_deg, received)
+        rows.append(row)
+        wavelength_nm = sensor.design.emitter.wavelength_nm
+        print(f"{wavelength_nm:7.0f} nm   {row.refractive_index:.3f}   {row.depth_mm:.3f} mm", end="")
+        print(f"  ±{row.acceptance_deg:.2f}°   {received:.4f} of the emitted power")
+    return rows
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,192 @@
+"""Every example runs as a script, prints numbers, and comes to what an independent way comes to.
+
+The ways here share nothing with solen but what the examples state: the oval's equation is solved by bracketing, its
+normal is a finite difference, Snell's and Fresnel's laws are written with angles. One response is that of the readable
+tracer, with fewer rays.
+"""
+
+import math
+import re
+import runpy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from solen.sensor import Sensor
+from solen.spec import loads, template, with_values
+from solen.trace import trace_reference
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+DISTANCE_MM, FOCUS_MM, HALF_WIDTH_MM = 1.0, 20.0, 2.0
+
+
+@cache
+def result(name: str) -> Any:
+    """What an example's ``main`` returns."""
+    return runpy.run_path(str(ROOT / "examples" / f"{name}.py"))["main"]()
+
+
+def oval_z(x: float, n: float) -> float:
+    """Profile of the lens cut for n."""
+
+    def excess(z: float) -> float:
+        path = math.hypot(z + DISTANCE_MM, x) + n * math.hypot(FOCUS_MM - z, x)
+        return path - (DISTANCE_MM + n * FOCUS_MM)
+
+    return brentq(excess, 0.0, 5.0, xtol=1e-15)
+
+
+def normal_angle(x: float, n: float) -> float:
+    """Angle of the profile's normal from the axis, from a central difference."""
+    h = 1e-6
+    return -math.atan((oval_z(x + h, n) - oval_z(x - h, n)) / (2 * h))
+
+
+def edge_deg(n: float) -> float:
+    """Angle from the axis of the emitter's ray to the lens's edge."""
+    return math.degrees(math.atan2(HALF_WIDTH_MM, oval_z(HALF_WIDTH_MM, n) + DISTANCE_MM))
+
+
+def refracted_angle(angle: float, normal: float, n: float) -> float:
+    """Angle from the axis, positive towards +x, of a ray from air in a material of index n."""
+    return normal + math.asin(math.sin(angle - normal) / n)
+
+
+def focus(x: float, cut_for: float, n: float) -> float:
+    """Where the emitter's ray that meets the profile at x crosses the axis in a material of index n."""
+    z = oval_z(x, cut_for)
+    inside = refracted_angle(math.atan2(x, z + DISTANCE_MM), normal_angle(x, cut_for), n)
+    return z - x / math.tan(inside)
+
+
+def transmitted(x: float, n: float) -> float:
+    """Unpolarised transmittance where the emitter's ray meets the profile at x, by Fresnel's sines and tangents."""
+    incident = math.atan2(x, oval_z(x, n) + DISTANCE_MM) - normal_angle(x, n)
+    if abs(incident) < 1e-9:
+        return 4 * n / (n + 1) ** 2
+    out = math.asin(math.sin(incident) / n)
+    s = (math.sin(incident - out) / math.sin(incident + out)) ** 2
+    p = (math.tan(incident - out) / math.tan(incident + out)) ** 2
+    return 1 - 0.5 * (s + p)
+
+
+def entering(n: float) -> float:
+    """Share of a fan uniform over ±60 degrees that enters the lens: the integral over its profile of T dφ/dx."""
+
+    def density(x: float) -> float:
+        h, up = 1e-6, oval_z(x, n) + DISTANCE_MM
+        slope = (oval_z(x + h, n) - oval_z(x - h, n)) / (2 * h)
+        return transmitted(x, n) * (up - x * slope) / (up**2 + x**2)
+
+    return float(quad(density, 0.0, HALF_WIDTH_MM, epsabs=1e-7)[0]) / math.radians(60.0)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_as_a_script_and_prints_numbers(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(path), run_name="__main__")
+    assert re.search(r"\d\.\d", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_is_short_and_listed(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) < 60
+    for page in ("examples/README.md", "docs/gallery.md"):
+        assert path.name in (ROOT / page).read_text(encoding="utf-8"), f"{page} does not list {path.name}"
+
+
+def test_paper_sensor_gives_the_share_that_the_lens_accepts() -> None:
+    shares = result("paper_sensor")
+    accepted = edge_deg(1.44) / 60.0
+    assert accepted == pytest.approx(0.5905, abs=1e-4)
+    beside = 5e-4  # rays through the few-µm step between the turned lens and the stem
+    assert shares[-3.0] == pytest.approx((accepted, 0.0), abs=beside)
+    assert shares[3.0] == pytest.approx((0.0, accepted), abs=beside)
+    assert shares[0.0] == pytest.approx((accepted / 2, accepted / 2), abs=1e-5)
+
+
+def test_three_wavelengths_agree_with_a_quadrature() -> None:
+    rows = result("three_wavelengths")
+    assert [row.refractive_index for row in rows] == [1.44, 1.49, 1.54]
+    for row in rows:
+        assert row.depth_mm == pytest.approx(oval_z(HALF_WIDTH_MM, row.refractive_index), abs=1e-12)
+        assert row.acceptance_deg == pytest.approx(edge_deg(row.refractive_index), abs=1e-9)
+        in_again = 1e-4  # light that left the body and came back in
+        assert row.received == pytest.approx(entering(row.refractive_index), abs=in_again)
+
+
+def test_slab_is_the_geometric_series() -> None:
+    n, kept = 1.5, math.exp(-0.05 * 4.0)
+    face = ((n - 1) / (n + 1)) ** 2
+    through = (1 - face) ** 2 * kept / (1 - face**2 * kept**2)
+    back = face + face * kept * through
+    assert result("slab") == pytest.approx((1 - back, through, 1 - back - through), abs=1e-10)
+
+
+def test_ball_lens_spot_agrees_with_angles() -> None:
+    """Heights at the receiver by the angles of a ball: a ray turns by 2 (i - r) and leaves it at the angle i again."""
+    n, radius, focal, half = 1.44, 4.0, 10.0, 0.1
+    angle = np.radians(90.0 - 36.87 + 28.0 * ((np.arange(200_000) + 0.5) / 200_000 - 0.5))
+    height = 2 * focal * np.tan(angle / 2) - 10.0  # of the parallel ray above the ball's axis
+    incident = np.arcsin(height / radius)
+    turned = 2 * (incident - np.arcsin(np.sin(incident) / n))
+    leaves = turned - incident  # polar angle of the point of exit, clockwise
+    x, z = radius * np.cos(leaves), -radius * np.sin(leaves)
+    at_receiver = z - (n * radius / (2 * (n - 1)) - x) * np.tan(turned)
+    spot = float(np.mean(np.abs(at_receiver) < half))
+    assert result("own_curve_scene") == pytest.approx((spot, 1 - spot), abs=2e-5)
+
+
+def test_wrong_index_focuses_where_snell_says() -> None:
+    found = result("wrong_index")
+    assert found[1.44].paraxial_mm == pytest.approx(20.0, abs=1e-9)
+    assert found[1.44].marginal_mm == pytest.approx(20.0, abs=1e-9)
+    assert found[1.484].paraxial_mm == pytest.approx(focus(1e-3, 1.44, 1.484), abs=1e-3)
+    assert found[1.484].marginal_mm == pytest.approx(focus(2.0, 1.44, 1.484), abs=1e-5)
+
+
+@pytest.mark.parametrize("index", [1.44, 1.484])
+def test_wrong_index_responds_as_the_readable_tracer_says(index: float) -> None:
+    values = {"material.index": index, "lens.design_index": 1.44, "emitter.rays": 1000}
+    sensor = Sensor.of(with_values(loads(template("solen-860")), values))
+    for angle_deg, contrast in zip((-0.25, -1.0, -3.0), result("wrong_index")[index].contrast, strict=True):
+        detectors = trace_reference(sensor.scene(angle_deg)).detectors
+        right, left = detectors["right"].rays, detectors["left"].rays
+        few_rays = 4.0 / (right + left)
+        assert (right - left) / (right + left) == pytest.approx(contrast, abs=few_rays)
+
+
+def right_share(turn_deg: float, offset: float) -> float:
+    """Share of the entering rays right of the axis at the crotch, ray by ray, with lens and emitter turned."""
+    n, turn, base, crotch = 1.44, math.radians(turn_deg), oval_z(HALF_WIDTH_MM, 1.44), 17.820492
+    sides = []
+    for angle in np.radians(np.linspace(-44.95, 44.95, 900)):
+
+        def beyond(r: float, angle: float = angle) -> float:
+            x, z = offset + r * math.sin(angle), r * math.cos(angle) - DISTANCE_MM
+            return math.hypot(z + DISTANCE_MM, x) + n * math.hypot(FOCUS_MM - z, x) - DISTANCE_MM - n * FOCUS_MM
+
+        near = next((0.1 * k for k in range(8, 60) if beyond(0.1 * k) < 0), None)
+        if near is None:
+            continue
+        r = brentq(beyond, 0.5, near, xtol=1e-14)
+        x, z = offset + r * math.sin(angle), r * math.cos(angle) - DISTANCE_MM
+        if abs(x) > HALF_WIDTH_MM:
+            continue
+        inside = refracted_angle(angle, normal_angle(x, n), n) - turn
+        x, z = x * math.cos(turn) - (z - base) * math.sin(turn), base + x * math.sin(turn) + (z - base) * math.cos(turn)
+        sides.append(x + (crotch - z) * math.tan(inside) > 0)
+    return float(np.mean(sides))
+
+
+@pytest.mark.parametrize("offset_mm", [-0.01, 0.0, 0.01, 0.02])
+def test_offset_balances_where_half_the_rays_pass_the_crotch_on_each_side(offset_mm: float) -> None:
+    balance_deg = result("sweep_a_parameter")[offset_mm]
+    turns_deg = (balance_deg - 0.03, balance_deg + 0.03)
+    before, after = (right_share(turn_deg, offset_mm) for turn_deg in turns_deg)
+    assert after < 0.5 < before

@@ -1,0 +1,152 @@
+"""The other commands from end to end: a lens's profile as a table, a new design, a check, a figure."""
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from solen import pipeline
+from solen.errors import OutputError, SpecError
+from solen.spec import load, template, template_names
+
+S, F, N, HALF = 1.0, 20.0, 1.44, 2.0
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("design") / "sensor.toml"
+    target.write_text(template(), encoding="utf-8")
+    return target
+
+
+def oval_z(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Front of the oval by bisection of its equation, from which solen's own solution takes nothing."""
+    low, high = np.zeros_like(x), np.full_like(x, 3.0)
+    for _ in range(60):
+        z = (low + high) / 2
+        rest = np.hypot(x, z + S) + N * np.hypot(x, F - z) - (S + N * F)
+        low, high = np.where(rest > 0, z, low), np.where(rest > 0, high, z)
+    return (low + high) / 2
+
+
+def profile(design: Path, table: Path, tolerance_mm: float) -> NDArray[np.float64]:
+    found = pipeline.lens(design, table=table, tolerance_mm=tolerance_mm)
+    with table.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["x_mm", "z_mm"]
+    points = np.array(rows, dtype=float)
+    assert found["profile_points"] == len(points)
+    assert (found["profile"], found["profile_tolerance_mm"]) == (str(table), tolerance_mm)
+    return points
+
+
+@pytest.mark.parametrize("tolerance_mm", [1e-2, 1e-4, 1e-6])
+def test_the_profile_stays_within_its_tolerance_of_the_oval(design: Path, tmp_path: Path, tolerance_mm: float) -> None:
+    points = profile(design, tmp_path / "lens.csv", tolerance_mm)
+    assert points[0, 0] == pytest.approx(-HALF, abs=1e-9)
+    assert points[-1, 0] == pytest.approx(HALF, abs=1e-9)
+    assert (np.diff(points[:, 0]) > 0).all()
+    assert np.abs(points[:, 1] - oval_z(points[:, 0])).max() < 1e-9
+    share = np.linspace(0, 1, 21)[:, None, None]
+    between = ((1 - share) * points[:-1] + share * points[1:]).reshape(-1, 2)
+    slope = np.gradient(oval_z(np.linspace(-HALF, HALF, 4001)), 4 * HALF / 8000)
+    off = np.abs(between[:, 1] - oval_z(between[:, 0]))
+    assert off.max() <= tolerance_mm * math.hypot(1, np.abs(slope).max())
+
+
+def test_a_coarser_tolerance_takes_fewer_points(design: Path, tmp_path: Path) -> None:
+    counts = [len(profile(design, tmp_path / "lens.csv", tolerance_mm)) for tolerance_mm in (1e-2, 1e-4, 1e-6)]
+    assert counts == sorted(counts)
+    assert counts[0] < 50 < 5 * counts[0] < counts[1] < counts[2] / 5
+
+
+def test_a_flat_face_has_a_profile_of_two_points(design: Path, tmp_path: Path) -> None:
+    found = pipeline.lens(design, ["lens.shape=none"], tmp_path / "lens.csv")
+    assert found["shape"] == "none"
+    assert (tmp_path / "lens.csv").read_text(encoding="utf-8").split() == ["x_mm,z_mm", "-2.0,0.0", "2.0,0.0"]
+
+
+def test_without_a_table_none_is_written(design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert "profile" not in pipeline.lens(design)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lens_of_another_material_crosses_the_axis_elsewhere(design: Path) -> None:
+    same, other = pipeline.lens(design), pipeline.lens(design, ["lens.design_index=1.44", "material.index=1.49"])
+    assert same["paraxial_focus_mm"] == pytest.approx(F)
+    assert (other["design_index"], other["material_index"]) == (1.44, 1.49)
+    assert other["depth_mm"] == same["depth_mm"]
+    assert other["paraxial_focus_mm"] < other["marginal_focus_mm"] < F
+
+
+@pytest.mark.parametrize("example", template_names())
+def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
+    found = pipeline.new(tmp_path / "my sensor", example)
+    target = tmp_path / "my sensor" / "sensor.toml"
+    assert found == {"design": str(target), "example": example}
+    assert target.read_text(encoding="utf-8") == template(example)
+    checked = pipeline.check(target)
+    assert checked["name"] == load(target).name
+    assert checked["angles"] == 25
+    assert checked["lens"]["material_index"] == checked["material"]["index"]
+
+
+def test_new_never_overwrites(tmp_path: Path) -> None:
+    target = tmp_path / "sensor.toml"
+    target.write_text("mine", encoding="utf-8")
+    with pytest.raises(OutputError, match="exists already"):
+        pipeline.new(tmp_path)
+    assert target.read_text(encoding="utf-8") == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["sensor.toml"]
+
+
+def test_new_refuses_an_unknown_example_and_makes_no_folder(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="solen-860"):
+        pipeline.new(tmp_path / "new", "solen-680")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OutputError("disk", limit="full")
+
+    monkeypatch.setattr(pipeline.files, "write_text", full)
+    for folder, stays in ((tmp_path / "old", True), (tmp_path / "new", False)):
+        if stays:
+            folder.mkdir()
+        with pytest.raises(OutputError):
+            pipeline.new(folder)
+        assert folder.exists() is stays
+
+
+def test_check_builds_the_body_at_every_angle(design: Path) -> None:
+    breaks = ['motion.moves=["emitter"]', "motion.pivot=[30.0, 0.0]"]
+    with pytest.raises(SpecError, match="less than motion.to_deg"):
+        pipeline.check(design, ["motion.from_deg=4"])
+    assert pipeline.check(design, [*breaks, "motion.from_deg=0"])["angles"] == 13
+    with pytest.raises(Exception, match="inside the body"):
+        pipeline.check(design, breaks)
+
+
+def test_a_value_is_set_after_the_assignments(design: Path) -> None:
+    opened = pipeline.open_design(design, ["emitter.rays=7", "name=Set by text"], {"emitter.rays": 9})
+    assert (opened.emitter.rays, opened.name) == (9, "Set by text")
+
+
+def test_more_paths_than_a_reader_can_hold_are_refused(design: Path) -> None:
+    with pytest.raises(SpecError, match="at most 100000"):
+        pipeline.trace_design(design, values={"emitter.rays": 100_001}, paths=True)
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf", ".SVG"])
+def test_a_figure_of_rays_is_of_the_kind_its_name_says(design: Path, tmp_path: Path, suffix: str) -> None:
+    starts = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF"}
+    target = tmp_path / f"rays at 1{suffix}"
+    found = pipeline.trace_design(design, angle_deg=1.0, figure=target)
+    assert found["figure"] == str(target)
+    assert target.read_bytes().startswith(starts[suffix.lower()])
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]

@@ -1,0 +1,39 @@
+"""Studies over few angles, traced once for all tests of the report."""
+
+from collections.abc import Callable
+
+import pytest
+
+from solen.sensor import Study, study
+from solen.spec import loads, template, with_values
+
+DESIGNS: dict[str, dict[str, object]] = {
+    "paper": {},
+    "mismatched": {"material.index": 1.49, "lens.design_index": 1.44},
+    "no lens": {"lens.shape": "none"},
+    "one-sided": {"motion.from_deg": 1.0, "motion.step_deg": 1.0},
+    "dark": {"material.absorption_per_mm": 1000.0},
+    "dim": {"material.absorption_per_mm": 0.02, "body.arm_angle_deg": 7.4},
+    "acrylate": {"material.resin": "pmma", "motion.step_deg": 1.5},
+    "one angle": {"motion.step_deg": 10.0},
+    "half way": {"motion.step_deg": 4.0},
+    "odd name": {"name": '<b>&" Ω </title><script>x</script>', "lens.shape": "none"},
+    "from below": {"motion.pivot": [0.0, 20.0]},
+    "narrow": {"emitter.cone_deg": 1.0},
+    "almost": {"lens.design_index": 1.44001},
+}
+
+Studies = Callable[[str], Study]
+
+
+@pytest.fixture(scope="session")
+def studied() -> Studies:
+    kept: dict[str, Study] = {}
+
+    def get(name: str) -> Study:
+        if name not in kept:
+            design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
+            kept[name] = study(design)
+        return kept[name]
+
+    return get

@@ -1,0 +1,126 @@
+"""Numbers as files: strict JSON with null for what is missing, and one row of CSV an angle."""
+
+import csv
+import io
+import json
+from typing import Any
+
+import pytest
+
+from solen.report.results import csv_table, json_text, number, results, summary
+from solen.sensor import Study
+from tests.report.conftest import Studies
+
+NAMES = ["paper", "mismatched", "no lens", "one-sided", "dark", "one angle", "acrylate", "odd name"]
+
+
+def strict(text: str) -> Any:
+    """JSON as the standard has it: no NaN, no Infinity."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def table(study: Study) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(csv_table(study))))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_results_are_strict_json_and_read_back_the_same(studied: Studies, name: str) -> None:
+    data = results(studied(name))
+    assert strict(json_text(data)) == data
+
+
+def test_a_nan_is_an_error_and_not_a_file() -> None:
+    with pytest.raises(ValueError, match="JSON"):
+        json_text({"contrast": float("nan")})
+    assert [number(value) for value in (float("nan"), float("inf"), 0.5)] == [None, None, 0.5]
+
+
+def test_what_is_missing_is_null(studied: Studies) -> None:
+    dark = results(studied("dark"))
+    assert dark["summary"]["lens"]["contrast_from"] is None
+    assert dark["summary"]["lens"]["null_deg"] is None
+    assert dark["response"]["lens"]["power"]["contrast"] == [None, None, None]
+    assert None not in dark["response"]["lens"]["power"]["u_power"]
+    assert dark["response"]["lens"]["count"]["u_power"] == [None, None, None]
+    one_sided = results(studied("one-sided"))["summary"]["lens"]
+    assert (one_sided["null_deg"], one_sided["slope_per_deg"], one_sided["saturation_deg"]) == (None, None, None)
+    assert results(studied("paper"))["material"]["u_index"] is None
+
+
+def test_a_design_without_lens_has_the_one_case(studied: Studies) -> None:
+    data = results(studied("no lens"))
+    assert list(data["summary"]) == list(data["response"]) == ["no_lens"]
+    assert data["lens"]["shape"] == "none"
+    assert list(results(studied("paper"))["summary"]) == ["lens", "no_lens"]
+
+
+def test_results_say_what_was_simulated(studied: Studies) -> None:
+    data = results(studied("acrylate"))
+    assert data["simulated"] is True
+    assert data["schema"] == 1
+    assert data["design"]["material"] == {"resin": "pmma", "absorption_per_mm": 0.0}
+    assert data["material"]["index"] == pytest.approx(1.483, abs=2e-3)
+    assert data["lens"]["design_index"] == data["material"]["index"]
+    assert "PMMA" in data["material"]["source"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_response_is_what_was_traced_and_its_ledgers_close(studied: Studies, name: str) -> None:
+    study = studied(name)
+    for case in results(study)["response"].values():
+        for one in case.values():
+            assert one["angle_deg"] == list(study.design.motion.angles_deg())
+            for right, left, ledger in zip(one["right"], one["left"], one["ledger"], strict=True):
+                assert sum(ledger.values()) == pytest.approx(1.0, abs=1e-12)
+                assert right + left == pytest.approx(ledger["detected"], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_summary_is_of_the_converged_power(studied: Studies, name: str) -> None:
+    study = studied(name)
+    data = results(study)
+    for case, found in data["summary"].items():
+        power = data["response"][case]["power"]
+        assert found["from_deg"] == power["angle_deg"][0]
+        assert found["to_deg"] == power["angle_deg"][-1]
+        assert (found["contrast_from"], found["contrast_to"]) == (power["contrast"][0], power["contrast"][-1])
+        received = [right + left for right, left in zip(power["right"], power["left"], strict=True)]
+        assert found["received_share"] == pytest.approx(sum(received) / len(received))
+        assert found["u_power"] == max(power["u_power"])
+        assert found["ledger_error"] < 1e-12
+        assert found["rays_traced"] == sum(power["rays"]) + sum(data["response"][case]["count"]["rays"])
+
+
+def test_the_paper_s_numbers_are_in_the_summary(studied: Studies) -> None:
+    found = summary(studied("paper").case)
+    assert found["contrast_from"] == pytest.approx(0.999, abs=2e-3)
+    assert found["received_share"] == pytest.approx(0.521, abs=2e-3)
+    assert found["null_deg"] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_has_a_header_and_one_row_an_angle(studied: Studies, name: str) -> None:
+    study = studied(name)
+    rows = table(study)
+    cases = ["lens", "no_lens"] if study.lens else ["no_lens"]
+    columns = [f"{c}_{k}_{w}" for c in cases for k in ("count", "power") for w in ("right", "left", "contrast")]
+    assert list(rows[0]) == ["angle_deg", *columns]
+    assert [float(row["angle_deg"]) for row in rows] == list(study.design.motion.angles_deg())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_table_holds_the_numbers_of_the_json_to_the_last_digit(studied: Studies, name: str) -> None:
+    study = studied(name)
+    for case, kinds in results(study)["response"].items():
+        for kind, one in kinds.items():
+            for what in ("right", "left", "contrast"):
+                column = [row[f"{case}_{kind}_{what}"] for row in table(study)]
+                assert [None if text == "" else float(text) for text in column] == one[what]
+
+
+def test_a_contrast_without_light_is_an_empty_cell(studied: Studies) -> None:
+    assert [row["lens_power_contrast"] for row in table(studied("dark"))] == ["", "", ""]

@@ -1,0 +1,92 @@
+"""What is read off a response curve: contrast, null, slope, saturation, and that they are missing where they are not."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from solen.sensor import SATURATED, Response
+
+
+def response(angle_deg: Sequence[float], contrast: Sequence[float], total: float = 0.5) -> Response:
+    """A response of given contrasts; NaN stands for no light."""
+    angles, wanted = np.array(angle_deg, dtype=float), np.array(contrast, dtype=float)
+    dark = np.isnan(wanted)
+    right = np.where(dark, 0.0, total * (1 + wanted) / 2)
+    left = np.where(dark, 0.0, total * (1 - wanted) / 2)
+    n = len(angles)
+    return Response("power", angles, right, left, np.zeros(n), np.full(n, 100), ())
+
+
+def test_contrast_is_the_difference_over_the_sum() -> None:
+    found = response([-1, 0, 1], [0.5, 0.0, -1.0])
+    assert found.contrast == pytest.approx([0.5, 0.0, -1.0])
+
+
+def test_contrast_without_light_is_missing_and_warns_of_nothing() -> None:
+    found = response([-1, 0, 1], [math.nan, 0.2, math.nan])
+    assert np.isnan(found.contrast).tolist() == [True, False, True]
+
+
+@pytest.mark.parametrize(
+    ("angles", "contrast", "null"),
+    [
+        ([-2, 0, 2], [0.6, 0.0, -0.6], 0.0),
+        ([-2, 0, 2], [0.6, 0.2, -0.2], 1.0),
+        ([-2, 0, 2], [-0.6, 0.2, 0.4], -0.5),
+        ([0, 1, 2], [0.0, -0.5, -0.9], 0.0),
+        ([-2, -1, 0], [0.9, 0.5, 0.0], 0.0),
+        ([-2, 0, 2], [0.6, 0.5, 0.4], None),
+        ([1, 2], [-0.6, -0.9], None),
+        ([1], [-0.6], None),
+        ([1], [0.0], 1.0),
+        ([-1, 0, 1], [math.nan, math.nan, math.nan], None),
+        ([-1, 0, 1], [0.5, math.nan, -0.5], None),
+    ],
+)
+def test_null_is_where_both_see_the_same(
+    angles: Sequence[float], contrast: Sequence[float], null: float | None
+) -> None:
+    found = response(angles, contrast).null_deg()
+    assert found == (None if null is None else pytest.approx(null, abs=1e-12))
+
+
+def test_slope_is_that_across_the_null() -> None:
+    found = response([-3, -2, -1, 0, 1, 2, 3], [1.0, 1.0, 0.5, 0.0, -0.5, -1.0, -1.0])
+    assert found.slope_per_deg() == pytest.approx(-0.5)
+
+
+def test_slope_is_missing_without_a_null_and_with_too_few_angles() -> None:
+    assert response([1, 2, 3], [-0.5, -0.6, -0.7]).slope_per_deg() is None
+    assert response([-1, 1], [0.5, -0.5]).slope_per_deg() is None
+    assert response([-1, 0, 1], [math.nan] * 3).slope_per_deg() is None
+
+
+@pytest.mark.xfail(reason="a null at an end of the sweep takes its slope between two angles on one side, past saturation")
+def test_slope_at_a_null_at_the_end_of_the_sweep_is_not_that_beyond_it() -> None:
+    found = response([0, 1, 2, 3], [0.0, -1.0, -1.0, -1.0]).slope_per_deg()
+    assert found is None or found == pytest.approx(-1.0)
+
+
+@pytest.mark.xfail(reason="of several nulls the first is told, however far from rest")
+def test_of_several_nulls_that_nearest_to_rest_is_told() -> None:
+    found = response([-40, -30, -1, 1, 30, 40], [-0.5, 0.9, 0.8, -0.8, -0.9, 0.5])
+    assert found.null_deg() == pytest.approx(0.0)
+
+
+def test_saturation_is_the_smallest_distance_from_the_null() -> None:
+    found = response([-1, 0, 1, 2, 3], [SATURATED, 0.6, 0.0, -0.6, -SATURATED])
+    assert found.null_deg() == 1.0
+    assert found.saturation_deg() == pytest.approx(2.0)
+
+
+def test_saturation_is_missing_where_it_is_never_reached_or_nothing_balances() -> None:
+    assert response([-1, 0, 1], [0.9, 0.0, -0.9]).saturation_deg() is None
+    assert response([1, 2], [-0.99, -1.0]).saturation_deg() is None
+    assert response([-1, 0, 1], [math.nan] * 3).saturation_deg() is None
+
+
+def test_nearest_angle() -> None:
+    found = response([-3, 0, 3], [0.5, 0.0, -0.5])
+    assert [found.at(angle) for angle in (-9.0, -1.6, 1.4, 2.0)] == [0, 0, 1, 2]

@@ -1,0 +1,129 @@
+"""One design as plain calls: what follows from it at once, and its readings at an angle."""
+
+import math
+
+import pytest
+
+from solen.errors import DataError, DesignError
+from solen.lens import FlatFace, OvalLens
+from solen.sensor import FIRST_RAYS, MOST_RAYS, TOLERANCE, Sensor
+from solen.spec import Design, loads, template, with_values
+
+MANY_RAYS = 2**20 + 3
+
+
+def design(**values: object) -> Design:
+    """The 860 nm example with some values set; ``__`` stands for the dot of a key."""
+    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+
+
+@pytest.fixture(scope="module")
+def paper() -> Sensor:
+    return Sensor.of(design())
+
+
+def test_a_sensor_has_its_material_and_the_lens_cut_for_it(paper: Sensor) -> None:
+    assert paper.material.index == 1.44
+    assert isinstance(paper.lens, OvalLens)
+    assert paper.lens.design_index == 1.44
+    assert paper.has_lens
+
+
+def test_a_lens_is_cut_for_the_design_index_where_that_differs_from_the_material() -> None:
+    sensor = Sensor.of(design(lens__design_index=1.49))
+    assert isinstance(sensor.lens, OvalLens)
+    assert (sensor.material.index, sensor.lens.design_index) == (1.44, 1.49)
+
+
+def test_a_sensor_that_cannot_be_is_refused() -> None:
+    with pytest.raises(DesignError, match="tangency"):
+        Sensor.of(design(lens__half_width_mm=2.95))
+    with pytest.raises(DataError, match="did you mean pmma"):
+        Sensor.of(design(material__resin="pmna"))
+
+
+def test_without_lens_is_the_same_design_with_a_flat_face(paper: Sensor) -> None:
+    flat = paper.without_lens
+    assert isinstance(flat.lens, FlatFace)
+    assert not flat.has_lens
+    assert flat.design == with_values(paper.design, {"lens.shape": "none"})
+    assert flat.material == paper.material
+    assert flat.body().area_mm2() == pytest.approx(paper.body().area_mm2(), rel=0.05)
+    assert paper.without_lens is flat
+
+
+def test_a_trace_takes_the_design_s_rays_and_mode_unless_told_otherwise() -> None:
+    sensor = Sensor.of(design(trace__mode="power", emitter__rays=40))
+    plain = sensor.trace()
+    assert (plain.mode, plain.rays) == ("power", 40)
+    told = sensor.trace(1.0, "count", 60)
+    assert (told.mode, told.rays) == ("count", 60)
+    assert plain.legs is None
+    assert len(sensor.trace(legs=True).paths()) > 0
+
+
+@pytest.mark.parametrize("angle_deg", [-2.0, 0.25, 1.0])
+def test_turning_the_other_way_swaps_the_receivers(paper: Sensor, angle_deg: float) -> None:
+    one, other = paper.trace(angle_deg, "power", 500), paper.trace(-angle_deg, "power", 500)
+    assert one.detectors["right"].power == pytest.approx(other.detectors["left"].power, abs=1e-9)
+    assert one.detectors["left"].power == pytest.approx(other.detectors["right"].power, abs=1e-9)
+
+
+def test_a_count_is_of_whole_rays_of_the_design(paper: Sensor) -> None:
+    response = paper.count([-3.0, 0.0])
+    assert response.mode == "count"
+    assert list(response.angle_deg) == [-3.0, 0.0]
+    assert list(response.rays) == [100, 100]
+    assert all(math.isnan(u) for u in response.u)
+    for share in (*response.right, *response.left):
+        assert share * 100 == pytest.approx(round(share * 100), abs=1e-9)
+    assert response.right[0] > 0.5
+    assert response.left[0] == 0.0
+
+
+def test_power_at_the_design_s_angles_is_what_converged_finds(paper: Sensor) -> None:
+    response = Sensor.of(design(motion__step_deg=3.0)).power()
+    assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
+    trace, u = paper.converged(-3.0)
+    assert response.right[0] == trace.detectors["right"].power
+    assert response.u[0] == u
+    assert response.rays[0] == trace.rays
+
+
+@pytest.mark.parametrize("values", [{}, {"lens__shape": "none"}, {"emitter__offset_mm": 0.3}])
+@pytest.mark.parametrize("angle_deg", [-3.0, 0.25, 2.0])
+def test_a_converged_reading_holds_against_many_more_rays(values: dict[str, object], angle_deg: float) -> None:
+    sensor = Sensor.of(design(**values))
+    trace, u = sensor.converged(angle_deg)
+    assert FIRST_RAYS < trace.rays <= MOST_RAYS
+    assert 0.0 <= u <= TOLERANCE
+    many = sensor.trace(angle_deg, "power", MANY_RAYS)
+    for name, found in trace.detectors.items():
+        assert abs(found.power - many.detectors[name].power) <= TOLERANCE
+
+
+@pytest.mark.xfail(reason="u is the last change alone: two doublings agree by chance far better than they are right")
+def test_the_uncertainty_of_a_converged_reading_covers_its_error() -> None:
+    sensor = Sensor.of(design())
+    for angle_deg in (-3.0, -1.75, 0.25, 2.0):
+        trace, u = sensor.converged(angle_deg)
+        many = sensor.trace(angle_deg, "power", MANY_RAYS)
+        error = max(abs(found.power - many.detectors[name].power) for name, found in trace.detectors.items())
+        assert error <= 2 * u, f"{error:.1e} off at {angle_deg} deg, told to be within {u:.1e}"
+
+
+def test_a_looser_tolerance_takes_fewer_rays(paper: Sensor) -> None:
+    loose, _ = paper.converged(-3.0, tolerance=1e-2)
+    tight, u = paper.converged(-3.0, tolerance=1e-5)
+    assert loose.rays == 2 * FIRST_RAYS < tight.rays
+    assert u <= 1e-5
+
+
+def test_where_no_number_of_rays_is_enough_the_uncertainty_says_so(
+    monkeypatch: pytest.MonkeyPatch, paper: Sensor
+) -> None:
+    monkeypatch.setattr("solen.sensor.FIRST_RAYS", 64)
+    monkeypatch.setattr("solen.sensor.MOST_RAYS", 256)
+    trace, u = paper.converged(-3.0, tolerance=1e-12)
+    assert trace.rays == 256
+    assert u > 1e-12
