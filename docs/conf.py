@@ -1,6 +1,11 @@
 """Sphinx configuration; built strictly by ``make docs``, offline."""
 
+import re
+
+from sphinx.application import Sphinx
+
 import solen
+from solen.spec.strict import Strict
 
 project = "solen"
 author = "The solen maintainers"
@@ -17,13 +22,40 @@ autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 napoleon_google_docstring = False
+napoleon_use_param = False
+napoleon_use_rtype = False
 
 # Every cross-reference must resolve. Those to other projects cannot: their inventories would have to be downloaded.
 nitpicky = True
+OTHERS = "abc annotated_types collections enum matplotlib numpy np npt os pathlib pydantic pydantic_core shapely typing"
 nitpick_ignore_regex = [
-    (r"py:.*", r"(annotated_types|collections|enum|numpy|np|npt|os|pathlib|pydantic|pydantic_core|shapely|typing)\..*"),
+    (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
 ]
 
+BAR = re.compile(r"(`+[^`]*`+)|\|")
+
 html_theme = "furo"
 html_title = f"solen {release}"
+
+
+def setup(app: Sphinx) -> None:
+    """Three readings of docstrings and signatures that autodoc and napoleon would get wrong."""
+    whole: dict[str, list[str]] = {}
+
+    def before_napoleon(_app: Sphinx, what: str, name: str, _obj: object, _options: object, lines: list[str]) -> None:
+        """Keep an attribute's text from napoleon, which takes the words before a colon in it for a type."""
+        if what in {"attribute", "data", "property"}:
+            whole[name], lines[:] = lines[:], []
+
+    def after_napoleon(_app: Sphinx, _what: str, name: str, _obj: object, _options: object, lines: list[str]) -> None:
+        """Let bars outside code be bars: in these texts they mean an absolute value or a length."""
+        lines[:] = [BAR.sub(lambda found: found[1] or r"\|", line) for line in whole.pop(name, lines)]
+
+    def signature(_app: Sphinx, what: str, _name: str, obj: object, *_: object) -> tuple[str, str] | None:
+        """Tables of the design file are told of on their own page; their signature would repeat them."""
+        return ("(**values)", "") if what == "class" and isinstance(obj, type) and issubclass(obj, Strict) else None
+
+    app.connect("autodoc-process-docstring", before_napoleon, priority=400)
+    app.connect("autodoc-process-docstring", after_napoleon, priority=600)
+    app.connect("autodoc-process-signature", signature)

@@ -18,19 +18,27 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.errors import DesignError
 from solen.plane import Point, Rigid, along, cross, dot, left_of, minus, right_of, unit
 
 END_TOLERANCE_MM = 1e-11
 """How far a curve reaches beyond its ends, so that no ray slips between two curves that share a corner."""
 
-ROUNDING = 1e-15
-"""Residual of an oval's equation, relative to its constant, that is nothing but the rounding of its square roots."""
+ROUNDING = 4e-16
+"""Relative to the lengths it was computed from, a residual that is nothing but rounding."""
+SMALL = 1e-3
+"""How small the constant term of a quadratic must be for its root to be mended to first order."""
 
 
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
-    """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root t = 0 is divided out."""
+    """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root next to t = 0 is divided out.
+
+    The point a ray leaves from lies on its curve but for rounding, which leaves a tiny c. The other root −b/a is mended
+    by it to first order, or the rounding of many chords of one circle would add up until they leave it.
+    """
     if leaving:
-        return (-b / a,) if a != 0.0 else ()
+        mend = c / b if abs(a * c) < SMALL * b * b else 0.0
+        return (-b / a + mend,) if a != 0.0 else ()
     discriminant = b * b - 4.0 * a * c
     if discriminant < 0.0:
         return ()
@@ -38,6 +46,27 @@ def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[flo
     first = (q / a,) if a != 0.0 else ()
     second = (c / q,) if q != 0.0 else ()
     return first + second
+
+
+def check_numbers(what: str, *values: object) -> None:
+    """`DesignError` where one of the values is not finite, or not a number at all."""
+    for value in values:
+        if not (isinstance(value, int | float) and math.isfinite(value)):
+            raise DesignError(what, value=repr(value), limit="must be a finite number")
+
+
+def check_points(what: str, *points: object) -> None:
+    """`DesignError` where one of the points is not a pair of finite numbers."""
+    for point in points:
+        if not (isinstance(point, tuple) and len(point) == 2):
+            raise DesignError(what, value=repr(point), limit="must be a pair (x, z)")
+        check_numbers(what, *point)
+
+
+def _check_axis(what: str, axis: Point) -> None:
+    check_points(what, axis)
+    if abs(math.hypot(*axis) - 1.0) > 1e-9:
+        raise DesignError(what, value=axis, limit="must be a unit vector")
 
 
 class Curve(ABC):
@@ -101,10 +130,15 @@ class Curve(ABC):
 
 @dataclass(frozen=True)
 class Segment(Curve):
-    """Straight line between two points."""
+    """Straight line between two points; `DesignError` where they are one."""
 
     a: Point
     b: Point
+
+    def __post_init__(self) -> None:
+        check_points("segment", self.a, self.b)
+        if self.a == self.b:
+            raise DesignError("segment", value=f"from {self.a} to itself", limit="must have a length")
 
     @property
     def start(self) -> Point:
@@ -163,6 +197,14 @@ class Arc(Curve):
     start_deg: float
     sweep_deg: float
 
+    def __post_init__(self) -> None:
+        check_points("arc", self.center)
+        check_numbers("arc", self.radius_mm, self.start_deg, self.sweep_deg)
+        if not self.radius_mm > 0.0:
+            raise DesignError("arc radius_mm", value=self.radius_mm, limit="must be above 0")
+        if not 0.0 < abs(self.sweep_deg) <= 360.0 + 1e-9:
+            raise DesignError("arc sweep_deg", value=self.sweep_deg, limit="must be from -360 to 360 and not 0")
+
     @classmethod
     def circle(cls, center: Point, radius_mm: float) -> "Arc":
         """Whole circle, counter-clockwise: its inside is on the left."""
@@ -170,11 +212,17 @@ class Arc(Curve):
 
     @classmethod
     def through(cls, a: Point, middle: Point, b: Point) -> "Arc":
-        """Arc from ``a`` to ``b`` by way of ``middle``; `ValueError` where the three are on one line."""
+        """Arc from ``a`` to ``b`` by way of ``middle``.
+
+        `DesignError` where it is all but straight: its centre could not be placed to 1e-9 mm.
+        """
+        check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)
         twice_area = cross(p, q)
-        if abs(twice_area) <= 1e-14 * math.hypot(*p) * math.hypot(*q):
-            raise ValueError(f"no arc through {a}, {middle}, {b}: they lie on one line")
+        if not abs(twice_area) > 1e-6 * dot(q, q):
+            raise DesignError(
+                "arc", value=f"through {a}, {middle}, {b}", limit="the three lie on one line", remedy="use a segment"
+            )
         pp, qq = dot(p, p), dot(q, q)
         to_center = (
             (q[1] * pp - p[1] * qq) / (2 * twice_area),
@@ -193,9 +241,9 @@ class Arc(Curve):
         return (math.cos(angle), math.sin(angle))
 
     @property
-    def cos_half(self) -> float:
-        """Cosine of half the sweep: what a point's direction must have along the middle to be on the arc."""
-        return math.cos(math.radians(min(abs(self.sweep_deg), 360.0) / 2))
+    def half_deg(self) -> float:
+        """Half the angle it spans, at most 180."""
+        return min(0.5 * abs(self.sweep_deg), 180.0)
 
     def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """See :meth:`Curve.points`."""
@@ -229,8 +277,13 @@ class Arc(Curve):
         return replace(self, start_deg=self.start_deg + self.sweep_deg, sweep_deg=-self.sweep_deg)
 
     def _holds(self, point: Point) -> bool:
-        reach = dot(minus(point, self.center), self.middle)
-        return reach >= self.radius_mm * self.cos_half - END_TOLERANCE_MM
+        """Whether a point of the circle lies on the arc: by its distance from the arc's axis of symmetry."""
+        offset = minus(point, self.center)
+        beside = abs(cross(self.middle, offset))
+        end = self.radius_mm * math.sin(math.radians(self.half_deg))
+        if self.half_deg <= 90.0:
+            return dot(self.middle, offset) >= -END_TOLERANCE_MM and beside <= end + END_TOLERANCE_MM
+        return dot(self.middle, offset) >= 0.0 or beside >= end - END_TOLERANCE_MM
 
 
 @dataclass(frozen=True)
@@ -245,6 +298,13 @@ class Parabola(Curve):
     curve_per_mm: float
     from_mm: float
     to_mm: float
+
+    def __post_init__(self) -> None:
+        check_points("parabola", self.vertex)
+        _check_axis("parabola axis", self.axis)
+        check_numbers("parabola", self.curve_per_mm, self.from_mm, self.to_mm)
+        if self.from_mm == self.to_mm:
+            raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length")
 
     def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """See :meth:`Curve.points`."""
@@ -304,6 +364,19 @@ class CartesianOval(Curve):
     from_deg: float
     to_deg: float
 
+    def __post_init__(self) -> None:
+        check_points("oval", self.vertex)
+        _check_axis("oval axis", self.axis)
+        check_numbers("oval", self.n1, self.n2, self.object_mm, self.image_mm, self.from_deg, self.to_deg)
+        if not (self.n2 > self.n1 > 0.0 and self.object_mm > 0.0 and self.image_mm > 0.0):
+            found = f"n1 {self.n1}, n2 {self.n2}, object_mm {self.object_mm}, image_mm {self.image_mm}"
+            raise DesignError("oval", value=found, limit="needs n2 above n1 and both distances above 0")
+        if self.from_deg == self.to_deg or np.isnan(self.points(np.array([0.0, 1.0]))).any():
+            found = f"from {self.from_deg} to {self.to_deg} deg"
+            raise DesignError(
+                "oval", value=found, limit="must have a length and end before its tangents from the object"
+            )
+
     @property
     def constant_mm(self) -> float:
         """Optical path from focus to focus, n1 s + n2 s'."""
@@ -356,12 +429,8 @@ class CartesianOval(Curve):
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """See :meth:`Curve.hits`."""
-        depth = self.depth_mm + END_TOLERANCE_MM
-        return tuple(
-            t
-            for t in self._roots(origin, direction, leaving)
-            if t > 0.0 and dot(minus(along(origin, direction, t), self.vertex), self.axis) <= depth
-        )
+        roots = self._roots(origin, direction, leaving)
+        return tuple(t for t in roots if t > 0.0 and self._holds(along(origin, direction, t)))
 
     def moved(self, motion: Rigid) -> "CartesianOval":
         """See :meth:`Curve.moved`."""
@@ -372,12 +441,30 @@ class CartesianOval(Curve):
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:
-        """Left side of the oval's equation minus its right side: 0 on the curve, negative inside."""
-        return (
-            self.n1 * math.dist(point, self.object_focus)
-            + self.n2 * math.dist(point, self.image_focus)
-            - self.constant_mm
-        )
+        """Left side of the oval's equation minus its right side: 0 on the curve, negative inside.
+
+        |P − F1| − s and |P − F2| − s' are differences of squares over sums, exact also where a focus is far away.
+        """
+        offset = minus(point, self.vertex)
+        square, forward = dot(offset, offset), dot(offset, self.axis)
+        to_1, to_2 = math.dist(point, self.object_focus), math.dist(point, self.image_focus)
+        first = (square + 2.0 * self.object_mm * forward) / (to_1 + self.object_mm)
+        second = (square - 2.0 * self.image_mm * forward) / (to_2 + self.image_mm)
+        return self.n1 * first + self.n2 * second
+
+    @property
+    def end_rays(self) -> tuple[Point, Point]:
+        """Unit directions from F1 to the end on the right of the axis and to the one on its left."""
+        right, left = sorted((self.from_deg, self.to_deg))
+        turn = (Rigid.about((0.0, 0.0), right), Rigid.about((0.0, 0.0), left))
+        return turn[0].vector(self.axis), turn[1].vector(self.axis)
+
+    def _holds(self, point: Point) -> bool:
+        """Whether a point of the oval is on this piece: between the rays from F1 to its ends, facing F1."""
+        ray = minus(point, self.object_focus)
+        right, left = self.end_rays
+        within = cross(right, ray) >= -END_TOLERANCE_MM and cross(left, ray) <= END_TOLERANCE_MM
+        return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
         """Where a line meets the whole oval: both roots, or the far one alone when the ray stands on the near one."""
@@ -401,7 +488,8 @@ class CartesianOval(Curve):
             if slope * outwards <= 0.0:
                 return None  # past the lowest point without a root: the line misses the oval
             t -= value / slope
-            if value <= ROUNDING * self.constant_mm:
+            lengths = abs(t) + math.dist(p, self.vertex)
+            if value <= ROUNDING * lengths * (self.n1 + self.n2) or abs(value) <= ROUNDING * abs(t * slope):
                 return t
         return None
 

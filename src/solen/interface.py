@@ -24,8 +24,8 @@ def critical_angle_deg(n1: float, n2: float) -> float:
 
 def cos_refracted(cos_incident: float, n1: float, n2: float) -> float | None:
     """Cosine of the refracted ray to the normal by Snell's law; None under total reflection."""
-    sin2 = (n1 / n2) ** 2 * (1.0 - cos_incident * cos_incident)
-    return None if sin2 >= 1.0 else math.sqrt(1.0 - sin2)
+    cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_incident) ** 2  # times n2²; exact also where the indices match
+    return None if cos2 <= 0.0 else math.sqrt(cos2) / n2
 
 
 def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:

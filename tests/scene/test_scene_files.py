@@ -159,7 +159,7 @@ class Bent(Segment):
 
 
 @pytest.mark.xfail(reason="defect: StopIteration, or json's own errors", strict=True)
-@pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0)), Segment((0.0, math.nan), (1.0, 0.0))])
+@pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0))])
 def test_what_cannot_be_written_is_told(curve: Curve) -> None:
     scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (SOURCES_HERE[0],))
     with pytest.raises(SolenError):

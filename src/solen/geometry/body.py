@@ -12,12 +12,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import Curve
+from solen.curve import END_TOLERANCE_MM, Curve
 from solen.errors import DesignError
 from solen.plane import Point
 
-GAP_MM = 1e-9
-"""Two faces share a corner when their ends are this near."""
+GAP_MM = END_TOLERANCE_MM
+"""Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""
 
 
 @dataclass(frozen=True)
@@ -60,19 +60,21 @@ class Body:
 
     def check(self) -> "Body":
         """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""
+        if not self.faces:
+            raise DesignError("body outline", value="no faces", limit="must be closed")
         for face, following in pairwise((*self.faces, self.faces[0])):
             gap_mm = math.dist(face.curve.end, following.curve.start)
-            if gap_mm > GAP_MM:
+            if not gap_mm <= GAP_MM:
                 raise DesignError(
                     "body outline",
                     value=f"open between {face.name} and {following.name}",
                     limit=f"a gap of {gap_mm:.3g} mm at {_place(face.curve.end)}",
                 )
+        self._check_simple()
         if self.area_mm2() <= 0.0:
             raise DesignError(
                 "body outline", value="clockwise", limit="must run counter-clockwise, material on its left"
             )
-        self._check_simple()
         return self
 
     def _check_simple(self) -> None:

@@ -16,7 +16,7 @@ A sensor without a lens has a flat face that belongs to the stem: it stands stil
 import math
 from dataclasses import dataclass
 
-from solen.curve import Curve, Parabola, Segment
+from solen.curve import Curve, Parabola, Segment, check_numbers
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Body, Face, Pose
 from solen.lens import FlatFace, Lens
@@ -37,6 +37,7 @@ class _Half:
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
     """Body of a design with its moving parts turned by ``angle_deg``, checked; `DesignError` where it cannot be."""
+    check_numbers("angle_deg", angle_deg)
     turn = Rigid.about(_pivot(design, lens), angle_deg)
     emitter = Pose(turn.point((design.emitter.offset_mm, -design.emitter.distance_mm)), angle_deg)
     turns_lens = "lens" in design.motion.moves and not isinstance(lens, FlatFace)
@@ -93,12 +94,13 @@ def _crotch(design: Design, right: _Half) -> Point:
         )
     x, z = right.inner_end
     if x <= 0.0:
+        widest_mm = design.body.arm_width_mm + x / math.cos(math.radians(angle_deg))
+        parts = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width would do"
         raise DesignError(
             "body.arm_width_mm",
             value=design.body.arm_width_mm,
-            limit=f"must be below {design.body.arm_width_mm + x / math.cos(math.radians(angle_deg)):.3f} mm, "
-            "or the arms do not part before their ends",
-            remedy="narrow the arms, lengthen them or open their angle",
+            limit=f"{parts}: the arms do not part before their ends",
+            remedy="narrow the arms, lengthen them, open their angle or widen the stem",
         )
     return (0.0, z - x / math.tan(math.radians(angle_deg)))
 

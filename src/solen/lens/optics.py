@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from solen.curve import CartesianOval, Curve, Segment
+from solen.curve import CartesianOval, Curve, Segment, check_numbers
 from solen.errors import DesignError
 from solen.interface import refracted
 from solen.plane import Point, dot, unit
@@ -48,6 +48,9 @@ class FlatFace(Lens):
 
     distance_mm: float
     half_width_mm: float
+
+    def __post_init__(self) -> None:
+        _check_lengths(self)
 
     @property
     def front(self) -> Segment:
@@ -110,13 +113,14 @@ class OvalLens(Lens):
         convex along any line, so the iteration rises to the front and can never jump to the second root behind it.
         """
         x = np.abs(np.asarray(x_mm, dtype=float))
-        if np.any(x > self.half_width_mm):
+        if not np.all(x <= self.half_width_mm):
             raise DesignError("x_mm", value=float(np.max(x)), limit=f"the lens ends at {self.half_width_mm} mm")
         n1, n2, s, f = self.outside_index, self.design_index, self.distance_mm, self.focus_mm
         z = np.zeros_like(x)
         for _ in range(60):
             before, behind = np.hypot(z + s, x), np.hypot(f - z, x)
-            value = n1 * (before - s) + n2 * (behind - f)
+            square = x * x + z * z
+            value = n1 * (square + 2 * s * z) / (before + s) + n2 * (square - 2 * f * z) / (behind + f)
             step = value / (n1 * (z + s) / before - n2 * (f - z) / behind)
             z = z - step
             if np.all(np.abs(step) <= 1e-15 * (1.0 + z)):
@@ -210,11 +214,13 @@ class OvalLens(Lens):
         return tuple(np.asarray(a + b) for a, b in zip(*parts, strict=True))
 
     def _check_signs(self) -> None:
-        for name, value in (("emitter.distance_mm", self.distance_mm), ("lens.focus_mm", self.focus_mm)):
-            if not value > 0.0:
-                raise DesignError(name, value=value, limit="must be above 0", remedy="give a distance in mm")
-        if not self.half_width_mm > 0.0:
-            raise DesignError("lens.half_width_mm", value=self.half_width_mm, limit="must be above 0")
+        _check_lengths(self)
+        check_numbers("lens.focus_mm", self.focus_mm)
+        check_numbers("lens.design_index", self.design_index, self.outside_index)
+        if not self.focus_mm > 0.0:
+            raise DesignError("lens.focus_mm", value=self.focus_mm, limit="must be above 0", remedy="give it in mm")
+        if not self.outside_index >= 1.0:
+            raise DesignError("outside_index", value=self.outside_index, limit="must be at least 1")
         if not self.design_index > self.outside_index:
             raise DesignError(
                 "lens.design_index",
@@ -244,6 +250,14 @@ class OvalLens(Lens):
         )
 
 
+def _check_lengths(lens: Lens) -> None:
+    """Refuse a distance or a width that is not a length."""
+    for name, value in (("emitter.distance_mm", lens.distance_mm), ("lens.half_width_mm", lens.half_width_mm)):
+        check_numbers(name, value)
+        if not value > 0.0:
+            raise DesignError(name, value=value, limit="must be above 0", remedy="give it in mm")
+
+
 def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple[float, float]:
     """Angle in degrees and half width in mm at which a ray from the emitter only grazes the oval.
 
@@ -252,7 +266,7 @@ def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple
     c, d = n1 * distance_mm + n2 * focus_mm, distance_mm + focus_mm
     a = n2**2 - n1**2
     rest = (n2 - n1) * distance_mm * (n2 * d + c)
-    cos_angle = (n1 * c + math.sqrt(a * rest)) / (n2**2 * d)
+    cos_angle = min((n1 * c + math.sqrt(a * rest)) / (n2**2 * d), 1.0)
     radius_mm = math.sqrt(rest / a)
     return math.degrees(math.acos(cos_angle)), radius_mm * math.sqrt(1.0 - cos_angle**2)
 

@@ -1,16 +1,19 @@
-"""Scenes as JSON: everything a scene holds, no more; what is written is read back equal.
+"""Scenes as JSON: everything a scene holds and no defaults; what is written is read back equal.
 
-Each curve and source is an object with its ``kind`` and the fields of its class.
+Curves and sources are objects with their ``kind`` and the fields of their class; unknown keys are refused.
 """
 
 import dataclasses
 import json
+import typing
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from solen import files
 from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
-from solen.errors import DataError, SolenError
+from solen.errors import DataError, DesignError
 from solen.scene.model import Beam, Fan, Interface, Monitor, Rays, Region, Scene, Source
 
 SCHEMA = 1
@@ -21,47 +24,48 @@ CURVES: dict[str, type[Curve]] = {
     "cartesian-oval": CartesianOval,
 }
 SOURCES: dict[str, type[Source]] = {"fan": Fan, "beam": Beam, "rays": Rays}
+PARTS = ("regions", "interfaces", "sources", "monitors")
+
+T = TypeVar("T")
 
 
 def dumps(scene: Scene) -> str:
-    """JSON text of a scene."""
-    data = {
+    """JSON text of a scene; `DesignError` for a curve or a source that has no name in JSON."""
+    data: dict[str, Any] = {
         "solen_scene": SCHEMA,
         "name": scene.name,
-        "regions": [dataclasses.asdict(region) for region in scene.regions],
+        "regions": [_fields(region) for region in scene.regions],
         "interfaces": [
             {**_fields(interface), "curve": _tagged(interface.curve, CURVES)} for interface in scene.interfaces
         ],
         "sources": [_tagged(source, SOURCES) for source in scene.sources],
-        "monitors": [dataclasses.asdict(monitor) for monitor in scene.monitors],
     }
+    if scene.monitors:
+        data["monitors"] = [_fields(monitor) for monitor in scene.monitors]
     return json.dumps(data, indent=1, allow_nan=False)
 
 
 def loads(text: str, where: str = "scene") -> Scene:
-    """Scene of a JSON text; `DataError` names the place where it is not one."""
-    try:
-        data = json.loads(text)
-        if data["solen_scene"] != SCHEMA:
-            raise DataError(f"{where}: solen_scene", value=data["solen_scene"], limit=f"this solen reads {SCHEMA}")
-        return Scene(
-            regions=tuple(Region(**region) for region in data["regions"]),
-            interfaces=tuple(
-                Interface(**{**interface, "curve": _untagged(interface["curve"], CURVES)})
-                for interface in data["interfaces"]
-            ),
-            sources=tuple(_untagged(source, SOURCES) for source in data["sources"]),
-            monitors=tuple(Monitor(**_tuples(monitor)) for monitor in data.get("monitors", [])),
-            name=data.get("name", "scene"),
-        )
-    except SolenError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as bad:
-        raise DataError(where, limit=f"not a scene of solen: {type(bad).__name__} {bad}") from None
+    """Scene of a JSON text; `DataError` names the place where it is not one, `DesignError` what does not fit."""
+    data = _parsed(text, where)
+    _keys(data, {"solen_scene", "name", *PARTS}, {"solen_scene", "regions", "interfaces", "sources"}, where)
+    if data["solen_scene"] != SCHEMA:
+        raise DataError(f"{where}: solen_scene", value=data["solen_scene"], limit=f"this solen reads {SCHEMA}")
+    lists = {part: data.get(part, []) for part in PARTS}
+    for part, items in lists.items():
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+            raise DataError(f"{where}: {part}", limit="must be a list of objects")
+    return Scene(
+        regions=tuple(_made(Region, item, _at(where, "regions", i)) for i, item in enumerate(lists["regions"])),
+        interfaces=tuple(_interface(item, _at(where, "interfaces", i)) for i, item in enumerate(lists["interfaces"])),
+        sources=tuple(_untagged(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
+        monitors=tuple(_made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
+        name=_value(str, data.get("name", "scene"), f"{where}: name"),
+    )
 
 
 def load(path: Path) -> Scene:
-    """Scene of a JSON file; `DataError` where it cannot be read."""
+    """Scene of a JSON file; errors as in `loads`, and `DataError` where it cannot be read."""
     return loads(files.read_text(path, DataError), str(path))
 
 
@@ -70,27 +74,73 @@ def save(path: Path, scene: Scene) -> Path:
     return files.write_text(path, dumps(scene) + "\n")
 
 
+def _parsed(text: str, where: str) -> dict[str, Any]:
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is not a number of JSON")
+
+    try:
+        data = json.loads(text, parse_constant=refuse)
+    except (ValueError, RecursionError) as bad:
+        raise DataError(where, limit=f"not JSON: {bad}") from None
+    if not isinstance(data, dict) or "solen_scene" not in data:
+        raise DataError(where, limit="not a scene of solen: it has no key solen_scene")
+    return data
+
+
 def _fields(item: Any) -> dict[str, Any]:
-    return {field.name: getattr(item, field.name) for field in dataclasses.fields(item)}
+    """Fields that differ from their defaults."""
+    fields = {field.name: (getattr(item, field.name), field.default) for field in dataclasses.fields(item)}
+    return {name: value for name, (value, default) in fields.items() if value != default}
 
 
 def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
-    kind = next(name for name, cls in kinds.items() if type(item) is cls)
-    return {"kind": kind, **dataclasses.asdict(item)}
+    for kind, cls in kinds.items():
+        if type(item) is cls:
+            return {"kind": kind, **_fields(item)}
+    raise DesignError(type(item).__name__, limit=f"JSON knows {', '.join(kinds)}")
 
 
-def _untagged(data: dict[str, Any], kinds: dict[str, type[Any]]) -> Any:
-    fields = dict(data)
-    kind = fields.pop("kind")
+def _interface(data: dict[str, Any], where: str) -> Interface:
+    curve = data.get("curve")
+    if not isinstance(curve, dict):
+        raise DataError(f"{where}: curve", limit="must be an object with its kind")
+    return _made(Interface, {**data, "curve": _untagged(curve, CURVES, f"{where}: curve")}, where)
+
+
+def _untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
+    kind = data.get("kind")
     if kind not in kinds:
-        raise ValueError(f"unknown kind {kind!r}; there are {', '.join(kinds)}")
-    return kinds[kind](**_tuples(fields))
+        raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
+    return _made(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
 
 
-def _tuples(data: dict[str, Any]) -> dict[str, Any]:
-    """Lists as tuples, as deep as they go: points and lists of points."""
-    return {key: _tuple(value) for key, value in data.items()}
+def _made(cls: type[T], data: dict[str, Any], where: str) -> T:
+    """Object of a dataclass, every field checked against its type."""
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]  # every class here is a dataclass
+    required = {f.name for f in fields if f.default is dataclasses.MISSING}
+    _keys(data, {field.name for field in fields}, required, where)
+    hints = typing.get_type_hints(cls)
+    return cls(**{key: _value(hints[key], value, f"{where}: {key}") for key, value in data.items()})
 
 
-def _tuple(value: Any) -> Any:
-    return tuple(_tuple(item) for item in value) if isinstance(value, list) else value
+def _value(hint: Any, value: Any, where: str) -> Any:
+    if isinstance(value, Curve):
+        return value
+    try:
+        adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
+        return adapter.validate_json(json.dumps(value))
+    except ValidationError as bad:
+        raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
+
+
+def _keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:
+    for key in data:
+        if key not in known:
+            raise DataError(f"{where}: {key}", limit=f"unknown key; there are {', '.join(sorted(known))}")
+    for key in sorted(required):
+        if key not in data:
+            raise DataError(f"{where}: {key}", limit="missing")
+
+
+def _at(where: str, part: str, number: int) -> str:
+    return f"{where}: {part}[{number}]"

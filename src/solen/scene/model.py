@@ -18,11 +18,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import Curve, Segment
+from solen.curve import Curve, Segment, check_numbers, check_points
 from solen.errors import DesignError
-from solen.plane import Point, heading
+from solen.plane import Point, cross, dot, heading, minus, unit
 
 Behaviour = Literal["refracting", "mirror", "absorbing", "receiver"]
+ON_IT_MM = 1e-9
+"""How near to an interface a monitor lies on it."""
 BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver")
 
 
@@ -56,6 +58,14 @@ class Monitor:
     end: Point
     bins: int = 0
 
+    def __post_init__(self) -> None:
+        what = f"monitor {self.name}"
+        check_points(what, self.start, self.end)
+        if self.start == self.end:
+            raise DesignError(what, value=f"from {self.start} to itself", limit="must have a length")
+        if self.bins < 0 or self.bins != int(self.bins):
+            raise DesignError(f"{what} bins", value=self.bins, limit="must be a whole number of at least 0")
+
     @property
     def segment(self) -> Segment:
         """The line as a curve."""
@@ -88,6 +98,16 @@ class Source(ABC):
     def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Origins (N, 2) in mm and unit directions (N, 2) of the rays of those numbers."""
 
+    def check(self) -> None:
+        """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
+        if self.rays < 1 or self.rays != int(self.rays):
+            raise DesignError("source rays", value=self.rays, limit="must be a whole number of at least 1")
+        check_numbers("source", self.power, self.s_share)
+        if not self.power > 0.0:
+            raise DesignError("source power", value=self.power, limit="must be above 0")
+        if not 0.0 <= self.s_share <= 1.0:
+            raise DesignError("source s_share", value=self.s_share, limit="must be from 0 to 1")
+
     def launch(self, start: int = 0, stop: int | None = None) -> Launch:
         """Rays ``start`` up to ``stop``; each has the same share of the source's power."""
         number = np.arange(start, self.rays if stop is None else stop, dtype=float)
@@ -117,6 +137,14 @@ class Fan(Source):
         angle = np.radians(self.axis_deg + self.cone_deg * ((number + 0.5) / self.rays - 0.5))
         return np.tile(self.point, (len(number), 1)), np.column_stack([-np.sin(angle), np.cos(angle)])
 
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("fan", self.point)
+        check_numbers("fan", self.axis_deg, self.cone_deg)
+        if not 0.0 <= self.cone_deg <= 360.0:
+            raise DesignError("fan cone_deg", value=self.cone_deg, limit="must be from 0 to 360")
+
 
 @dataclass(frozen=True)
 class Beam(Source):
@@ -134,6 +162,12 @@ class Beam(Source):
         share = ((number + 0.5) / self.rays)[:, None]
         origin = (1.0 - share) * np.asarray(self.start) + share * np.asarray(self.end)
         return origin, np.tile(heading(self.direction_deg), (len(number), 1))
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("beam", self.start, self.end)
+        check_numbers("beam direction_deg", self.direction_deg)
 
 
 @dataclass(frozen=True)
@@ -156,6 +190,16 @@ class Rays(Source):
         direction = np.asarray(self.directions, dtype=float)[which]
         return np.asarray(self.origins, dtype=float)[which], direction / np.hypot(*direction.T)[:, None]
 
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        if len(self.origins) != len(self.directions):
+            found = f"{len(self.origins)} origins, {len(self.directions)} directions"
+            raise DesignError("rays", value=found, limit="must be as many of both")
+        check_points("rays", *self.origins, *self.directions)
+        if any(not math.hypot(*direction) > 0.0 for direction in self.directions):
+            raise DesignError("rays", value="a direction (0, 0)", limit="must have a length")
+
 
 @dataclass(frozen=True)
 class Scene:
@@ -175,10 +219,12 @@ class Scene:
             _check_region(region)
         for interface in self.interfaces:
             self._check_interface(interface)
-        if not self.sources or sum(source.rays for source in self.sources) < 1:
-            raise DesignError("scene.sources", value=len(self.sources), limit="at least one source with one ray")
-        if not all(math.isfinite(source.power) and source.power > 0 for source in self.sources):
-            raise DesignError("scene.sources", value="a power of 0 or less", limit="must be above 0")
+        if not self.sources:
+            raise DesignError("scene sources", value=0, limit="at least one is needed")
+        for source in self.sources:
+            source.check()
+        for monitor in self.monitors:
+            self._check_monitor(monitor)
 
     @property
     def receivers(self) -> tuple[str, ...]:
@@ -207,6 +253,27 @@ class Scene:
             raise DesignError(
                 what, value=interface.receiver, limit="a receiver, and only a receiver, names its detector"
             )
+
+    def _check_monitor(self, monitor: Monitor) -> None:
+        """A monitor along an interface would count by rounding what lies on it."""
+        for interface in self.interfaces:
+            if isinstance(interface.curve, Segment) and _overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
+                raise DesignError(
+                    f"monitor {monitor.name}",
+                    value=f"lies on interface {interface.name}",
+                    limit="must lie off every interface",
+                    remedy="move it a little to the side that you want counted",
+                )
+
+
+def _overlap_mm(a: Segment, b: Segment) -> float:
+    """Length that two segments share on one line; 0 where they are not on one line."""
+    direction = unit(minus(a.b, a.a))
+    starts = (minus(b.a, a.a), minus(b.b, a.a))
+    if any(abs(cross(direction, start)) > ON_IT_MM for start in starts):
+        return 0.0
+    low, high = sorted(dot(direction, start) for start in starts)
+    return min(high, a.length_mm) - max(low, 0.0)
 
 
 def _check_region(region: Region) -> None:

@@ -20,7 +20,12 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     interfaces: list[Interface] = []
     for face in body.faces:
         interfaces.extend(_interfaces(design, face))
-    emitter = Fan(body.emitter.point, body.emitter.axis_deg, design.emitter.cone_deg, rays or design.emitter.rays)
+    emitter = Fan(
+        body.emitter.point,
+        body.emitter.axis_deg,
+        design.emitter.cone_deg,
+        design.emitter.rays if rays is None else rays,
+    )
     regions = (AIR, Region(BODY, material.index, material.absorption_per_mm))
     return Scene(regions, tuple(interfaces), (emitter,), name=design.name)
 

@@ -19,9 +19,11 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, not_y
 MAX_STEPS = 100_000
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
 
+Length = Annotated[Number, Field(ge=1e-6, le=1e6)]
+Place = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Index = Annotated[Number, Field(ge=1, lt=5)]
 Sweep = Annotated[Number, Field(gt=-90, lt=90)]
-Point = tuple[Number, Number]
+Point = tuple[Place, Place]
 Pivot = Literal["stem-base", "emitter"] | Point
 Part = Literal["lens", "emitter"]
 
@@ -69,8 +71,8 @@ class Emitter(Strict):
     reserved: ClassVar[frozenset[str]] = frozenset({"part", "power_mW", "width_mm", "height_mm", "spectrum"})
 
     wavelength_nm: Annotated[Number, Field(ge=100, le=20_000)] = Field(860.0, description="Wavelength in nm.")
-    distance_mm: Positive = Field(1.0, description="Distance to the lens vertex in mm.")
-    offset_mm: Number = Field(0.0, description="Decentre from the axis in mm, towards +x.")
+    distance_mm: Length = Field(1.0, description="Distance to the lens vertex in mm.")
+    offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, towards +x.")
     cone_deg: Annotated[Number, Field(gt=0, le=180)] = Field(
         120.0, description="Full opening angle of the emitted fan in degrees."
     )
@@ -90,8 +92,8 @@ class Lens(Strict):
         "cartesian-oval",
         description="A Cartesian oval, or none: a flat face at the stem's base, the emitter distance_mm before it.",
     )
-    focus_mm: Positive = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
-    half_width_mm: Positive = Field(2.0, description="Half the lens aperture in mm.")
+    focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
+    half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
     design_index: Index | None = Field(
         None,
         description="Index that the lens is shaped for; default: the material's at the emitter's wavelength.",
@@ -104,15 +106,17 @@ class Body(Strict):
     table: ClassVar[str] = "body"
 
     kind: Annotated[Literal["y"], not_yet("outline")] = Field("y", description="Shape of the body: a Y.")
-    stem_length_mm: Positive = Field(16.2, description="Length of the stem in mm.")
-    stem_curve_per_mm: Number = Field(0.004, description="Quadratic coefficient of the stem's edge in 1/mm.")
-    arm_length_mm: Positive = Field(22.2, description="Length of an arm in mm.")
-    arm_width_mm: Positive = Field(3.0, description="Width of an arm in mm.")
+    stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
+    stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
+        0.004, description="Quadratic coefficient of the stem's edge in 1/mm."
+    )
+    arm_length_mm: Length = Field(22.2, description="Length of an arm in mm.")
+    arm_width_mm: Length = Field(3.0, description="Width of an arm in mm.")
     arm_angle_deg: Annotated[Number, Field(gt=0, lt=90)] | None = Field(
         None,
         description="Angle of an arm from the axis in degrees; default: tangent to the stem's edge at the fork.",
     )
-    thickness_mm: Positive = Field(4.0, description="Thickness in mm, along y.")
+    thickness_mm: Length = Field(4.0, description="Thickness in mm, along y.")
 
 
 class Receivers(Strict):
@@ -131,7 +135,7 @@ class Receivers(Strict):
     coupling: Literal["matched", "air-gap"] = Field(
         "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
     )
-    gap_mm: Positive | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
 
     @model_validator(mode="after")
     def _gap_with_air_gap_only(self) -> Self:

@@ -22,7 +22,6 @@ from solen.trace.result import (
     ESCAPED,
     KEPT_PLACES,
     LEG,
-    MODES,
     TRUNCATED,
     Crossed,
     Detected,
@@ -30,6 +29,7 @@ from solen.trace.result import (
     Limits,
     Mode,
     Trace,
+    check_mode,
     in_order,
 )
 from solen.trace.tables import Tables, compile_scene
@@ -75,14 +75,16 @@ def trace(
     DesignError
         Unknown mode, limits out of range, or a curve that the engine does not know.
     """
-    if mode not in MODES:
-        raise DesignError("mode", value=mode, limit=f"must be one of {', '.join(MODES)}")
+    check_mode(mode)
+    threads = (os.cpu_count() or 1) if threads is None else threads
+    if threads < 1:
+        raise DesignError("threads", value=threads, limit="must be at least 1")
     limits = limits or Limits()
     tables = compile_scene(scene)
     total = _empty(tables, scene)
     kept: list[np.ndarray[tuple[int, ...], np.dtype[np.void]]] = []
     done = 0
-    for rays, sums in _chunks(scene, tables, mode == "power", limits, legs, threads or os.cpu_count() or 1):
+    for rays, sums in _chunks(scene, tables, mode == "power", limits, legs, threads):
         total = _add(total, sums)
         if legs:
             kept.append(_legs(sums, scene.emitted))

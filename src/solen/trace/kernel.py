@@ -17,7 +17,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import END_TOLERANCE_MM, ROUNDING
+from solen.curve import END_TOLERANCE_MM, ROUNDING, SMALL
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import ABSORBING, ARC, MIRROR, PARABOLA, RECEIVER, SEGMENT, Tables
 
@@ -68,6 +68,12 @@ class Sums(NamedTuple):
 
 
 @compiled
+def other_root(a: float, b: float, rest: float) -> float:
+    """The root of a t² + b t + rest that is not the one next to 0; see `solen.curve.quadratic_roots`."""
+    return -b / a + (rest / b if abs(a * rest) < SMALL * b * b else 0.0)
+
+
+@compiled
 def segment_hits(
     c: int, shape: Floats, n: int, x: Floats, z: Floats, dx: Floats, dz: Floats, last: Ints, best: Floats, found: Ints
 ) -> None:
@@ -89,18 +95,22 @@ def arc_hits(
 ) -> None:
     """Arc ``c`` against rays 0 to n, as in `segment_hits`."""
     cx, cz, radius, mx, mz = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4]
-    reach = radius * shape[c, 5] - END_TOLERANCE_MM
+    end, at_most_half = shape[c, 5], shape[c, 7] == 1.0
     for i in range(n):
         wx, wz = x[i] - cx, z[i] - cz
         half_b = wx * dx[i] + wz * dz[i]
         rest = wx * wx + wz * wz - radius * radius
-        rest = 0.0 if last[i] == c else rest
         square = half_b * half_b - rest
         root = math.sqrt(max(square, 0.0))
         q = -half_b - (root if half_b >= 0.0 else -root)
-        for t in (q, rest / q):
-            hit = (t > 0.0) & (t < best[i]) & (square >= 0.0)
-            hit &= (wx + t * dx[i]) * mx + (wz + t * dz[i]) * mz >= reach
+        other = other_root(1.0, 2.0 * half_b, rest)
+        leaving = last[i] == c
+        for t in (other if leaving else q, -1.0 if leaving else rest / q):
+            px, pz = wx + t * dx[i], wz + t * dz[i]
+            forward, beside = px * mx + pz * mz, abs(px * mz - pz * mx)
+            short = (forward >= -END_TOLERANCE_MM) & (beside <= end + END_TOLERANCE_MM)
+            long = (forward >= 0.0) | (beside >= end - END_TOLERANCE_MM)
+            hit = (t > 0.0) & (t < best[i]) & (leaving | (square >= 0.0)) & (short if at_most_half else long)
             best[i] = t if hit else best[i]
             found[i] = c if hit else found[i]
 
@@ -118,13 +128,14 @@ def parabola_hits(
         d_run, d_rise = dx[i] * ax + dz[i] * az, dx[i] * az - dz[i] * ax
         a, b = -bend * d_run * d_run, d_rise - 2.0 * bend * run * d_run
         rest = rise - bend * run * run
-        rest = 0.0 if last[i] == c else rest
         square = b * b - 4.0 * a * rest
         root = math.sqrt(max(square, 0.0))
         q = -0.5 * (b + (root if b >= 0.0 else -root))
-        for t in (q / a, rest / q):
+        other = other_root(a, b, rest)
+        leaving = last[i] == c
+        for t in (other if leaving else q / a, -1.0 if leaving else rest / q):
             place = run + t * d_run
-            hit = (t > 0.0) & (t < best[i]) & (square >= 0.0) & (place >= low) & (place <= high)
+            hit = (t > 0.0) & (t < best[i]) & (leaving | (square >= 0.0)) & (place >= low) & (place <= high)
             best[i] = t if hit else best[i]
             found[i] = c if hit else found[i]
 
@@ -151,8 +162,8 @@ def oval_hits(
     the far root. Rays that pass the depth of the front while still inside the convex oval cannot meet it at all.
 
     Rows of ``work``: 0 to 5 x, z, dx, dz, distance and state of the rays that Newton's method runs on, whose places are
-    in ``pick``; 6 to 14 residual, slope, residual at the front's depth, place, x, z, dx, dz and whether it stands on the
-    front, of all rays that come near.
+    in ``pick``; 6 to 14 residual, slope, residual at the front's depth, place, x, z, dx, dz and whether it stands on
+    the front, of all rays that come near.
     """
     near = oval_near(c, shape, n, x, z, dx, dz, last, work)
     if near == 0:
@@ -165,10 +176,23 @@ def oval_hits(
         oval_newton(c, shape, m, work, 1.0 if far else -1.0)
         for j in range(m):
             i, t = pick[j], work[4, j]
-            depth = (x[i] + t * dx[i] - shape[c, 7]) * shape[c, 9] + (z[i] + t * dz[i] - shape[c, 8]) * shape[c, 10]
-            if work[5, j] == CONVERGED and 0.0 < t < best[i] and depth <= shape[c, 11] + END_TOLERANCE_MM:
+            if (
+                work[5, j] == CONVERGED
+                and 0.0 < t < best[i]
+                and oval_holds(c, shape, x[i] + t * dx[i], z[i] + t * dz[i])
+            ):
                 best[i] = t
                 found[i] = c
+
+
+@compiled
+def oval_holds(c: int, shape: Floats, x: float, z: float) -> bool:
+    """Whether a point of the oval is between the rays from the object focus to the front's ends, and faces it."""
+    rx, rz, qx, qz = x - shape[c, 0], z - shape[c, 1], x - shape[c, 2], z - shape[c, 3]
+    r, q = math.sqrt(rx * rx + rz * rz), math.sqrt(qx * qx + qz * qz)
+    right = shape[c, 16] * rz - shape[c, 17] * rx >= -END_TOLERANCE_MM
+    left = shape[c, 18] * rz - shape[c, 19] * rx <= END_TOLERANCE_MM
+    return bool(right and left and shape[c, 4] * r + shape[c, 5] * (qx * rx + qz * rz) / q < 0.0)
 
 
 @compiled
@@ -188,10 +212,20 @@ def oval_near(
 
 
 @compiled
+def oval_residual(c: int, shape: Floats, x: float, z: float, to_1: float, to_2: float) -> float:
+    """Residual of the oval's equation, from the distances to both foci; see `solen.curve.CartesianOval.residual_mm`."""
+    wx, wz = x - shape[c, 7], z - shape[c, 8]
+    square, forward = wx * wx + wz * wz, wx * shape[c, 9] + wz * shape[c, 10]
+    first = (square + 2.0 * shape[c, 6] * forward) / (to_1 + shape[c, 6])
+    second = (square - 2.0 * shape[c, 20] * forward) / (to_2 + shape[c, 20])
+    return float(shape[c, 4] * first + shape[c, 5] * second)
+
+
+@compiled
 def oval_classify(c: int, shape: Floats, near: int, work: Floats) -> None:
     """Residual and slope where the rays stand, and the residual where they reach the front's depth."""
     x1, z1, x2, z2 = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3]
-    n1, n2, constant = shape[c, 4], shape[c, 5], shape[c, 6]
+    n1, n2 = shape[c, 4], shape[c, 5]
     vx, vz, ax, az, depth = shape[c, 7], shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11]
     for j in range(near):
         x, z, dx, dz = work[10, j], work[11, j], work[12, j], work[13, j]
@@ -199,18 +233,20 @@ def oval_classify(c: int, shape: Floats, near: int, work: Floats) -> None:
         p, q = math.sqrt(px * px + pz * pz), math.sqrt(qx * qx + qz * qz)
         slope_1 = (px * dx + pz * dz) / (p if p > 0.0 else 1.0)  # at a focus the mean of both sides, 0
         slope_2 = (qx * dx + qz * dz) / (q if q > 0.0 else 1.0)
-        work[6, j] = n1 * p + n2 * q - constant
+        work[6, j] = oval_residual(c, shape, x, z, p, q)
         work[7, j] = n1 * slope_1 + n2 * slope_2
         top = (depth - (x - vx) * ax - (z - vz) * az) / (dx * ax + dz * az)
         px, pz, qx, qz = px + top * dx, pz + top * dz, qx + top * dx, qz + top * dz
-        beyond = n1 * math.sqrt(px * px + pz * pz) + n2 * math.sqrt(qx * qx + qz * qz) - constant
+        p, q = math.sqrt(px * px + pz * pz), math.sqrt(qx * qx + qz * qz)
+        beyond = oval_residual(c, shape, x + top * dx, z + top * dz, p, q)
         work[8, j] = beyond if top > 0.0 else -1.0
 
 
 @compiled
 def oval_starts(c: int, shape: Floats, near: int, work: Floats, pick: Ints, far: bool) -> int:
     """Of the rays near the front take those that may meet the near or the far root on it, with Newton's start."""
-    circle, outwards = shape[c, 6] / shape[c, 5], 1.0 if far else -1.0
+    circle = shape[c, 4] * shape[c, 6] / shape[c, 5] + shape[c, 20]  # about the image focus; the oval lies inside it
+    outwards = 1.0 if far else -1.0
     m = 0
     for j in range(near):
         leaving = work[14, j] == 1.0
@@ -238,7 +274,8 @@ def oval_starts(c: int, shape: Floats, near: int, work: Floats, pick: Ints, far:
 def oval_newton(c: int, shape: Floats, m: int, work: Floats, outwards: float) -> None:
     """Newton's method from outside for m rays side by side; ``work`` as in `oval_hits`."""
     x1, z1, x2, z2 = shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3]
-    n1, n2, constant = shape[c, 4], shape[c, 5], shape[c, 6]
+    n1, n2 = shape[c, 4], shape[c, 5]
+    vx, vz = shape[c, 7], shape[c, 8]
     wx, wz, wdx, wdz, distance, state = work[0], work[1], work[2], work[3], work[4], work[5]
     for _ in range(NEWTON_STEPS):
         running = 0
@@ -246,12 +283,14 @@ def oval_newton(c: int, shape: Floats, m: int, work: Floats, outwards: float) ->
             px, pz = wx[j] + distance[j] * wdx[j], wz[j] + distance[j] * wdz[j]
             ax, az, bx, bz = px - x1, pz - z1, px - x2, pz - z2
             a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
-            value = n1 * a + n2 * b - constant
+            value = oval_residual(c, shape, px, pz, a, b)
             slope = n1 * (ax * wdx[j] + az * wdz[j]) / a + n2 * (bx * wdx[j] + bz * wdz[j]) / b
             live = state[j] == RUNNING
             missed = slope * outwards <= 0.0
             distance[j] = distance[j] - value / slope if live & (not missed) else distance[j]
-            now = MISSED if missed else (CONVERGED if value <= ROUNDING * constant else RUNNING)
+            lengths = abs(distance[j]) + math.sqrt((px - vx) * (px - vx) + (pz - vz) * (pz - vz))
+            small = (value <= ROUNDING * lengths * (n1 + n2)) | (abs(value) <= ROUNDING * abs(distance[j] * slope))
+            now = MISSED if missed else (CONVERGED if small else RUNNING)
             state[j] = now if live else state[j]
             running += 1 if state[j] == RUNNING else 0
         if running == 0:
@@ -396,10 +435,10 @@ def interact(
         cos_in, nx, nz = -cos_in, -nx, -nz
     bx, bz = dx + 2.0 * cos_in * nx, dz + 2.0 * cos_in * nz
     ratio = n1 / n2
-    sin2 = ratio * ratio * (1.0 - cos_in * cos_in)
-    if mirror or sin2 >= 1.0:
+    cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; exact also where the indices match
+    if mirror or cos2 <= 0.0:
         return 0.0, 0.0, bx, bz, 1.0, 1.0
-    cos_out = math.sqrt(1.0 - sin2)
+    cos_out = math.sqrt(cos2) / n2
     bend = ratio * cos_in - cos_out
     tx, tz = ratio * dx + bend * nx, ratio * dz + bend * nz
     scale = 1.0 / math.sqrt(tx * tx + tz * tz)

@@ -30,6 +30,7 @@ from solen.trace.result import (
     Limits,
     Mode,
     Trace,
+    check_mode,
     in_order,
 )
 
@@ -62,6 +63,7 @@ class Ray:
 
 def trace_reference(scene: Scene, mode: Mode = "count", limits: Limits | None = None, *, legs: bool = False) -> Trace:
     """Trace every ray of every source; see `solen.trace.engine.trace` for the parameters."""
+    check_mode(mode)
     tracer = _Tracer(scene, mode, limits or Limits())
     number = 0
     for source in scene.sources:

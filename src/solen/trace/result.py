@@ -34,6 +34,12 @@ KEPT_PLACES = 16
 """How many places of undefined rays a trace remembers."""
 
 
+def check_mode(mode: str) -> None:
+    """`DesignError` for a mode that does not exist."""
+    if mode not in MODES:
+        raise DesignError("mode", value=mode, limit=f"must be one of {', '.join(MODES)}")
+
+
 @dataclass(frozen=True)
 class Limits:
     """Where following a ray ends.
@@ -133,13 +139,15 @@ def in_order(legs: NDArray[np.void]) -> NDArray[np.void]:
 def _path(legs: NDArray[np.void]) -> Path:
     last = legs[-1]
     starts = np.column_stack([legs["x_mm"], legs["z_mm"]])
-    end = starts[-1] + last["length_mm"] * np.array([last["dx"], last["dz"]])
     escaped = not np.isfinite(last["length_mm"])
+    corners = (
+        starts if escaped else np.vstack([starts, starts[-1] + last["length_mm"] * np.array([last["dx"], last["dz"]])])
+    )
     return Path(
         ray=int(last["ray"]),
         branch=int(last["branch"]),
         parent=int(last["parent"]),
-        points=starts if escaped else np.vstack([starts, end]),
+        points=corners,
         interfaces=tuple(int(i) for i in legs["interface"] if i >= 0),
         power=float(legs[0]["power_s"] + legs[0]["power_p"]),
         fate=FATES[int(last["fate"])],

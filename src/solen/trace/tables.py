@@ -4,6 +4,7 @@ One row per interface: the kind of its curve, up to `WIDTH` numbers that describ
 sides and its receiver. A new curve is a class in `solen.curve`, a row here and a function in `solen.trace.kernel`.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -18,7 +19,7 @@ from solen.scene.model import BEHAVIOURS
 
 SEGMENT, ARC, PARABOLA, OVAL = range(4)
 REFRACTING, MIRROR, ABSORBING, RECEIVER = range(len(BEHAVIOURS))
-WIDTH = 16
+WIDTH = 21
 
 
 class Tables(NamedTuple):
@@ -85,7 +86,8 @@ def _segment(curve: Segment) -> tuple[float, ...]:
 
 def _arc(curve: Arc) -> tuple[float, ...]:
     towards_center = 1.0 if curve.sweep_deg > 0 else -1.0
-    return (*curve.center, curve.radius_mm, *curve.middle, curve.cos_half, towards_center)
+    end_mm = curve.radius_mm * math.sin(math.radians(curve.half_deg))
+    return (*curve.center, curve.radius_mm, *curve.middle, end_mm, towards_center, float(curve.half_deg <= 90.0))
 
 
 def _parabola(curve: Parabola) -> tuple[float, ...]:
@@ -95,14 +97,16 @@ def _parabola(curve: Parabola) -> tuple[float, ...]:
 
 
 def _oval(curve: CartesianOval) -> tuple[float, ...]:
-    """Foci, indices, constant, vertex, axis, depth, side of the normal, and a circle round the piece."""
+    """Foci, indices, distances, vertex, axis, depth, side of the normal, a circle round the piece, rays to its ends."""
     outline = curve.flattened()
     center = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
     radius = 1.01 * float(np.max(np.hypot(*(outline - center).T))) + 1e-3  # generous: it only spares Newton's method
     outwards = 1.0 if curve.to_deg > curve.from_deg else -1.0
     foci = (*curve.object_focus, *curve.image_focus)
     frame = (*curve.vertex, *curve.axis, curve.depth_mm, outwards)
-    return (*foci, curve.n1, curve.n2, curve.constant_mm, *frame, float(center[0]), float(center[1]), radius)
+    circle = (float(center[0]), float(center[1]), radius)
+    right, left = curve.end_rays
+    return (*foci, curve.n1, curve.n2, curve.object_mm, *frame, *circle, *right, *left, curve.image_mm)
 
 
 ROWS: dict[type[Curve], tuple[int, Callable[[Any], tuple[float, ...]]]] = {

@@ -1,0 +1,90 @@
+"""Figures: the same bytes for the same numbers, in each kind of file, showing what they say."""
+
+from xml.etree import ElementTree
+
+import pytest
+
+from solen.lens import OvalLens
+from solen.report.figures import encoded, profile_figure, rays_figure, response_figure, sensor_view, svg
+from solen.report.html import figures
+from tests.report.conftest import Studies
+
+
+def words(text: str) -> list[str]:
+    """All texts of an SVG, which keeps them as text."""
+    root = ElementTree.fromstring(text)  # noqa: S314  drawn by this package
+    return ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
+
+
+@pytest.mark.parametrize("name", ["paper", "dark"])
+def test_figures_are_the_same_byte_for_byte(studied: Studies, name: str) -> None:
+    assert figures(studied(name)) == figures(studied(name))
+
+
+@pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
+def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix: str, start: bytes) -> None:
+    case = studied("paper").flat
+    pair = (case.counted, case.power)
+    first, second = (encoded(response_figure(None, pair), suffix, "response") for _ in range(2))
+    assert first.startswith(start)
+    assert first == second
+    assert b"CreationDate" not in first
+    assert b"<dc:date>" not in first
+
+
+def test_the_salt_keeps_the_names_of_two_figures_apart(studied: Studies) -> None:
+    case = studied("paper").flat
+    pair = (case.counted, case.power)
+    one, other = (svg(response_figure(None, pair), salt) for salt in ("one", "other"))
+    assert one != other
+    assert words(one) == words(other)
+
+
+def test_the_profile_stands_beside_those_of_the_paper_s_indices(studied: Studies) -> None:
+    lens = studied("paper").case.sensor.lens
+    assert isinstance(lens, OvalLens)
+    told = words(svg(profile_figure(lens), "profile"))
+    assert "n = 1.44 (this lens)" in told
+    assert {"n = 1.49", "n = 1.54"} <= set(told)
+    assert "n = 1.44" not in told
+    acrylate = studied("acrylate").case.sensor.lens
+    assert isinstance(acrylate, OvalLens)
+    told = words(svg(profile_figure(acrylate), "profile"))
+    assert {"n = 1.44", "n = 1.49", "n = 1.54", f"n = {acrylate.design_index:.4g} (this lens)"} <= set(told)
+
+
+def test_a_lens_too_wide_for_another_index_is_drawn_alone() -> None:
+    told = words(svg(profile_figure(OvalLens(1.0, 20.0, 3.1, 1.54)), "profile"))
+    assert "n = 1.44" not in told
+    assert "n = 1.54 (this lens)" in told
+
+
+def test_the_response_shows_both_receivers_of_both_cases(studied: Studies) -> None:
+    told = words(figures(studied("paper"))["response"])
+    for label in ("right, with lens", "left, with lens", "right, no lens", "left, no lens", "dots: counted rays"):
+        assert label in told
+    alone = words(figures(studied("no lens"))["response"])
+    assert "right, no lens" in alone
+    assert "right, with lens" not in alone
+
+
+def test_views_are_titled_by_their_angles(studied: Studies) -> None:
+    drawn = figures(studied("paper"))
+    assert {"-3°", "0°", "+3°"} <= {word.replace("−", "-") for word in words(drawn["rays"])}
+    assert {"no lens, 0°", "no lens, +3°"} <= set(words(drawn["rays-without-lens"]))
+
+
+def test_a_view_draws_every_ray_in_the_colour_of_its_receiver(studied: Studies) -> None:
+    sensor = studied("paper").case.sensor
+    title, body, scene, trace = sensor_view(sensor, -3.0, 50)
+    assert (title, scene.rays, trace.rays, trace.mode) == ("-3°", 50, 50, "count")
+    assert body.face("lens").curve.start != sensor.body().face("lens").curve.start
+    figure = rays_figure([(title, body, scene, trace)])
+    (axes,) = figure.axes
+    drawn = [len(lines.get_paths()) for lines in axes.collections]
+    detected = trace.detectors["right"].rays
+    assert detected > 20
+    assert trace.detectors["left"].rays == 0
+    assert sorted(drawn) == sorted([0, detected, 50 - detected])
+
+

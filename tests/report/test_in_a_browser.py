@@ -1,0 +1,73 @@
+"""The report as a browser lays it out, with no network."""
+
+import json
+import re
+import shutil
+import subprocess
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solen.report.html import figures, html
+from tests.report.conftest import Studies
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+FLAGS = [
+    *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+PROBE = """<script>addEventListener("load", () => {
+  document.querySelectorAll("details").forEach(one => one.open = true);
+  const box = one => { const b = one.getBoundingClientRect(); return [b.left, b.top, b.width, b.height]; };
+  const found = {
+    headings: [...document.querySelectorAll("h1, h2")].filter(one => one.offsetHeight > 0).map(one => one.textContent),
+    figures: [...document.querySelectorAll("figure > svg")].map(box),
+    captions: [...document.querySelectorAll("figcaption")].map(box),
+    findings: [...document.querySelectorAll("dd")].filter(one => one.offsetHeight > 0).length,
+    rows: document.querySelectorAll("details tbody tr").length,
+    loaded: performance.getEntriesByType("resource").map(one => one.name).filter(name => !name.startsWith("data:")),
+    width: innerWidth,
+    wide: document.documentElement.scrollWidth,
+  };
+  const place = document.createElement("pre");
+  place.id = "probe";
+  place.textContent = JSON.stringify(found);
+  document.body.append(place);
+});</script>"""
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+
+def laid_out(text: str, folder: Path, width: int) -> Any:
+    """What the probe finds in the page, laid out in a window of that width."""
+    page = folder / "the report.html"
+    page.write_text(text.replace("</body>", f"{PROBE}</body>"), encoding="utf-8")
+    own = [f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom", page.as_uri()]
+    assert CHROMIUM is not None
+    done = subprocess.run([CHROMIUM, *FLAGS, *own], capture_output=True, timeout=50, check=True)
+    found = re.search(r'<pre id="probe">(.*?)</pre>', done.stdout.decode("utf-8"), re.DOTALL)
+    assert found, done.stderr.decode("utf-8", "replace")[-500:]
+    return json.loads(unescape(found[1]))
+
+
+@pytest.mark.parametrize("width", [1200, 520])
+def test_the_report_renders_with_all_figures_and_headings(studied: Studies, tmp_path: Path, width: int) -> None:
+    study = studied("paper")
+    drawn = figures(study)
+    found = laid_out(html(study, drawn), tmp_path, width)
+    assert found["headings"] == [
+        *("SOLen 860 nm", "What this means if you want to print it", "Response", "Rays", "Lens and body")
+    ]
+    assert len(found["figures"]) == len(found["captions"]) == len(drawn) == 5
+    for (left, top, wide, high), caption in zip(found["figures"], found["captions"], strict=True):
+        assert wide > 300
+        assert high > 80
+        assert left >= 0
+        assert left + wide <= found["width"] + 1
+        assert caption[1] >= top + high - 1
+    assert found["findings"] == 6
+    assert found["rows"] == 3
+    assert found["loaded"] == []
+    assert found["wide"] <= found["width"], "the page scrolls sideways"
