@@ -177,7 +177,7 @@ def _run(arguments: list[str]) -> int:
     except cyclopts.CycloptsError as bad:
         return _refuse(" ".join(str(bad).split()), BAD_INPUT)
     except KeyboardInterrupt:
-        return _refuse("interrupted; nothing was written", INTERRUPTED)
+        return _refuse("interrupted; no file is half-written", INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe had enough
         sys.stderr.close()
         return 0

@@ -105,6 +105,11 @@ class Curve(ABC):
         """Last point, mm."""
         return self._point(1.0)
 
+    @property
+    def middle_point(self) -> Point:
+        """Point halfway along the parameter, mm."""
+        return self._point(0.5)
+
     def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
         """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
 

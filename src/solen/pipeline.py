@@ -83,7 +83,7 @@ def lens(
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(["x_mm", "z_mm"])
-        writer.writerows([repr(float(x)), repr(float(z))] for x, z in points)
+        writer.writerows([round(float(x), 14), round(float(z), 14)] for x, z in points)
         files.write_text(table, text.getvalue())
         found |= {"profile": str(table), "profile_points": len(points), "profile_tolerance_mm": tolerance_mm}
     return found

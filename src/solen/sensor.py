@@ -77,12 +77,18 @@ class Response:
         return float(rise / (self.angle_deg[i + 1] - self.angle_deg[i - 1]))
 
     def saturation_deg(self) -> float | None:
-        """Smallest distance from the null at which the contrast reaches `SATURATED`; None where it never does."""
-        null = self.null_deg()
-        full = np.abs(self.contrast) >= SATURATED
-        if null is None or not full.any():
+        """Smallest distance from the null at which the contrast reaches `SATURATED`, by a straight line between angles.
+
+        None where it never does, or without a null.
+        """
+        null, size = self.null_deg(), np.abs(self.contrast)
+        if null is None:
             return None
-        return float(np.min(np.abs(self.angle_deg[full] - null)))
+        reached = [float(self.angle_deg[i]) for i in np.flatnonzero(size >= SATURATED)]
+        for i in np.flatnonzero((size[:-1] - SATURATED) * (size[1:] - SATURATED) < 0.0):
+            share = (SATURATED - size[i]) / (size[i + 1] - size[i])
+            reached.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
+        return min((abs(angle_deg - null) for angle_deg in reached), default=None)
 
 
 @dataclass(frozen=True)

@@ -79,12 +79,10 @@ def test_a_ray_inside_a_circle_walks_round_it_in_equal_chords(angle_deg: float) 
     assert walk(Arc.circle((0.3, 0.7), 2.0), angle_deg, 100) < 1e-11
 
 
-@pytest.mark.xfail(reason="defect: dividing the root out lets the ray drift off the circle, then miss it", strict=True)
 def test_a_ray_inside_a_circle_never_drifts_out() -> None:
     assert walk(Arc.circle((0.0, 0.0), 1.0), 60.0, 5000) < 1e-11
 
 
-@pytest.mark.xfail(reason="defect: the ends of a nearly flat arc are lost to rounding", strict=True)
 @pytest.mark.parametrize("bulge_mm", [1e-6, 1e-7, 1e-8])
 def test_a_nearly_flat_arc_keeps_its_ends(bulge_mm: float) -> None:
     arc = Arc.through((0.0, 0.0), (1.0, bulge_mm), (2.0, 0.0))
@@ -93,7 +91,6 @@ def test_a_nearly_flat_arc_keeps_its_ends(bulge_mm: float) -> None:
     assert arc.hits((2.000001, -1.0), (0.0, 1.0)) == ()
 
 
-@pytest.mark.xfail(reason="defect: the end tolerance grows with 1/sin of half the sweep", strict=True)
 @pytest.mark.parametrize("sweep_deg", [0.001, 359.999])
 def test_an_arc_reaches_no_further_than_the_end_tolerance(sweep_deg: float) -> None:
     assert Arc((0.0, 0.0), 1.0, 0.0, sweep_deg).hits((0.5, -1e-8), (1.0, 0.0)) == ()

@@ -124,7 +124,6 @@ def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[st
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another limit on names")
-@pytest.mark.xfail(reason="defect: path.exists() stands outside the try", strict=True, raises=OSError)
 def test_a_folder_of_too_long_a_name_is_told(tmp_path: Path) -> None:
     with pytest.raises(OutputError), files.output_folder(tmp_path / ("x" * 300)):
         pytest.fail("entered")
@@ -156,14 +155,12 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
     told(refusal.value)
 
 
-@pytest.mark.xfail(reason="defect: a null byte in a path is a ValueError to pathlib", strict=True)
 def test_a_path_with_a_null_byte_is_told() -> None:
     with pytest.raises(DataError):
         files.read_text(Path("a\0b"), DataError)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX permissions")
-@pytest.mark.xfail(reason="defect: a private file becomes readable by all", strict=True)
 def test_a_private_file_stays_private(tmp_path: Path) -> None:
     target = tmp_path / "out.txt"
     target.write_text("old", encoding="utf-8")

@@ -188,7 +188,6 @@ def test_a_design_is_cut_for_its_own_index_unless_it_says_otherwise() -> None:
     assert isinstance(lens_of(own, 1.5).front, CartesianOval)
 
 
-@pytest.mark.xfail(reason="defect: cancellation of |P − F2| − s' for a long focus", strict=True)
 def test_a_long_focus_keeps_the_profile() -> None:
     x, f, n = 1.0, 1e9, 1.44
     z = float(OvalLens(1.0, f, 2.0, n).z_mm(x))

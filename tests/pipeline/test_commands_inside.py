@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from solen import pipeline
+from solen import files, pipeline
 from solen.errors import OutputError, SpecError
 from solen.spec import load, template, template_names
 
@@ -117,7 +117,7 @@ def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.M
     def full(*_: object) -> None:
         raise OutputError("disk", limit="full")
 
-    monkeypatch.setattr(pipeline.files, "write_text", full)
+    monkeypatch.setattr(files, "write_text", full)
     for folder, stays in ((tmp_path / "old", True), (tmp_path / "new", False)):
         if stays:
             folder.mkdir()
@@ -128,7 +128,7 @@ def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.M
 
 def test_check_builds_the_body_at_every_angle(design: Path) -> None:
     breaks = ['motion.moves=["emitter"]', "motion.pivot=[30.0, 0.0]"]
-    with pytest.raises(SpecError, match="less than motion.to_deg"):
+    with pytest.raises(SpecError, match=r"less than motion\.to_deg"):
         pipeline.check(design, ["motion.from_deg=4"])
     assert pipeline.check(design, [*breaks, "motion.from_deg=0"])["angles"] == 13
     with pytest.raises(Exception, match="inside the body"):

@@ -1,6 +1,6 @@
 """Figures: the same bytes for the same numbers, in each kind of file, showing what they say."""
 
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -12,7 +12,7 @@ from tests.report.conftest import Studies
 
 def words(text: str) -> list[str]:
     """All texts of an SVG, which keeps them as text."""
-    root = ElementTree.fromstring(text)  # noqa: S314  drawn by this package
+    root = ET.fromstring(text)  # noqa: S314  drawn by this package
     return ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
 
 
@@ -86,5 +86,3 @@ def test_a_view_draws_every_ray_in_the_colour_of_its_receiver(studied: Studies) 
     assert detected > 20
     assert trace.detectors["left"].rays == 0
     assert sorted(drawn) == sorted([0, detected, 50 - detected])
-
-

@@ -35,7 +35,7 @@ def agree(texts: list[str], values: list[float]) -> None:
 @pytest.mark.parametrize("name", DESIGNS)
 def test_every_design_is_told_in_whole_sentences(studied: Studies, name: str) -> None:
     words = said(studied(name))
-    assert list(words)[0] == "The signal"
+    assert next(iter(words)) == "The signal"
     assert list(words)[-1] == "Not in these numbers"
     for text in words.values():
         assert text[0].isupper()
@@ -113,9 +113,7 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
 def test_the_alignment_is_told_by_the_magnification(studied: Studies, name: str) -> None:
     study = studied(name)
     magnification = results(study)["lens"]["magnification"]
-    agree(
-        numbers(said(study)["Alignment"]), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification]
-    )
+    agree(numbers(said(study)["Alignment"]), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification])
 
 
 def test_a_matched_lens_is_told_what_another_index_would_do(studied: Studies) -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from solen.report.results import csv_table, json_text, number, results, summary
 from solen.sensor import Study
+from solen.spec import Design
 from tests.report.conftest import Studies
 
 NAMES = ["paper", "mismatched", "no lens", "one-sided", "dark", "one angle", "acrylate", "odd name"]
@@ -62,10 +63,23 @@ def test_results_say_what_was_simulated(studied: Studies) -> None:
     data = results(studied("acrylate"))
     assert data["simulated"] is True
     assert data["schema"] == 1
-    assert data["design"]["material"] == {"resin": "pmma", "absorption_per_mm": 0.0}
+    assert data["design"]["material"]["resin"] == "pmma"
     assert data["material"]["index"] == pytest.approx(1.483, abs=2e-3)
     assert data["lens"]["design_index"] == data["material"]["index"]
     assert "PMMA" in data["material"]["source"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_design_in_the_results_reads_back(studied: Studies, name: str) -> None:
+    design = studied(name).design
+    assert Design(**results(studied(name))["design"]) == design
+
+
+@pytest.mark.xfail(reason="the default 0 is written out, which overrules the resin's own loss when read back")
+def test_the_design_in_the_results_leaves_the_loss_to_its_resin(studied: Studies) -> None:
+    design = studied("acrylate").design
+    assert not design.material.states_absorption
+    assert not Design(**results(studied("acrylate"))["design"]).material.states_absorption
 
 
 @pytest.mark.parametrize("name", NAMES)

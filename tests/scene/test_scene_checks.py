@@ -51,12 +51,12 @@ def test_a_sound_scene_says_what_it_holds() -> None:
         ({"regions": (AIR, Region("glass", 1.5, math.nan))}, "region glass = nan; the absorption"),
         ({"interfaces": (Interface("i", FACE.curve, "air", "air", "receiver"),)}, "interface i"),
         ({"interfaces": (Interface("i", FACE.curve, "air", "air", "mirror", "eye"),)}, "interface i = 'eye'"),
-        ({"sources": ()}, "scene.sources = 0; at least one source"),
-        ({"sources": (Rays((), ()),)}, "at least one source with one ray"),
-        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 0),)}, "at least one source with one ray"),
-        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=0.0),)}, "scene.sources"),
-        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.nan),)}, "scene.sources"),
-        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.inf),)}, "scene.sources"),
+        ({"sources": ()}, "scene sources = 0; at least one is needed"),
+        ({"sources": (Rays((), ()),)}, "source rays = 0; must be a whole number of at least 1"),
+        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 0),)}, "source rays = 0; must be a whole number of at least 1"),
+        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=0.0),)}, "source power = 0.0; must be above 0"),
+        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.nan),)}, "source = 'nan'; must be a finite number"),
+        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.inf),)}, "source = 'inf'; must be a finite number"),
     ],
 )
 def test_what_does_not_fit_is_named(parts: dict[str, Any], words: str) -> None:
@@ -81,26 +81,44 @@ UNCHECKED: list[tuple[str, Source]] = [
 ]
 
 
-@pytest.mark.xfail(reason="defect: sources are checked by their sum of rays and their power alone", strict=True)
 @pytest.mark.parametrize("source", [source for _, source in UNCHECKED], ids=[name for name, _ in UNCHECKED])
 def test_every_source_is_checked(source: Source) -> None:
     refused(sources=(FAN, source))
 
 
-@pytest.mark.xfail(reason="defect: monitors are not checked", strict=True)
 @pytest.mark.parametrize(
-    "monitor",
+    "values",
     [
-        Monitor("m", (0.0, 0.0), (0.0, 0.0)),
-        Monitor("m", (0.0, 0.0), (1.0, 0.0), -1),
-        Monitor("m", (0.0, math.nan), (1.0, 0.0)),
+        ((0.0, 0.0), (0.0, 0.0)),
+        ((0.0, 0.0), (1.0, 0.0), -1),
+        ((0.0, 0.0), (1.0, 0.0), 1.5),
+        ((0.0, math.nan), (1.0, 0.0)),
+        ((0.0, 0.0), (math.inf, 0.0)),
+        ((0.0,), (1.0, 0.0)),
     ],
 )
-def test_every_monitor_is_checked(monitor: Monitor) -> None:
-    refused(monitors=(monitor,))
+def test_every_monitor_is_checked(values: Any) -> None:
+    with pytest.raises(DesignError, match="monitor m"):
+        Monitor("m", *values)
 
 
-@pytest.mark.xfail(reason="defect: curves are not checked", strict=True)
-@pytest.mark.parametrize("ends", [((0.0, 0.0), (0.0, 0.0)), ((math.nan, 0.0), (1.0, 0.0)), ((0.0,), (1.0, 0.0))])
-def test_every_curve_is_checked(ends: Any) -> None:
-    refused(interfaces=(Interface("face", Segment(*ends), "glass", "air"),))
+@pytest.mark.parametrize("ends", [((-1.0, 0.0), (1.0, 0.0)), ((0.5, 0.0), (-0.5, 0.0)), ((0.9, 0.0), (5.0, 0.0))])
+def test_a_monitor_along_an_interface_is_refused_with_both_names(ends: Any) -> None:
+    line = refused(monitors=(Monitor("m", *ends),))
+    assert "monitor m = 'lies on interface face'; must lie off every interface" in line
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        ((-1.0, 1e-6), (1.0, 1e-6)),
+        ((0.0, -1.0), (0.0, 1.0)),
+        ((-1.0, -1e-3), (1.0, 1e-3)),
+        ((1.0, 0.0), (2.0, 0.0)),
+        ((1.5, 0.0), (2.0, 0.0)),
+    ],
+)
+def test_a_monitor_beside_across_or_behind_an_interface_stands(ends: Any) -> None:
+    assert scene(monitors=(Monitor("m", *ends),)).monitors[0].start == ends[0]
+
+

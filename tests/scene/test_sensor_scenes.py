@@ -39,7 +39,6 @@ def test_the_number_of_rays_can_be_another() -> None:
     assert made(None).rays == 100
 
 
-@pytest.mark.xfail(reason="defect: 0 counts as none given", strict=True)
 def test_zero_rays_are_not_the_designs_number() -> None:
     try:
         assert made(0).rays == 0

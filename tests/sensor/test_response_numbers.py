@@ -1,4 +1,4 @@
-"""What is read off a response curve: contrast, null, slope, saturation, and that they are missing where they are not."""
+"""What is read off a response curve: contrast, null, slope, saturation, or that there is none."""
 
 import math
 from collections.abc import Sequence
@@ -63,7 +63,9 @@ def test_slope_is_missing_without_a_null_and_with_too_few_angles() -> None:
     assert response([-1, 0, 1], [math.nan] * 3).slope_per_deg() is None
 
 
-@pytest.mark.xfail(reason="a null at an end of the sweep takes its slope between two angles on one side, past saturation")
+@pytest.mark.xfail(
+    reason="a null at an end of the sweep takes its slope between two angles on one side, past saturation"
+)
 def test_slope_at_a_null_at_the_end_of_the_sweep_is_not_that_beyond_it() -> None:
     found = response([0, 1, 2, 3], [0.0, -1.0, -1.0, -1.0]).slope_per_deg()
     assert found is None or found == pytest.approx(-1.0)

@@ -297,7 +297,6 @@ def test_paths_tell_the_way_of_every_branch(tracer: Tracer, mode: Mode) -> None:
     assert all(path.power == pytest.approx(1 / 6) for path in paths if path.branch == 0)
 
 
-@pytest.mark.xfail(reason="defect: inf times 0 in the end of a path that escapes along an axis", strict=True)
 @both
 def test_a_path_that_escapes_along_an_axis_is_told_without_a_warning(tracer: Tracer) -> None:
     (path,) = tracer(scene(line("front", 0.0, "glass", "air")), legs=True).paths()
@@ -361,7 +360,6 @@ def test_an_unknown_mode_is_refused(tracer: Tracer) -> None:
 
 
 @both
-@pytest.mark.xfail(reason="defect: after some 365 chords the ray leaves a closed circle", strict=True)
 def test_nothing_escapes_from_a_closed_mirror(tracer: Tracer) -> None:
     circle = Interface("c", Arc.circle((0.0, 0.0), 1.0), "air", "air", "mirror")
     sine, cosine = math.sin(math.radians(60)), math.cos(math.radians(60))
@@ -377,7 +375,6 @@ def test_nothing_escapes_from_a_closed_square_of_mirrors(tracer: Tracer) -> None
     assert result.undefined == 0
 
 
-@pytest.mark.xfail(reason="defect: on an interface a monitor counts by rounding; it should be refused", strict=True)
 @pytest.mark.parametrize("angle_deg", [-11.0, -7.0, -3.0, 3.0, 7.0, 11.0])
 @both
 def test_a_monitor_on_an_interface_is_refused_or_right(tracer: Tracer, angle_deg: float) -> None:

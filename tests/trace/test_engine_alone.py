@@ -98,7 +98,6 @@ def test_a_curve_it_does_not_know_is_refused_and_the_reference_takes_it() -> Non
     assert trace_reference(made).ledger.absorbed == pytest.approx(1.0, abs=1e-15)
 
 
-@pytest.mark.xfail(reason="defect: a number of threads below nothing ends in a ValueError", strict=True)
 def test_a_negative_number_of_threads_is_refused() -> None:
     with pytest.raises(DesignError):
         trace(ball(CHUNK + 1), threads=-1)

@@ -87,10 +87,10 @@ def _crotch(design: Design, right: _Half) -> Point:
     angle_deg = arm_angle_deg(design)
     if not angle_deg > 0.0:
         raise DesignError(
-            "body.arm_angle_deg",
-            value=angle_deg,
-            limit="must be above 0, or the arms never part",
-            remedy="give an angle or a stem_curve_per_mm above 0",
+            "body.stem_curve_per_mm",
+            value=design.body.stem_curve_per_mm,
+            limit="must be above 0 where the arms continue the stem's edge, or they never part",
+            remedy="raise it or give body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:
@@ -116,12 +116,20 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face
             limit=f"the stem is {half.wall.to_mm:g} mm long",
             remedy="turn by less",
         )
+    gap_mm = math.dist(lens_edge, wall.start)
+    if gap_mm > abs(half.wall.vertex[0]):
+        raise DesignError(
+            "motion",
+            value=f"the lens's edge moves {gap_mm:.3g} mm away from the stem",
+            limit=f"at most the lens's half width, {abs(half.wall.vertex[0]):g} mm",
+            remedy="turn by less or about a nearer pivot",
+        )
     curves: list[tuple[str, Curve]] = [
         ("stem", wall),
         ("outer", Segment(half.fork, half.outer_end)),
         ("receiver", Segment(half.outer_end, half.inner_end)),
         ("inner", Segment(half.inner_end, crotch)),
     ]
-    if math.dist(lens_edge, wall.start) > GAP_MM:
+    if gap_mm > GAP_MM:
         curves.insert(0, ("join", Segment(lens_edge, wall.start)))
     return tuple(Face(f"{part}-{name}", curve) for part, curve in curves)

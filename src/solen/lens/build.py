@@ -1,5 +1,6 @@
 """The lens of a design."""
 
+from solen.errors import DesignError
 from solen.lens.optics import FlatFace, Lens, OvalLens
 from solen.spec import Design
 
@@ -12,4 +13,8 @@ def lens_of(design: Design, index: float) -> Lens:
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
         return FlatFace(distance_mm, spec.half_width_mm)
+    if spec.design_index is None and index <= 1.0:
+        raise DesignError(
+            "the material's index", value=index, limit="must be above 1, the air's", remedy="or no lens can focus"
+        )
     return OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)

@@ -67,6 +67,9 @@ class FlatFace(Lens):
 class OvalLens(Lens):
     """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that meets it goes to F2.
 
+    The curve is from R. Descartes, La Géométrie (1637), book II; see O. N. Stavroudis, The Optics of Rays, Wave Fronts
+    and Caustics (1972).
+
     Parameters
     ----------
     distance_mm
@@ -79,9 +82,6 @@ class OvalLens(Lens):
         n2, the index the oval is cut for.
     outside_index
         n1, of what lies before it.
-
-    Source of the oval: R. Descartes, La Géométrie (1637), book II; O. N. Stavroudis, The Optics of Rays, Wave Fronts
-    and Caustics (1972).
     """
 
     distance_mm: float

@@ -46,12 +46,12 @@ def _range(case: Case) -> str:
         return "Both receivers never see the same in this range: there is no balance point to measure from."
     balance = f"Both receivers see the same at {_zero(found['null_deg']):.2f}°"
     if found["slope_per_deg"] is not None:
-        balance += f"; there the contrast changes by {abs(found['slope_per_deg']):.2g} per degree"
+        balance += f"; next to it the contrast changes by about {abs(found['slope_per_deg']):.2g} per degree"
     if found["saturation_deg"] is None:
         return f"{balance}. It never reaches {SATURATED}: it grows over the whole range."
     return (
-        f"{balance}. From {found['saturation_deg']:.2f}° on it is above {SATURATED}: beyond that the two signals tell "
-        "the direction of the motion, but hardly its amplitude."
+        f"{balance}. From about {found['saturation_deg']:.2f}° away it is above {SATURATED}: beyond that both signals "
+        "tell the direction of the motion, but hardly its amplitude."
     )
 
 
@@ -92,8 +92,8 @@ def _index(lens: OvalLens, index: float) -> str:
     low, high = (lens.paraxial_focus_mm(index + step) for step in (-INDEX_STEP, INDEX_STEP))
     return (
         f"If the print's index were {INDEX_STEP} lower, rays near the axis would cross it {_focus(low)}; "
-        f"{INDEX_STEP} higher, {_focus(high)}. The response moves less than the focus "
-        f"does: see --set lens.design_index={lens.design_index:.4g} --set material.index={index + INDEX_STEP:.4g}."
+        f"{INDEX_STEP} higher, {_focus(high)}. What that does to the response: "
+        f"--set lens.design_index={lens.design_index:.4g} --set material.index={index + INDEX_STEP:.4g}."
     )
 
 
@@ -105,7 +105,8 @@ def _limits(study: Study) -> str:
         else "no absorption was given, so none is counted"
     )
     return (
-        f"Rays in the plane only, perfectly smooth faces, no scatter, no diffraction; {loss}. The arms' angle is "
+        f"Rays in the plane only, whatever the thickness; perfectly smooth faces, no scatter, no diffraction; {loss}. "
+        "The arms' angle is "
         + ("assumed to continue the stem's edge." if study.design.body.arm_angle_deg is None else "as given.")
     )
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.curve import END_TOLERANCE_MM, ROUNDING, SMALL
-from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, KEPT_PLACES, TRUNCATED
+from solen.trace.result import ABSORBED, CORNER_MM, DETECTED, ESCAPED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import ABSORBING, ARC, MIRROR, PARABOLA, RECEIVER, SEGMENT, Tables
 
 P = ParamSpec("P")
@@ -449,6 +449,14 @@ def interact(
 
 
 @compiled
+def other_side(tables: Tables, last: int, c: int, x: float, z: float, dx: float, dz: float) -> bool:
+    """Whether curve ``c`` lies on the other side of the curve a ray stands on than the ray goes to."""
+    nx, nz = curve_normal(tables.kind[last], tables.shape, last, x, z)
+    towards = (tables.middle[c, 0] - x) * nx + (tables.middle[c, 1] - z) * nz
+    return bool(towards * (dx * nx + dz * nz) < 0.0)
+
+
+@compiled
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
     tables: Tables, sums: Sums, rays: Floats, first: int, split: bool, min_weight: float, max_hits: int
 ) -> None:
@@ -508,7 +516,6 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     )
                 sums.fate[fate] += power
                 continue
-            sums.counts[HITS] += 1
             px, pz = x[i] + length * dx[i], z[i] + length * dz[i]
             nx, nz = curve_normal(kind[c], shape, c, px, pz)
             from_right = dx[i] * nx + dz[i] * nz > 0.0
@@ -516,6 +523,19 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             if from_right:
                 here, there = there, here
             undefined = region[i] != -1 and region[i] != here
+            if (
+                length <= CORNER_MM
+                and last[i] >= 0
+                and (undefined or other_side(tables, last[i], c, x[i], z[i], dx[i], dz[i]))
+            ):  # it stands in a corner and meets no more than the end of the other curve
+                for k in range(7):
+                    state[k, left] = state[k, i]
+                for k in range(6):
+                    tags[k, left] = tags[k, i]
+                x[left], z[left], last[left] = x[i] + CORNER_MM * dx[i], z[i] + CORNER_MM * dz[i], c
+                left += 1
+                continue
+            sums.counts[HITS] += 1
             loss = tables.absorption[here] if split and not undefined else 0.0
             kept = math.exp(-loss * length) if loss > 0.0 else 1.0
             worn_out = undefined or hits[i] + 1 >= max_hits or kept * power < least[i]

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.interface import fresnel, reflected, refracted
-from solen.plane import Point, along, cross, dot
+from solen.plane import Point, along, cross, dot, minus
 from solen.scene import Interface, Launch, Scene
 from solen.trace.result import (
     ABSORBED,
+    CORNER_MM,
     DETECTED,
     ESCAPED,
     GOES_ON,
@@ -118,6 +119,8 @@ class _Tracer:
         normal = interface.curve.normal_at(at)
         from_right = dot(ray.direction, normal) > 0.0
         region, beyond = (interface.right, interface.left) if from_right else (interface.left, interface.right)
+        if length_mm <= CORNER_MM and self._only_an_end(ray, interface, region):
+            return replace(ray, origin=along(ray.origin, ray.direction, CORNER_MM), last=interface)
         self.hits += 1
         if ray.region not in (None, region):
             self._undefined(ray, at, interface, length_mm)
@@ -134,6 +137,17 @@ class _Tracer:
         if interface.behaviour == "mirror":
             return back
         return self._refract(arrived, back, facing, beyond, waiting)
+
+    def _only_an_end(self, ray: Ray, interface: Interface, region: str) -> bool:
+        """Whether a ray that stands in a corner meets only the end of the other curve, which reaches over the corner.
+
+        It does where that curve shows it the wrong medium, or lies on the other side of the one it stands on.
+        """
+        if ray.last is None:
+            return False
+        normal = ray.last.curve.normal_at(ray.origin)
+        other_side = dot(minus(interface.curve.middle_point, ray.origin), normal) * dot(ray.direction, normal) < 0.0
+        return other_side or ray.region not in (None, region)
 
     def _fate(self, ray: Ray, interface: Interface, from_right: bool) -> int:
         """What becomes of a ray that has arrived at an interface; the back of a receiver only absorbs."""

@@ -12,6 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.curve import END_TOLERANCE_MM
 from solen.errors import DesignError
 from solen.plane import Point
 
@@ -30,6 +31,8 @@ met on the way here, the interface it ends on (−1: none), the fate there, star
 escapes), and the power at its start as a fraction of the emitted power. A trace holds them in the order of ray, branch
 and hit; how a ray's branches are numbered is up to the tracer, but a parent always comes before its children."""
 
+CORNER_MM = 2 * END_TOLERANCE_MM
+"""How far a ray that has just met a corner is carried on past the end of the other curve that meets there."""
 KEPT_PLACES = 16
 """How many places of undefined rays a trace remembers."""
 

@@ -29,6 +29,8 @@ class Tables(NamedTuple):
     """(C,) which curve"""
     shape: NDArray[np.float64]
     """(C, WIDTH) its numbers, in the order of the functions below"""
+    middle: NDArray[np.float64]
+    """(C, 2) its point halfway"""
     behaviour: NDArray[np.int64]
     """(C,) index into BEHAVIOURS"""
     left: NDArray[np.int64]
@@ -58,6 +60,7 @@ def compile_scene(scene: Scene) -> Tables:
     return Tables(
         kind=np.array([kind for kind, _ in rows], dtype=np.int64),
         shape=np.array([shape + (0.0,) * (WIDTH - len(shape)) for _, shape in rows]).reshape(-1, WIDTH),
+        middle=np.array([interface.curve.middle_point for interface in scene.interfaces], dtype=float).reshape(-1, 2),
         behaviour=np.array([BEHAVIOURS.index(i.behaviour) for i in scene.interfaces], dtype=np.int64),
         left=np.array([names.index(i.left) for i in scene.interfaces], dtype=np.int64),
         right=np.array([names.index(i.right) for i in scene.interfaces], dtype=np.int64),
