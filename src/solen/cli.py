@@ -4,7 +4,9 @@ With ``--json`` a command prints one JSON object on stdout and everything else o
 on stderr and exit code 2; Ctrl-C with one line and 130. Nothing heavy is imported before a command needs it.
 """
 
+import io
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,7 +17,7 @@ import cyclopts
 from cyclopts import App, Parameter
 
 from solen import __version__
-from solen.errors import SolenError
+from solen.errors import SolenError, SpecError
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -32,11 +34,12 @@ app = App(
     version=__version__,
     help="From the index of a resin to the response curve of a 3D-printed soft optical sensor.",
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
 
 
 @app.command(sort_key=1)
-def new(folder: Path, *, example: str = "solen-860", as_json: Json = False) -> None:
+def new(folder: Path, /, *, example: str = "solen-860", as_json: Json = False) -> None:
     """Write a commented design file, FOLDER/sensor.toml.
 
     Parameters
@@ -49,7 +52,7 @@ def new(folder: Path, *, example: str = "solen-860", as_json: Json = False) -> N
     from solen import pipeline
 
     found = pipeline.new(folder, example)
-    _show(found, as_json, lambda: [f"wrote {found['design']}", f"next: solen run {found['design']} --out out"])
+    _show(found, as_json, lambda: [f"wrote {found['design']}", f'next: solen run "{found["design"]}" --out out'])
 
 
 @app.command(sort_key=2)
@@ -61,7 +64,7 @@ def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON 
 
 
 @app.command(sort_key=3)
-def check(file: Path, *, set_: Set = None, as_json: Json = False) -> None:
+def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
     """Prove that a design can be built at every angle of its motion.
 
     Parameters
@@ -106,10 +109,11 @@ def lens(
 @app.command(sort_key=5)
 def trace(
     file: Path,
+    /,
     *,
     angle_deg: float = 0.0,
     no_lens: Annotated[bool, Parameter(negative=())] = False,
-    rays: int | None = None,
+    rays: str | None = None,
     mode: str | None = None,
     set_: Set = None,
     paths: Annotated[bool, Parameter(negative=())] = False,
@@ -137,16 +141,16 @@ def trace(
     """
     from solen import pipeline
 
+    if paths and not as_json:
+        raise SpecError("--paths", limit="is written as JSON", remedy="add --json")
     chosen = {"lens.shape": "none" if no_lens else None, "emitter.rays": rays, "trace.mode": mode}
-    values = {key: value for key, value in chosen.items() if value is not None}
-    found = pipeline.trace_design(
-        file, set_ or (), angle_deg=angle_deg, values=values, paths=paths and as_json, figure=figure
-    )
+    assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
+    found = pipeline.trace_design(file, assignments, angle_deg=angle_deg, paths=paths, figure=figure)
     _show(found, as_json, lambda: _trace_lines(found))
 
 
 @app.command(sort_key=6)
-def run(file: Path, *, out: Path, set_: Set = None, as_json: Json = False) -> None:
+def run(file: Path, /, *, out: Path, set_: Set = None, as_json: Json = False) -> None:
     """Do the whole chain: lens, body, response with and without lens, figures, tables, report.
 
     Parameters
@@ -165,6 +169,9 @@ def run(file: Path, *, out: Path, set_: Set = None, as_json: Json = False) -> No
 
 def main() -> None:
     """Entry point: run a command and turn what a user can mend into one line."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
     sys.exit(_run(sys.argv[1:]))
 
 
@@ -172,6 +179,7 @@ def _run(arguments: list[str]) -> int:
     """Exit code of a command line."""
     try:
         app(arguments, exit_on_error=False, print_error=False, result_action="return_none")
+        sys.stdout.flush()
     except SolenError as bad:
         return _refuse(str(bad), BAD_INPUT)
     except cyclopts.CycloptsError as bad:
@@ -179,8 +187,11 @@ def _run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _refuse("interrupted; no file is half-written", INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe had enough
-        sys.stderr.close()
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  for the flush at exit
         return 0
+    except OSError as bad:
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  for the flush at exit
+        return _refuse(f"output cannot be written: {bad.strerror or bad}", BAD_INPUT)
     return 0
 
 

@@ -165,6 +165,10 @@ class Segment(Curve):
         a, b = np.asarray(self.a), np.asarray(self.b)
         return np.asarray((1.0 - u)[:, None] * a + u[:, None] * b)
 
+    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:  # noqa: ARG002  it is straight
+        """See :meth:`Curve.flattened`."""
+        return np.array([self.a, self.b])
+
     def normal_at(self, point: Point) -> Point:  # noqa: ARG002  the normal is the same everywhere
         """See :meth:`Curve.normal_at`."""
         return left_of(unit(minus(self.b, self.a)))

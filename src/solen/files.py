@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from solen.errors import OutputError, SolenError
@@ -62,21 +62,47 @@ def write_bytes(path: Path, data: bytes) -> Path:
 
     A file that is replaced keeps its permissions; a new one has those of any new file.
     """
-    temporary = path.with_name(f".{path.name[:100]}.{secrets.token_hex(6)}.tmp")
+    return write_all({path: data})[0]
+
+
+def write_all(contents: Mapping[Path, bytes]) -> list[Path]:
+    """Write several files: all under temporary names first, then all renamed, so that they change together."""
+    ready: dict[Path, tuple[Path, Path]] = {}
+    path = Path()
     try:
-        with temporary.open("xb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        if path.exists():
-            shutil.copymode(path, temporary)
-        temporary.replace(path)
+        for path, data in contents.items():
+            target = _target(path)
+            temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+            ready[path] = (temporary, target)
+            _write_new(temporary, data, like=target)
+        for path in ready:
+            temporary, target = ready[path]
+            temporary.replace(target)
     except (OSError, ValueError) as bad:
         raise _unwritable(path, bad, "name another place") from None
     finally:
-        with contextlib.suppress(OSError, ValueError):
-            temporary.unlink(missing_ok=True)
-    return path
+        for temporary, _ in ready.values():
+            with contextlib.suppress(OSError, ValueError):
+                temporary.unlink(missing_ok=True)
+    return list(contents)
+
+
+def _target(path: Path) -> Path:
+    """The file itself where ``path`` is a link to it; `ValueError` for what is there and not an ordinary file."""
+    target = path.resolve()
+    if not target.name or (target.exists() and not target.is_file()):
+        raise ValueError("not an ordinary file")
+    return target
+
+
+def _write_new(path: Path, data: bytes, like: Path) -> None:
+    """Write a file that must not exist yet, with the permissions of ``like`` where that exists."""
+    with path.open("xb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    if like.exists():
+        shutil.copymode(like, path)
 
 
 def _unwritable(path: Path, bad: OSError | ValueError, remedy: str) -> OutputError:
@@ -84,7 +110,7 @@ def _unwritable(path: Path, bad: OSError | ValueError, remedy: str) -> OutputErr
 
 
 def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders, innermost first, up to the first that is not empty."""
-    with contextlib.suppress(OSError, ValueError):
-        for folder in folders:
+    """Remove folders that are empty, innermost first."""
+    for folder in folders:
+        with contextlib.suppress(OSError, ValueError):
             folder.rmdir()

@@ -8,7 +8,7 @@ leaves nothing half-written.
 import csv
 import io
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +28,10 @@ FIGURE_KINDS = (".svg", ".png", ".pdf")
 Progress = Callable[[float], None]
 
 
-def open_design(path: Path, assignments: Sequence[str] = (), values: Mapping[str, Any] | None = None) -> Design:
-    """Design of a file, with ``key=value`` assignments and then ``values`` (by dotted key) put in."""
+def open_design(path: Path, assignments: Sequence[str] = ()) -> Design:
+    """Design of a file, with ``key=value`` assignments put in; of two to one key the later one counts."""
     design = load(path)
     changes = dict(parse_assignment(text) for text in assignments)
-    changes.update(values or {})
     return with_values(design, changes) if changes else design
 
 
@@ -57,13 +56,11 @@ def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:
     """Prove that a design can be built at every angle of its motion, and say what follows from it."""
     design = open_design(path, assignments)
     sensor = Sensor.of(design)
-    angles = design.motion.angles_deg()
-    for angle_deg in angles:
-        sensor.body(angle_deg)
+    sensor.check()
     return {
         "design": str(path),
         "name": design.name,
-        "angles": len(angles),
+        "angles": len(design.motion.angles_deg()),
         "material": numbers.material_numbers(sensor),
         "lens": numbers.lens_numbers(sensor.lens, sensor.material.index),
         "body": numbers.body_numbers(sensor),
@@ -77,6 +74,7 @@ def lens(
     if not (math.isfinite(tolerance_mm) and tolerance_mm >= 1e-9):
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit="must be finite and at least 1e-9 mm")
     sensor = Sensor.of(open_design(path, assignments))
+    sensor.body()
     found = numbers.lens_numbers(sensor.lens, sensor.material.index)
     if table is not None:
         points = sensor.lens.front.flattened(tolerance_mm)
@@ -94,7 +92,6 @@ def trace_design(
     assignments: Sequence[str] = (),
     *,
     angle_deg: float = 0.0,
-    values: Mapping[str, Any] | None = None,
     paths: bool = False,
     figure: Path | None = None,
 ) -> dict[str, Any]:
@@ -103,7 +100,7 @@ def trace_design(
         raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
     if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
         raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
-    design = open_design(path, assignments, values)
+    design = open_design(path, assignments)
     if paths and design.emitter.rays > MOST_PATHS:
         raise SpecError("--paths", value=f"{design.emitter.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
     sensor = Sensor.of(design)
@@ -126,10 +123,13 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
         texts["results.json"] = numbers.json_text(data)
         texts["results.csv"] = numbers.csv_table(found)
         texts["report.html"] = html.html(found, drawn)
-        written = [str(files.write_text(out / name, text)) for name, text in texts.items()]
+        written = files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
+        for name in html.FIGURES:
+            if name not in drawn:  # of an earlier design
+                (out / f"{name}.svg").unlink(missing_ok=True)
     return {
         "report": str(out / "report.html"),
-        "files": written,
+        "files": [str(file) for file in written],
         "name": design.name,
         "material": data["material"],
         "lens": data["lens"],

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.errors import DesignError
 from solen.geometry import Body, y_body
 from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
@@ -25,6 +26,9 @@ TOLERANCE = 5e-5
 FIRST_RAYS, MOST_RAYS = 2**13, 2**20
 SATURATED = 0.95
 """Contrast from which on a differential signal hardly moves any more."""
+
+SLOPE_DEG = 0.04
+"""Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
 
 Progress = Callable[[float], None]
 
@@ -57,24 +61,15 @@ class Response:
         return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
 
     def null_deg(self) -> float | None:
-        """Angle at which both receivers see the same, by a straight line between two angles; None without one."""
-        for i in range(len(self.angle_deg) - 1):
-            a, b = self.contrast[i], self.contrast[i + 1]
-            if a == 0.0:
-                return float(self.angle_deg[i])
-            if a * b < 0.0:
-                share = a / (a - b)
-                return float((1 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1])
-        return float(self.angle_deg[-1]) if self.contrast[-1] == 0.0 else None
-
-    def slope_per_deg(self) -> float | None:
-        """Change of the contrast per degree across the null, over the angles on its two sides; None without a null."""
-        null = self.null_deg()
-        if null is None or len(self.angle_deg) < 3:
-            return None
-        i = min(max(self.at(null), 1), len(self.angle_deg) - 2)
-        rise = self.contrast[i + 1] - self.contrast[i - 1]
-        return float(rise / (self.angle_deg[i + 1] - self.angle_deg[i - 1]))
+        """Angle nearest to 0 at which both receivers see the same, by a straight line between angles, or None."""
+        contrast = self.contrast
+        with np.errstate(invalid="ignore", divide="ignore"):
+            zero = np.abs(contrast) <= 2.0 * np.nan_to_num(self.u) / (self.right + self.left)
+        found = [float(angle) for angle in self.angle_deg[zero]]
+        for i in np.flatnonzero(contrast[:-1] * contrast[1:] < 0.0):
+            share = contrast[i] / (contrast[i] - contrast[i + 1])
+            found.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
+        return min(found, key=abs, default=None)
 
     def saturation_deg(self) -> float | None:
         """Smallest distance from the null at which the contrast reaches `SATURATED`, by a straight line between angles.
@@ -119,6 +114,11 @@ class Sensor:
         """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
         return y_body(self.design, self.lens, angle_deg)
 
+    def check(self) -> None:
+        """`DesignError` where the body cannot be built at some angle of the motion."""
+        for angle_deg in self.design.motion.angles_deg():
+            self.body(angle_deg)
+
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
         """Scene at an angle, with ``rays`` rays in place of the design's."""
         return sensor_scene(self.design, self.body(angle_deg), self.material, rays)
@@ -137,18 +137,26 @@ class Sensor:
         Returns
         -------
         trace, u
-            The last trace, and the last change as its uncertainty; above ``tolerance`` where even `MOST_RAYS` rays do
-            not reach it.
+            The last trace, and its uncertainty: the last change, or the share of one ray where that is more (a change
+            can be small by chance); above ``tolerance`` where even `MOST_RAYS` rays do not reach it.
         """
         rays = FIRST_RAYS
         before = self.trace(angle_deg, mode, rays)
         while True:
             rays *= 2
             after = self.trace(angle_deg, mode, rays)
-            u = max(abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors)
+            changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
+            u = max(*changes, 1.0 / rays)
             if u <= tolerance or rays >= MOST_RAYS:
                 return after, u
             before = after
+
+    def slope_per_deg(self, angle_deg: float) -> float | None:
+        """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
+        ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
+        traces = [self.converged(end, tolerance=TOLERANCE / 5)[0] for end in ends]
+        low, high = (_contrast(one.detectors["right"].power, one.detectors["left"].power) for one in traces)
+        return None if low is None or high is None else (high - low) / SLOPE_DEG
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
         """Response by counting the design's own number of rays, as the paper does."""
@@ -185,47 +193,86 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Case:
-    """A sensor's response twice over: by counting the design's rays, and in power, converged."""
+    """A sensor's response twice over: by counting the design's rays, and in power, converged.
+
+    ``null_deg`` is the balance point nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
+    """
 
     sensor: Sensor
     counted: Response
     power: Response
+    null_deg: float | None
+    slope_per_deg: float | None
 
 
 @dataclass(frozen=True)
 class Study:
-    """A design with its lens (None for a design without one) and without it, over the angles of its motion."""
+    """A design over the angles of its motion, with its lens and without.
+
+    ``lens`` is None for a design without one. ``flat`` is None where the sensor with a lens cannot be built without it;
+    ``flat_refused`` then says why.
+    """
 
     design: Design
     lens: Case | None
-    flat: Case
+    flat: Case | None
+    flat_refused: str | None = None
 
     @property
     def case(self) -> Case:
         """The design's own case."""
-        return self.lens or self.flat
+        case = self.lens or self.flat
+        if case is None:
+            raise AssertionError("a study has at least one case")
+        return case
+
+    @property
+    def cases(self) -> dict[str, Case]:
+        """Cases by name: ``lens``, ``no_lens``."""
+        both = {"lens": self.lens, "no_lens": self.flat}
+        return {name: case for name, case in both.items() if case is not None}
 
 
 def study(design: Design, progress: Progress | None = None) -> Study:
-    """Trace a design over its motion, with lens and without, counting and in power.
+    """Trace a design over its motion, with its lens and without, counting and in power.
 
     Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
     at once. ``progress`` is called with the share done, up to 1.
     """
     sensor = Sensor.of(design)
-    sensors = (sensor, sensor.without_lens) if sensor.has_lens else (sensor,)
-    for one in sensors:
-        for angle_deg in design.motion.angles_deg():
-            one.body(angle_deg)
-    steps = [(one, mode) for one in sensors for mode in ("count", "power")]
-    responses = []
-    for number, (one, mode) in enumerate(steps):
-        sweep = one.count if mode == "count" else one.power
-        responses.append(sweep(progress=_part(progress, number, len(steps))))
-    cases = [Case(one, *responses[2 * i : 2 * i + 2]) for i, one in enumerate(sensors)]
-    return Study(design, cases[0] if sensor.has_lens else None, cases[-1])
+    sensor.check()
+    if not sensor.has_lens:
+        return Study(design, None, _case(sensor, progress))
+    flat, refused = _comparison(sensor)
+    if flat is None:
+        return Study(design, _case(sensor, progress), None, refused)
+    return Study(design, _case(sensor, _part(progress, 0, 2)), _case(flat, _part(progress, 1, 2)))
 
 
-def _part(progress: Progress | None, number: int, parts: int) -> Progress | None:
-    """Progress of one part of several, told as the share of the whole."""
-    return None if progress is None else lambda done: progress((number + done) / parts)
+def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
+    """The sensor without its lens, or why it cannot be built."""
+    try:
+        sensor.without_lens.check()
+    except DesignError as bad:
+        return None, str(bad)
+    return sensor.without_lens, None
+
+
+def _case(sensor: Sensor, progress: Progress | None) -> Case:
+    counted = sensor.count(progress=_part(progress, 0, 10))
+    power = sensor.power(progress=_part(progress, 1, 10, 8))
+    null = power.null_deg()
+    slope = None if null is None else sensor.slope_per_deg(null)
+    if progress is not None:
+        progress(1.0)
+    return Case(sensor, counted, power, null, slope)
+
+
+def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:
+    """Progress of ``length`` of so many equal parts, told as the share of the whole."""
+    return None if progress is None else lambda done: progress((first + length * done) / parts)
+
+
+def _contrast(right: float, left: float) -> float | None:
+    """(R − L)/(R + L), None where no light arrives."""
+    return (right - left) / (right + left) if right + left > 0.0 else None

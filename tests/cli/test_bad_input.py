@@ -119,7 +119,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "reserved kind": ({"motion.kind": '"bend"'}, "not yet supported"),
     "reserved seed": ({"trace.seed": "1"}, "trace.seed; not yet supported"),
     "index below 1": ({"material.index": "0.99"}, "material.index = 0.99; must be at least 1"),
-    "index of 1": ({"material.index": "1"}, "design_index"),
+    "index of 1": ({"material.index": "1"}, "= 1.0; must be above 1"),
     "index nan": ({"material.index": "nan"}, "material.index = nan; must be a finite number"),
     "index infinite": ({"material.index": "inf"}, "finite"),
     "index text": ({"material.index": '"1.44"'}, "must be a number"),

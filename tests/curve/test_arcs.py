@@ -8,6 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from solen.curve import Arc
+from solen.errors import DesignError
 from solen.interface import reflected
 from solen.plane import Point, along, cross, heading, minus
 
@@ -32,7 +33,7 @@ def test_an_arc_through_three_points_meets_them_in_order(a: Point, middle: Point
 
 @pytest.mark.parametrize("third", [(2.0, 2.0), (0.0, 0.0), (1.0, 1.0), (-3.0, -3.0)])
 def test_no_arc_through_three_points_on_one_line(third: Point) -> None:
-    with pytest.raises(ValueError, match="one line"):
+    with pytest.raises(DesignError, match="one line"):
         Arc.through((0.0, 0.0), (1.0, 1.0), third)
 
 
@@ -83,12 +84,36 @@ def test_a_ray_inside_a_circle_never_drifts_out() -> None:
     assert walk(Arc.circle((0.0, 0.0), 1.0), 60.0, 5000) < 1e-11
 
 
-@pytest.mark.parametrize("bulge_mm", [1e-6, 1e-7, 1e-8])
+@pytest.mark.parametrize("bulge_mm", [1e-3, 1e-4, 1e-5, 2.1e-6])
 def test_a_nearly_flat_arc_keeps_its_ends(bulge_mm: float) -> None:
     arc = Arc.through((0.0, 0.0), (1.0, bulge_mm), (2.0, 0.0))
     assert math.dist(arc.end, (2.0, 0.0)) < 1e-9
     assert len(arc.hits((1.999999, -1.0), (0.0, 1.0))) == 1
     assert arc.hits((2.000001, -1.0), (0.0, 1.0)) == ()
+
+
+@pytest.mark.parametrize("bulge_mm", [1e-6, 1e-7, 1e-8, 0.0, -1e-6])
+def test_a_flatter_arc_is_refused_for_a_segment(bulge_mm: float) -> None:
+    with pytest.raises(DesignError, match=r"on one line; use a segment") as refusal:
+        Arc.through((0.0, 0.0), (1.0, bulge_mm), (2.0, 0.0))
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("away_mm", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("order", [(0, 1, 2), (0, 2, 1), (1, 0, 2)])
+def test_a_flat_arc_is_refused_or_keeps_its_ends_whichever_point_is_far_away(
+    away_mm: float, order: tuple[int, ...]
+) -> None:
+    three: list[Point] = [(0.0, 0.0), (away_mm, 0.5), (1.0, 0.0)]
+    a, middle, b = (three[i] for i in order)
+    try:
+        arc = Arc.through(a, middle, b)
+    except DesignError:
+        return
+    for point in (a, middle, b):
+        assert math.dist(arc.center, point) == pytest.approx(arc.radius_mm, abs=1e-8)
+    assert math.dist(arc.start, a) < 1e-8
+    assert math.dist(arc.end, b) < 1e-8
 
 
 @pytest.mark.parametrize("sweep_deg", [0.001, 359.999])

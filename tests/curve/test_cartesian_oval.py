@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from solen.curve import CartesianOval
-from solen.plane import Point, along, dot, heading, left_of
+from solen.plane import Point, Rigid, along, dot, heading, left_of
 
 EDGE_DEG = 35.4329160335
 PAPER = CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, 1.44, 1.0, 20.0, EDGE_DEG, -EDGE_DEG)
@@ -106,6 +106,31 @@ def test_rays_from_afar_find_the_front(distance_mm: float) -> None:
             target: Point = (float(x), 1.9)
             hits = PAPER.hits(along(target, direction, -distance_mm), direction)
             assert len(hits) >= 1, (x, turn)
+
+
+PIECES = [(30.0, 10.0), (-5.0, -25.0), (20.0, -3.0), (5.0, -35.0), (0.0, -30.0), (1.0, 0.5)]
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 20.0, -90.0, 180.0])
+@pytest.mark.parametrize(("from_deg", "to_deg"), PIECES + [(to, start) for start, to in PIECES])
+def test_any_piece_is_met_between_its_two_ends_and_nowhere_else(
+    from_deg: float, to_deg: float, turn_deg: float
+) -> None:
+    made = CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, 1.44, 1.0, 20.0, from_deg, to_deg)
+    motion = Rigid.about((0.3, 0.4), turn_deg)
+    piece = made.moved(motion)
+    low, high = sorted((made.start[0], made.end[0]))
+    for x in [*np.linspace(-2.1, 2.1, 85), low - 1e-9, low + 1e-9, high - 1e-9, high + 1e-9]:
+        met = piece.hits(motion.point((float(x), -1.0)), motion.vector((0.0, 1.0)))
+        assert len(met) == (1 if low < x < high else 0), x
+        assert not piece.hits(motion.point((float(x), 10.0)), motion.vector((0.0, 1.0)))  # the back is no part of it
+    for share in np.linspace(0.01, 0.99, 7):
+        angle = from_deg + share * (to_deg - from_deg)
+        radius = float(made.radius_from_object(np.array([angle]))[0])
+        met = piece.hits(motion.point((0.0, -1.0)), motion.vector(heading(float(angle))))
+        assert met == pytest.approx([radius], abs=1e-12)
+    for angle in (min(from_deg, to_deg) - 0.01, max(from_deg, to_deg) + 0.01):
+        assert piece.hits(motion.point((0.0, -1.0)), motion.vector(heading(angle))) == ()
 
 
 def test_a_piece_on_one_side_ends_where_its_angles_say() -> None:

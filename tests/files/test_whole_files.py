@@ -1,5 +1,6 @@
 """Files are written whole or not at all, and every failure is one line."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -23,7 +24,7 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-@pytest.mark.parametrize("failing", ["replace", "chmod"])
+@pytest.mark.parametrize("failing", ["pathlib.Path.replace", "shutil.copymode", "os.fsync", "pathlib.Path.open"])
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
 ) -> None:
@@ -33,7 +34,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     def fails(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, failing, fails)
+    monkeypatch.setattr(failing, fails)
     with pytest.raises(OutputError, match="No space left on device") as refusal:
         files.write_text(target, "new")
     monkeypatch.undo()
@@ -74,10 +75,12 @@ def test_missing_permission_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     def denied(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("tempfile.NamedTemporaryFile", denied)
-    with pytest.raises(OutputError, match="Permission denied") as refusal:
-        files.write_text(tmp_path / "out.txt", "x")
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", denied)
+        with pytest.raises(OutputError, match="Permission denied") as refusal:
+            files.write_text(tmp_path / "out.txt", "x")
     told(refusal.value)
+    assert list(tmp_path.iterdir()) == []
     monkeypatch.setattr("tempfile.TemporaryFile", denied)
     with pytest.raises(OutputError, match="Permission denied") as refusal, files.output_folder(tmp_path / "new"):
         pytest.fail("entered")
@@ -125,8 +128,10 @@ def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[st
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another limit on names")
 def test_a_folder_of_too_long_a_name_is_told(tmp_path: Path) -> None:
-    with pytest.raises(OutputError), files.output_folder(tmp_path / ("x" * 300)):
+    with pytest.raises(OutputError) as refusal, files.output_folder(tmp_path / "new" / ("x" * 300)):
         pytest.fail("entered")
+    told(refusal.value)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_byte_order_mark_is_dropped(tmp_path: Path) -> None:
@@ -155,9 +160,17 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
     told(refusal.value)
 
 
-def test_a_path_with_a_null_byte_is_told() -> None:
-    with pytest.raises(DataError):
+def test_a_path_with_a_null_byte_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="cannot be read") as unread:
         files.read_text(Path("a\0b"), DataError)
+    told(unread.value)
+    with pytest.raises(OutputError, match="cannot be written") as unwritten:
+        files.write_text(tmp_path / "a\0b", "x")
+    told(unwritten.value)
+    with pytest.raises(OutputError, match="cannot be written") as refusal, files.output_folder(tmp_path / "a\0b"):
+        pytest.fail("entered")
+    told(refusal.value)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX permissions")
@@ -167,3 +180,31 @@ def test_a_private_file_stays_private(tmp_path: Path) -> None:
     target.chmod(0o600)
     files.write_text(target, "new")
     assert target.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX permissions")
+@pytest.mark.parametrize(("umask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
+def test_a_new_file_has_the_permissions_of_any_new_file(tmp_path: Path, umask: int, mode: int) -> None:
+    before = os.umask(umask)
+    try:
+        target = files.write_text(tmp_path / "out.txt", "x")
+    finally:
+        os.umask(before)
+    assert target.stat().st_mode & 0o777 == mode
+
+
+def test_all_folders_made_for_nothing_are_removed_and_no_other(tmp_path: Path) -> None:
+    (tmp_path / "old").mkdir()
+    with pytest.raises(KeyboardInterrupt), files.output_folder(tmp_path / "old" / "a" / "b" / "c"):
+        raise KeyboardInterrupt
+    assert [path.name for path in tmp_path.rglob("*")] == ["old"]
+    with pytest.raises(KeyboardInterrupt), files.output_folder(tmp_path / "old" / "a" / "b") as folder:
+        files.write_text(folder.parent / "x", "x")
+        raise KeyboardInterrupt
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "old", "x"]
+
+
+def test_a_name_as_long_as_a_name_may_be_is_written(tmp_path: Path) -> None:
+    target = tmp_path / ("x" * 251 + ".txt")
+    assert files.write_text(target, "x").read_text(encoding="utf-8") == "x"
+    assert list(tmp_path.iterdir()) == [target]

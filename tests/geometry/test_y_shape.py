@@ -15,7 +15,7 @@ from solen.errors import DesignError, SpecError
 from solen.geometry import Body, arm_angle_deg, y_body
 from solen.lens import OvalLens, lens_of
 from solen.plane import Point, Rigid
-from solen.spec import Design
+from solen.spec import Design, with_values
 
 REST = ("lens", "stem-right", "outer-right", "receiver-right", "inner-right")
 REST_LEFT = ("inner-left", "receiver-left", "outer-left", "stem-left")
@@ -230,7 +230,8 @@ REFUSED: list[tuple[dict[str, Any], float, str]] = [
     ({"body": {"arm_width_mm": 9.0}}, 0.0, "body.arm_width_mm"),
     ({"emitter": {"distance_mm": 0.1}, "motion": {"pivot": [0.0, 8.0], "moves": ["emitter"]}}, 20.0, "emitter"),
     ({"body": {"stem_length_mm": 0.5, "arm_angle_deg": 20.0}}, 30.0, "motion"),
-    ({}, 180.0, "cross"),
+    ({}, 180.0, "motion"),
+    ({}, 89.0, "motion"),
 ]
 
 
@@ -262,18 +263,49 @@ def test_an_angle_that_is_no_number_is_refused(angle_deg: float) -> None:
         built(angle_deg)
 
 
-HUGE: list[dict[str, Any]] = [
-    {"body": {"stem_length_mm": 1e200}},
-    {"body": {"arm_length_mm": 1e300}},
-    {"body": {"stem_curve_per_mm": 1e300}},
-    {"motion": {"pivot": [1e308, 1e308]}},
-    {"lens": {"shape": "none", "half_width_mm": 1e300}},
+LIMITED: list[tuple[str, float, float]] = [  # key, least, most
+    ("body.stem_length_mm", 1e-6, 1e6),
+    ("body.arm_length_mm", 1e-6, 1e6),
+    ("body.arm_width_mm", 1e-6, 1e6),
+    ("body.stem_curve_per_mm", -1e3, 1e3),
+    ("lens.half_width_mm", 1e-6, 1e6),
+    ("lens.focus_mm", 1e-6, 1e6),
+    ("emitter.distance_mm", 1e-6, 1e6),
+    ("emitter.offset_mm", -1e6, 1e6),
 ]
 
 
-@pytest.mark.parametrize("values", HUGE)
-def test_huge_numbers_end_in_one_line_too(values: dict[str, Any]) -> None:
-    built_or_refused(1.0, **values)
+@pytest.mark.parametrize(("key", "least", "most"), LIMITED)
+def test_huge_numbers_are_refused_by_the_design_in_one_line(key: str, least: float, most: float) -> None:
+    for value in (1e200, 1e300, 1.001 * most, -1e300, least - 1e-3 * abs(least)):
+        with pytest.raises(SpecError, match=key) as refusal:
+            with_values(design(), {key: value})
+        assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_pivot_out_of_reach_is_refused_by_the_design_in_one_line() -> None:
+    with pytest.raises(SpecError, match=r"motion\.pivot") as refusal:
+        with_values(design(), {"motion.pivot": [1e308, 1e308]})
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("lens", ["cartesian-oval", "none"])
+@pytest.mark.parametrize(("key", "least", "most"), LIMITED)
+def test_what_a_design_may_hold_is_built_or_refused_in_one_line(
+    key: str, least: float, most: float, lens: str
+) -> None:
+    table, _, name = key.partition(".")
+    for value in (least, most):
+        values: dict[str, Any] = {"lens": {"shape": lens}}
+        values[table] = values.get(table, {}) | {name: value}
+        for angle_deg in (0.0, 1.0, -60.0):
+            built_or_refused(angle_deg, **values)
+
+
+@pytest.mark.parametrize("pivot", [(1e6, 1e6), (-1e6, 0.0), (0.0, -1e6)])
+def test_a_pivot_far_away_is_built_or_refused_in_one_line(pivot: Point) -> None:
+    for angle_deg in (0.0, 1e-9, 1.0, -60.0):
+        built_or_refused(angle_deg, motion={"pivot": list(pivot)})
 
 
 def test_the_lens_given_is_the_one_built() -> None:

@@ -119,6 +119,13 @@ def test_an_index_matched_interface_does_nothing(n: float, angle: float) -> None
     assert max(fresnel(direction[1], n, n)) < 1e-24
 
 
-@pytest.mark.parametrize("cos_in", [1e-6, 1e-8, 1e-9])
-def test_an_index_matched_interface_does_nothing_to_a_grazing_ray(cos_in: float) -> None:
-    assert max(fresnel(cos_in, 1.5, 1.5)) < 1e-20
+@pytest.mark.parametrize("n", [1.0, 1.44, 1.5, 1.7])
+@pytest.mark.parametrize("cos_in", [1e-3, 1e-6, 1e-8, 1e-9, 1e-15, 1e-100])
+def test_an_index_matched_interface_does_nothing_to_a_grazing_ray(n: float, cos_in: float) -> None:
+    assert max(fresnel(cos_in, n, n)) < 1e-30
+    assert cos_refracted(cos_in, n, n) == pytest.approx(cos_in, rel=1e-15)
+    direction = (math.sqrt((1 - cos_in) * (1 + cos_in)), cos_in)
+    out = refracted(direction, DOWN, n, n)
+    assert out is not None
+    assert math.dist(out, direction) < 3e-16
+    assert out[1] == pytest.approx(cos_in, rel=1e-14)

@@ -7,7 +7,9 @@ import pytest
 
 from solen.curve import Segment
 from solen.errors import DesignError
-from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.scene.json import SOURCES
+from solen.trace import trace
 
 AIR, GLASS = Region("air", 1.0), Region("glass", 1.5)
 FACE = Interface("face", Segment((-1.0, 0.0), (1.0, 0.0)), "glass", "air")
@@ -68,8 +70,8 @@ def test_an_unknown_behaviour_is_refused_with_those_there_are() -> None:
     assert "'sponge'; must be one of refracting, mirror, absorbing, receiver" in refused(interfaces=(strange,))
 
 
-UNCHECKED: list[tuple[str, Source]] = [
-    ("a second source without rays loses its power", Fan((0.0, 0.0), 0.0, 10.0, 0)),
+REFUSED: list[tuple[str, Source]] = [
+    ("no rays", Fan((0.0, 0.0), 0.0, 10.0, 0)),
     ("a negative number of rays", Fan((0.0, 0.0), 0.0, 10.0, -1)),
     ("a share of s beyond 1", Fan((0.0, 0.0), 0.0, 10.0, 3, s_share=2.0)),
     ("a place that is no number", Fan((math.nan, 0.0), 0.0, 10.0, 3)),
@@ -78,12 +80,71 @@ UNCHECKED: list[tuple[str, Source]] = [
     ("more origins than directions", Rays(((0.0, 0.0), (1.0, 0.0)), ((0.0, 1.0),))),
     ("more directions than origins", Rays(((0.0, 0.0),), ((0.0, 1.0), (1.0, 0.0)))),
     ("a direction of no length", Rays(((0.0, 0.0),), ((0.0, 0.0),))),
+    ("a place in space", Fan((0.0, 0.0, 0.0), 0.0, 10.0, 3)),  # type: ignore[arg-type]
+    ("a cone below nothing", Fan((0.0, 0.0), 0.0, -1.0, 3)),
+    ("a cone beyond the full circle", Fan((0.0, 0.0), 0.0, 360.001, 3)),
+    ("half a ray", Fan((0.0, 0.0), 0.0, 10.0, 1.5)),  # type: ignore[arg-type]
+    ("rays that are no number", Fan((0.0, 0.0), 0.0, 10.0, math.nan)),  # type: ignore[arg-type]
+    ("rays without end", Fan((0.0, 0.0), 0.0, 10.0, math.inf)),  # type: ignore[arg-type]
+    ("a beam without rays", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 0)),
+    ("a beam of half a ray", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 2.5)),  # type: ignore[arg-type]
+    ("a beam without power", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 3, power=0.0)),
+    ("a beam of negative power", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 3, power=-1.0)),
+    ("a beam's share of s below nothing", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 3, s_share=-0.1)),
+    ("a beam's share of s that is no number", Beam((0.0, 0.0), (1.0, 0.0), 0.0, 3, s_share=math.nan)),
+    ("a beam from no number", Beam((math.nan, 0.0), (1.0, 0.0), 0.0, 3)),
+    ("a beam to infinity", Beam((0.0, 0.0), (math.inf, 0.0), 0.0, 3)),
+    ("a beam from one number", Beam((0.0,), (1.0, 0.0), 0.0, 3)),  # type: ignore[arg-type]
+    ("a beam towards no number", Beam((0.0, 0.0), (1.0, 0.0), math.nan, 3)),
+    ("no single ray", Rays((), ())),
+    ("rays of no power", Rays(((0.0, 0.0),), ((0.0, 1.0),), power=0.0)),
+    ("rays of infinite power", Rays(((0.0, 0.0),), ((0.0, 1.0),), power=math.inf)),
+    ("rays' share of s beyond 1", Rays(((0.0, 0.0),), ((0.0, 1.0),), s_share=1.1)),
+    ("a ray from no number", Rays(((0.0, math.nan),), ((0.0, 1.0),))),
+    ("a ray towards no number", Rays(((0.0, 0.0),), ((math.inf, 1.0),))),
+    ("a ray from one number", Rays(((0.0,),), ((0.0, 1.0),))),  # type: ignore[arg-type]
 ]
 
 
-@pytest.mark.parametrize("source", [source for _, source in UNCHECKED], ids=[name for name, _ in UNCHECKED])
+@pytest.mark.parametrize("source", [source for _, source in REFUSED], ids=[name for name, _ in REFUSED])
 def test_every_source_is_checked(source: Source) -> None:
     refused(sources=(FAN, source))
+    with pytest.raises(DesignError):
+        source.check()
+
+
+def test_sources_of_every_kind_are_among_the_refused() -> None:
+    assert {type(source) for _, source in REFUSED} == set(SOURCES.values())
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        FAN,
+        Fan((0.0, 0.0), 1e9, 0.0, 1),
+        Fan((0.0, 0.0), -720.0, 360.0, 1, 1e-300, 0.0),
+        Beam((0.0, 0.0), (0.0, 0.0), 0.0, 2),  # all rays from one place: a thin beam
+        Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, 1e300, 1.0),
+        Rays(((0.0, 0.0), (0.0, 0.0)), ((0.0, 1e-300), (1e300, 0.0))),
+    ],
+)
+def test_a_sound_source_passes(source: Source) -> None:
+    source.check()
+    assert scene(sources=(source,)).rays == source.rays
+    launch = source.launch()
+    assert [math.hypot(*direction) for direction in zip(launch.dx, launch.dz, strict=True)] == pytest.approx(
+        [1.0] * source.rays, abs=1e-15
+    )
+
+
+def test_a_number_of_rays_is_refused_or_traced() -> None:
+    """A whole number that is a float must not pass the check and then end the trace in a TypeError."""
+    source = Fan((0.0, 0.0), 0.0, 10.0, 10.0)  # type: ignore[arg-type]
+    try:
+        made = scene(sources=(source,))
+    except DesignError:
+        return
+    assert trace(made).rays == 10
 
 
 @pytest.mark.parametrize(

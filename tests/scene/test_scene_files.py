@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from solen import scene as scenes
@@ -69,9 +69,34 @@ finite = st.floats(allow_nan=False, allow_infinity=False)
 
 @given(ends=st.tuples(st.tuples(finite, finite), st.tuples(finite, finite)), name=st.text())
 def test_every_float_and_every_name_survives(ends: Any, name: str) -> None:
+    assume(ends[0] != ends[1])
     interface = Interface(name, Segment(*ends), "air", "air")
     scene = Scene((Region("air", 1.0),), (interface,), (SOURCES_HERE[0],), name=name)
     assert scenes.loads(scenes.dumps(scene)) == scene
+
+
+def test_defaults_are_left_out_and_read_back() -> None:
+    face = Interface("face", CURVES_HERE[0], "air", "air")
+    plain = Scene((Region("air", 1.0),), (face,), (Fan((0.0, -1.0), 0.0, 60.0, 3),), (Monitor("m", (0, 1), (1, 1)),))
+    text = json.loads(scenes.dumps(plain))
+    assert text["regions"] == [{"name": "air", "index": 1.0}]
+    assert set(text["interfaces"][0]) == {"name", "curve", "left", "right"}
+    assert set(text["sources"][0]) == {"kind", "point", "axis_deg", "cone_deg", "rays"}
+    assert set(text["monitors"][0]) == {"name", "start", "end"}
+    assert scenes.loads(json.dumps(text)) == plain
+    bare = Scene(plain.regions, plain.interfaces, plain.sources)
+    assert "monitors" not in json.loads(scenes.dumps(bare))
+    assert scenes.loads(scenes.dumps(bare)) == bare
+
+
+def test_what_differs_from_its_default_is_written() -> None:
+    text = data()
+    assert text["regions"][1]["absorption_per_mm"] == 0.01
+    assert (text["sources"][0]["power"], text["sources"][0]["s_share"]) == (0.25, 1.0)
+    assert "power" not in text["sources"][1]
+    assert text["sources"][1]["s_share"] == 0.0
+    assert [text["interfaces"][-1][key] for key in ("behaviour", "receiver")] == ["receiver", "eye"]
+    assert [monitor.get("bins") for monitor in text["monitors"]] == [8, None]
 
 
 def test_a_scene_without_monitors_and_name_is_read() -> None:
@@ -144,7 +169,27 @@ def test_values_of_the_wrong_kind_are_refused(part: str, key: str, value: object
 
 
 def test_an_unknown_key_at_the_top_is_refused() -> None:
-    refused(json.dumps(data() | {"interface": []}))
+    line = refused(json.dumps(data() | {"interface": []}))
+    assert "scene.json: interface; unknown key; there are interfaces, monitors, name" in line
+
+
+@pytest.mark.parametrize("part", ["regions", "interfaces", "sources", "monitors"])
+def test_an_unknown_or_a_missing_key_of_a_part_is_told_with_its_place(part: str) -> None:
+    wrong = data()
+    wrong[part][1]["colour"] = "red"
+    assert f"scene.json: {part}[1]: colour; unknown key" in refused(json.dumps(wrong))
+    wrong = data()
+    needed = {"regions": "index", "interfaces": "left", "sources": "direction_deg", "monitors": "end"}[part]
+    del wrong[part][1][needed]
+    assert f"scene.json: {part}[1]: {needed}; missing" in refused(json.dumps(wrong))
+
+
+@pytest.mark.parametrize("kind", [None, 3, ["fan"], {"fan": 1}, "sun"])
+@pytest.mark.parametrize("part", ["interfaces", "sources"])
+def test_a_kind_that_is_none_is_refused_whatever_it_is(part: str, kind: object) -> None:
+    wrong = data()
+    (wrong[part][0]["curve"] if part == "interfaces" else wrong[part][0])["kind"] = kind
+    assert "must be one of" in refused(json.dumps(wrong))
 
 
 def test_a_deep_text_is_refused() -> None:
@@ -158,5 +203,6 @@ class Bent(Segment):
 @pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0))])
 def test_what_cannot_be_written_is_told(curve: Curve) -> None:
     scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (SOURCES_HERE[0],))
-    with pytest.raises(SolenError):
+    with pytest.raises(DesignError, match="Bent; JSON knows segment, arc, parabola, cartesian-oval") as refusal:
         scenes.dumps(scene)
+    assert len(str(refusal.value).splitlines()) == 1

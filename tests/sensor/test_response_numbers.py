@@ -83,6 +83,11 @@ def test_saturation_is_the_smallest_distance_from_the_null() -> None:
     assert found.saturation_deg() == pytest.approx(2.0)
 
 
+def test_saturation_between_two_angles_is_on_a_straight_line() -> None:
+    found = response([-2, -1, 0, 1, 2], [1.0, 0.9, 0.0, -0.9, -1.0])
+    assert found.saturation_deg() == pytest.approx(1.5)
+
+
 def test_saturation_is_missing_where_it_is_never_reached_or_nothing_balances() -> None:
     assert response([-1, 0, 1], [0.9, 0.0, -0.9]).saturation_deg() is None
     assert response([1, 2], [-0.99, -1.0]).saturation_deg() is None

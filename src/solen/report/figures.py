@@ -19,7 +19,7 @@ from solen.geometry import Body
 from solen.lens import OvalLens
 from solen.plane import along
 from solen.scene import Scene
-from solen.sensor import SATURATED, Response, Sensor
+from solen.sensor import SATURATED, Case, Sensor
 from solen.trace import Mode, Path, Trace
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
@@ -76,14 +76,14 @@ def profile_figure(lens: OvalLens) -> Figure:
     return figure
 
 
-def response_figure(lens: tuple[Response, Response] | None, flat: tuple[Response, Response]) -> Figure:
+def response_figure(lens: Case | None, flat: Case | None) -> Figure:
     """Receivers against angle, with lens and without: converged power as lines, the counted rays as dots."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         power_axes, contrast_axes = figure.subplots(1, 2)
-        for pair, name, style in ((lens, "with lens", "-"), (flat, "no lens", "--")):
-            if pair is not None:
-                _draw_response(power_axes, contrast_axes, pair, name, style)
+        for case, name, style in ((lens, "with lens", "-"), (flat, "no lens", "--")):
+            if case is not None:
+                _draw_response(power_axes, contrast_axes, case, name, style)
         power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power", ylim=(0, None))
         contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
         for bound in (-SATURATED, SATURATED):
@@ -123,10 +123,8 @@ def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
         return None
 
 
-def _draw_response(
-    power_axes: Axes, contrast_axes: Axes, pair: tuple[Response, Response], name: str, style: str
-) -> None:
-    counted, power = pair
+def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str, style: str) -> None:
+    counted, power = case.counted, case.power
     thin = 2.0 if style == "-" else 1.2
     for side in ("right", "left"):
         power_axes.plot(

@@ -1,6 +1,8 @@
 """The report: one HTML file with its figures inside, which opens offline."""
 
+import math
 import platform
+import re
 from importlib.resources import files
 from typing import Any
 
@@ -15,22 +17,25 @@ from solen.report.words import findings, headline
 from solen.sensor import Case, Study
 from solen.spec import dumps
 
+FIGURES = ("lens-profile", "response", "rays", "rays-at-the-lens", "rays-without-lens")
+"""Names of all figures that a study may have."""
+
 
 def figures(study: Study) -> dict[str, str]:
-    """SVG texts of all figures of a study, by file name without ending."""
-    first, last = study.design.motion.from_deg, study.design.motion.to_deg
+    """SVG texts of the figures of a study, by name; which of `FIGURES` there are depends on the design."""
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
-    drawn = {}
     case = study.case
+    swept = case.power.angle_deg
+    angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
+    drawn = {"response": response_figure(study.lens, study.flat)}
     if isinstance(case.sensor.lens, OvalLens):
         drawn["lens-profile"] = profile_figure(case.sensor.lens)
-    drawn["response"] = response_figure(_pair(study.lens), _pair(study.flat))
-    drawn["rays"] = rays_figure([sensor_view(case.sensor, angle, rays) for angle in (first, 0.0, last)])
-    zoom_mm = 1.5 * case.sensor.lens.half_width_mm
-    drawn["rays-at-the-lens"] = rays_figure([sensor_view(case.sensor, a, rays) for a in (first, 0.0, last)], zoom_mm)
-    if study.lens is not None:
-        drawn["rays-without-lens"] = rays_figure([sensor_view(study.flat.sensor, a, rays) for a in (first, 0.0, last)])
-    return {name: svg(figure, name) for name, figure in drawn.items()}
+    views = [sensor_view(case.sensor, angle, rays) for angle in angles]
+    drawn["rays"] = rays_figure(views)
+    drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
+    if study.lens is not None and study.flat is not None:
+        drawn["rays-without-lens"] = rays_figure([sensor_view(study.flat.sensor, a, rays) for a in angles])
+    return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}
 
 
 def html(study: Study, drawn: dict[str, str]) -> str:
@@ -43,7 +48,7 @@ def html(study: Study, drawn: dict[str, str]) -> str:
         study=study,
         headline=headline(study),
         findings=findings(study),
-        figures={name: _inline(text) for name, text in drawn.items()},
+        figures={name: _inline(text, name) for name, text in drawn.items()},
         results=results(study),
         summaries=[(label, summary(one)) for label, one in _cases(study)],
         rows=range(len(case.power.angle_deg)),
@@ -63,20 +68,20 @@ def shown(value: Any) -> str:
         return "yes" if value else "no"
     if not isinstance(value, float):
         return str(value)
+    if not math.isfinite(value):
+        return "–"
     if value != 0.0 and abs(value) < 1e-3:
         return f"{value:.1e}" if abs(value) > 1e-12 else "0"
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
 def _cases(study: Study) -> list[tuple[str, Case]]:
-    cases = [("with lens", study.lens), ("no lens", study.flat)]
-    return [(label, case) for label, case in cases if case is not None]
+    return [("with lens" if name == "lens" else "no lens", case) for name, case in study.cases.items()]
 
 
-def _pair(case: Case | None) -> Any:
-    return None if case is None else (case.counted, case.power)
-
-
-def _inline(text: str) -> Markup:
-    """SVG element without the XML and document-type lines that a file needs and a page does not."""
-    return Markup(text[text.index("<svg") :])  # noqa: S704  drawn by this package, not by a user
+def _inline(text: str, name: str) -> Markup:
+    """SVG element without the lines that only a file needs, its ids told apart from those of other figures."""
+    element = text[text.index("<svg") :]
+    for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
+        element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\1{name}-\2", element)
+    return Markup(element)  # noqa: S704  drawn by this package, not by a user

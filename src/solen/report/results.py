@@ -7,30 +7,32 @@ import csv
 import io
 import json
 import math
+import tomllib
 from typing import Any
 
 import solen
 from solen.geometry import arm_angle_deg
 from solen.lens import Lens, OvalLens
 from solen.sensor import Case, Response, Sensor, Study
+from solen.spec import dumps
 
 SCHEMA = 1
 
 
 def results(study: Study) -> dict[str, Any]:
     """Everything a study found, ready for JSON."""
-    cases = {"lens": study.lens, "no_lens": study.flat}
     return {
         "schema": SCHEMA,
         "solen": solen.__version__,
         "simulated": True,
         "name": study.design.name,
-        "design": study.design.model_dump(mode="json", exclude_none=True),
+        "design": {key: value for key, value in tomllib.loads(dumps(study.design)).items() if key != "schema"},
         "material": material_numbers(study.case.sensor),
         "lens": lens_numbers(study.case.sensor.lens, study.case.sensor.material.index),
         "body": body_numbers(study.case.sensor),
-        "summary": {name: summary(case) for name, case in cases.items() if case is not None},
-        "response": {name: _case(case) for name, case in cases.items() if case is not None},
+        "no_lens_refused": study.flat_refused,
+        "summary": {name: summary(case) for name, case in study.cases.items()},
+        "response": {name: _case(case) for name, case in study.cases.items()},
     }
 
 
@@ -99,8 +101,8 @@ def summary(case: Case) -> dict[str, Any]:
         "to_deg": float(power.angle_deg[-1]),
         "contrast_from": number(power.contrast[0]),
         "contrast_to": number(power.contrast[-1]),
-        "null_deg": power.null_deg(),
-        "slope_per_deg": power.slope_per_deg(),
+        "null_deg": case.null_deg,
+        "slope_per_deg": case.slope_per_deg,
         "saturation_deg": power.saturation_deg(),
         "received_share": float((power.right + power.left).mean()),
         "u_power": float(power.u.max()),
@@ -113,12 +115,11 @@ def summary(case: Case) -> dict[str, Any]:
 
 def csv_table(study: Study) -> str:
     """One row an angle: right, left and contrast of every case, in the order of the header."""
-    cases = [(name, case) for name, case in (("lens", study.lens), ("no_lens", study.flat)) if case is not None]
-    columns = [(f"{name}_{kind}", response) for name, case in cases for kind, response in _pairs(case)]
+    columns = [(f"{name}_{kind}", response) for name, case in study.cases.items() for kind, response in _pairs(case)]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["angle_deg"] + [f"{name}_{what}" for name, _ in columns for what in ("right", "left", "contrast")])
-    for i, angle in enumerate(study.flat.power.angle_deg):
+    for i, angle in enumerate(study.case.power.angle_deg):
         row = [repr(float(angle))]
         for _, response in columns:
             values = (response.right[i], response.left[i], response.contrast[i])

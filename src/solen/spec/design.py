@@ -173,7 +173,8 @@ class Motion(Strict):
     def _sweep_ascends_in_few_steps(self) -> Self:
         if not self.from_deg < self.to_deg:
             limit = f"must be less than motion.to_deg = {self.to_deg}"
-            raise refused("from_deg", limit, value=self.from_deg, remedy="swap the two")
+            remedy = "swap the two" if self.from_deg > self.to_deg else "raise motion.to_deg"
+            raise refused("from_deg", limit, value=self.from_deg, remedy=remedy)
         if (self.to_deg - self.from_deg) / MAX_STEPS > self.step_deg * (1 + 1e-12):
             limit = f"at most {MAX_STEPS:,} steps from {self.from_deg} to {self.to_deg}"
             raise refused("step_deg", limit, value=self.step_deg, remedy="take a larger step")

@@ -11,7 +11,7 @@ cached on disk. It lives in one file because the cache of a compiled function lo
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, ParamSpec, TypeVar, cast
+from typing import Any, NamedTuple, ParamSpec, TypeVar, cast
 
 import numba
 import numpy as np
@@ -40,8 +40,11 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE 754 (no branch for a zero divisor), and rounding may differ by fused operations and by
     multiplying with a reciprocal; infinities and NaN keep their meaning, parallel rays depend on it.
     """
-    jit = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "arcp", "nsz"})
-    return cast("Callable[P, R]", jit(function))
+    options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "arcp", "nsz"}}
+    try:
+        return cast("Callable[P, R]", numba.njit(cache=True, **options)(function))
+    except RuntimeError:  # nowhere to keep a cache: a read-only installation and no home folder
+        return cast("Callable[P, R]", numba.njit(**options)(function))
 
 
 class Sums(NamedTuple):
