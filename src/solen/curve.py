@@ -55,6 +55,12 @@ def check_numbers(what: str, *values: object) -> None:
             raise DesignError(what, value=repr(value), limit="must be a finite number")
 
 
+def check_count(what: str, value: object, least: int) -> None:
+    """`DesignError` where a value is not a whole number of at least ``least``."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
+
+
 def check_points(what: str, *points: object) -> None:
     """`DesignError` where one of the points is not a pair of finite numbers."""
     for point in points:
@@ -228,7 +234,8 @@ class Arc(Curve):
         check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)
         twice_area = cross(p, q)
-        if not abs(twice_area) > 1e-6 * dot(q, q):
+        r = minus(b, middle)
+        if not abs(twice_area) > 1e-6 * max(dot(p, p), dot(q, q), dot(r, r)):
             raise DesignError(
                 "arc", value=f"through {a}, {middle}, {b}", limit="the three lie on one line", remedy="use a segment"
             )
@@ -268,12 +275,17 @@ class Arc(Curve):
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """See :meth:`Curve.hits`."""
         from_center = minus(origin, self.center)
-        roots = quadratic_roots(
-            1.0,
-            2.0 * dot(from_center, direction),
-            dot(from_center, from_center) - self.radius_mm**2,
-            leaving=leaving,
-        )
+        half_b = dot(from_center, direction)
+        rest = dot(from_center, from_center) - self.radius_mm**2
+        roots: tuple[float, ...] = ()
+        if leaving:
+            roots = quadratic_roots(1.0, 2.0 * half_b, rest, leaving=True)
+        else:
+            passes_mm = abs(cross(from_center, direction))  # far away, rounding would drown b² − 4ac
+            square = (self.radius_mm - passes_mm) * (self.radius_mm + passes_mm)
+            if square >= 0.0:
+                q = -half_b - math.copysign(math.sqrt(square), half_b)
+                roots = (q, rest / q) if q != 0.0 else ()
         return tuple(t for t in roots if t > 0.0 and self._holds(along(origin, direction, t)))
 
     def moved(self, motion: Rigid) -> "Arc":

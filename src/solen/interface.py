@@ -7,7 +7,7 @@ negative). n1 is the index on the arriving side, n2 the one behind.
 import math
 from typing import NamedTuple
 
-from solen.plane import Point, dot
+from solen.plane import Point, dot, unit
 
 
 class Fresnel(NamedTuple):
@@ -39,9 +39,9 @@ def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:
 
 
 def reflected(direction: Point, normal: Point) -> Point:
-    """Direction after a mirror reflection."""
+    """Direction after a mirror reflection, of length 1 however many went before."""
     twice = 2.0 * dot(direction, normal)
-    return (direction[0] - twice * normal[0], direction[1] - twice * normal[1])
+    return unit((direction[0] - twice * normal[0], direction[1] - twice * normal[1]))
 
 
 def refracted(direction: Point, normal: Point, n1: float, n2: float) -> Point | None:

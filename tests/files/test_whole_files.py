@@ -198,9 +198,14 @@ def test_all_folders_made_for_nothing_are_removed_and_no_other(tmp_path: Path) -
     with pytest.raises(KeyboardInterrupt), files.output_folder(tmp_path / "old" / "a" / "b" / "c"):
         raise KeyboardInterrupt
     assert [path.name for path in tmp_path.rglob("*")] == ["old"]
-    with pytest.raises(KeyboardInterrupt), files.output_folder(tmp_path / "old" / "a" / "b") as folder:
-        files.write_text(folder.parent / "x", "x")
-        raise KeyboardInterrupt
+
+    def interrupted_after_writing() -> None:
+        with files.output_folder(tmp_path / "old" / "a" / "b") as folder:
+            files.write_text(folder.parent / "x", "x")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_after_writing()
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "old", "x"]
 
 

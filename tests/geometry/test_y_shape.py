@@ -291,9 +291,7 @@ def test_a_pivot_out_of_reach_is_refused_by_the_design_in_one_line() -> None:
 
 @pytest.mark.parametrize("lens", ["cartesian-oval", "none"])
 @pytest.mark.parametrize(("key", "least", "most"), LIMITED)
-def test_what_a_design_may_hold_is_built_or_refused_in_one_line(
-    key: str, least: float, most: float, lens: str
-) -> None:
+def test_what_a_design_may_hold_is_built_or_refused_in_one_line(key: str, least: float, most: float, lens: str) -> None:
     table, _, name = key.partition(".")
     for value in (least, most):
         values: dict[str, Any] = {"lens": {"shape": lens}}

@@ -60,7 +60,7 @@ def test_equal_indices_are_refused_whatever_they_are() -> None:
 
 def test_a_material_of_air_cannot_have_a_lens() -> None:
     design = Design.model_validate({"name": "a", "material": {"index": 1.0}})
-    with pytest.raises(DesignError, match="the material's index = 1.0; must be above 1"):
+    with pytest.raises(DesignError, match=r"the material's index = 1\.0; must be above 1"):
         lens_of(design, 1.0)
 
 

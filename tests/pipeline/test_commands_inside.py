@@ -135,14 +135,14 @@ def test_check_builds_the_body_at_every_angle(design: Path) -> None:
         pipeline.check(design, breaks)
 
 
-def test_a_value_is_set_after_the_assignments(design: Path) -> None:
-    opened = pipeline.open_design(design, ["emitter.rays=7", "name=Set by text"], {"emitter.rays": 9})
+def test_of_two_values_of_a_key_the_later_one_counts(design: Path) -> None:
+    opened = pipeline.open_design(design, ["emitter.rays=7", "name=Set by text", "emitter.rays=9"])
     assert (opened.emitter.rays, opened.name) == (9, "Set by text")
 
 
 def test_more_paths_than_a_reader_can_hold_are_refused(design: Path) -> None:
     with pytest.raises(SpecError, match="at most 100000"):
-        pipeline.trace_design(design, values={"emitter.rays": 100_001}, paths=True)
+        pipeline.trace_design(design, ["emitter.rays=100001"], paths=True)
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf", ".SVG"])

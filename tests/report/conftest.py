@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from solen.report.html import figures
 from solen.sensor import Study, study
 from solen.spec import loads, template, with_values
 
@@ -21,9 +22,11 @@ DESIGNS: dict[str, dict[str, object]] = {
     "from below": {"motion.pivot": [0.0, 20.0]},
     "narrow": {"emitter.cone_deg": 1.0},
     "almost": {"lens.design_index": 1.44001},
+    "no comparison": {"motion.pivot": [30.0, 0.0]},
 }
 
 Studies = Callable[[str], Study]
+Drawn = Callable[[str], dict[str, str]]
 
 
 @pytest.fixture(scope="session")
@@ -35,5 +38,18 @@ def studied() -> Studies:
             design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
             kept[name] = study(design)
         return kept[name]
+
+    return get
+
+
+@pytest.fixture(scope="session")
+def drawn(studied: Studies) -> Drawn:
+    """Figures of a study, drawn once for all tests."""
+    kept: dict[str, dict[str, str]] = {}
+
+    def get(name: str) -> dict[str, str]:
+        if name not in kept:
+            kept[name] = figures(studied(name))
+        return dict(kept[name])
 
     return get

@@ -7,7 +7,7 @@ import pytest
 from solen.lens import OvalLens
 from solen.report.figures import encoded, profile_figure, rays_figure, response_figure, sensor_view, svg
 from solen.report.html import figures
-from tests.report.conftest import Studies
+from tests.report.conftest import Drawn, Studies
 
 
 def words(text: str) -> list[str]:
@@ -16,16 +16,17 @@ def words(text: str) -> list[str]:
     return ["".join(one.itertext()) for one in root.iter("{http://www.w3.org/2000/svg}text")]
 
 
-@pytest.mark.parametrize("name", ["paper", "dark"])
-def test_figures_are_the_same_byte_for_byte(studied: Studies, name: str) -> None:
-    assert figures(studied(name)) == figures(studied(name))
+def test_figures_are_the_same_byte_for_byte(studied: Studies, drawn: Drawn) -> None:
+    assert figures(studied("paper")) == drawn("paper")
+    dark = studied("dark")
+    one, other = (svg(response_figure(dark.lens, dark.flat), "response") for _ in range(2))
+    assert one == other
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
 def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix: str, start: bytes) -> None:
-    case = studied("paper").flat
-    pair = (case.counted, case.power)
-    first, second = (encoded(response_figure(None, pair), suffix, "response") for _ in range(2))
+    case = studied("paper").case
+    first, second = (encoded(response_figure(case, None), suffix, "response") for _ in range(2))
     assert first.startswith(start)
     assert first == second
     assert b"CreationDate" not in first
@@ -33,9 +34,8 @@ def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix
 
 
 def test_the_salt_keeps_the_names_of_two_figures_apart(studied: Studies) -> None:
-    case = studied("paper").flat
-    pair = (case.counted, case.power)
-    one, other = (svg(response_figure(None, pair), salt) for salt in ("one", "other"))
+    case = studied("no lens").flat
+    one, other = (svg(response_figure(None, case), salt) for salt in ("one", "other"))
     assert one != other
     assert words(one) == words(other)
 
@@ -59,19 +59,22 @@ def test_a_lens_too_wide_for_another_index_is_drawn_alone() -> None:
     assert "n = 1.54 (this lens)" in told
 
 
-def test_the_response_shows_both_receivers_of_both_cases(studied: Studies) -> None:
-    told = words(figures(studied("paper"))["response"])
+def test_the_response_shows_both_receivers_of_both_cases(studied: Studies, drawn: Drawn) -> None:
+    told = words(drawn("paper")["response"])
     for label in ("right, with lens", "left, with lens", "right, no lens", "left, no lens", "dots: counted rays"):
         assert label in told
-    alone = words(figures(studied("no lens"))["response"])
+    alone = words(drawn("no lens")["response"])
     assert "right, no lens" in alone
     assert "right, with lens" not in alone
+    alone = words(svg(response_figure(studied("no comparison").lens, None), "response"))
+    assert "right, with lens" in alone
+    assert "right, no lens" not in alone
 
 
-def test_views_are_titled_by_their_angles(studied: Studies) -> None:
-    drawn = figures(studied("paper"))
-    assert {"-3°", "0°", "+3°"} <= {word.replace("−", "-") for word in words(drawn["rays"])}
-    assert {"no lens, 0°", "no lens, +3°"} <= set(words(drawn["rays-without-lens"]))
+def test_views_are_titled_by_their_angles(drawn: Drawn) -> None:
+    texts = drawn("paper")
+    assert {"-3°", "0°", "+3°"} <= {word.replace("−", "-") for word in words(texts["rays"])}
+    assert {"no lens, 0°", "no lens, +3°"} <= set(words(texts["rays-without-lens"]))
 
 
 def test_a_view_draws_every_ray_in_the_colour_of_its_receiver(studied: Studies) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from solen.report.html import figures, html
-from tests.report.conftest import Studies
+from solen.report.html import html
+from tests.report.conftest import Drawn, Studies
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [
@@ -53,14 +53,15 @@ def laid_out(text: str, folder: Path, width: int) -> Any:
 
 
 @pytest.mark.parametrize("width", [1200, 520])
-def test_the_report_renders_with_all_figures_and_headings(studied: Studies, tmp_path: Path, width: int) -> None:
-    study = studied("paper")
-    drawn = figures(study)
-    found = laid_out(html(study, drawn), tmp_path, width)
+def test_the_report_renders_with_all_figures_and_headings(
+    studied: Studies, drawn: Drawn, tmp_path: Path, width: int
+) -> None:
+    texts = drawn("paper")
+    found = laid_out(html(studied("paper"), texts), tmp_path, width)
     assert found["headings"] == [
         *("SOLen 860 nm", "What this means if you want to print it", "Response", "Rays", "Lens and body")
     ]
-    assert len(found["figures"]) == len(found["captions"]) == len(drawn) == 5
+    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 5
     for (left, top, wide, high), caption in zip(found["figures"], found["captions"], strict=True):
         assert wide > 300
         assert high > 80

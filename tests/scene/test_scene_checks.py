@@ -181,5 +181,3 @@ def test_a_monitor_along_an_interface_is_refused_with_both_names(ends: Any) -> N
 )
 def test_a_monitor_beside_across_or_behind_an_interface_stands(ends: Any) -> None:
     assert scene(monitors=(Monitor("m", *ends),)).monitors[0].start == ends[0]
-
-

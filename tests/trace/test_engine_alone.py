@@ -1,15 +1,19 @@
 """What the compiled engine adds: threads, chunks, progress, interruption, and a limit on what it knows."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from solen.curve import Arc, Curve, Segment
 from solen.errors import DesignError
-from solen.scene import Fan, Interface, Monitor, Region, Scene
+from solen.plane import heading
+from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene
 from solen.trace import Limits, Trace, trace, trace_reference
 from solen.trace.engine import CHUNK
+from solen.trace.kernel import BLOCK
 
 REGIONS = (Region("air", 1.0), Region("glass", 1.5, 0.1))
 
@@ -99,8 +103,74 @@ def test_a_curve_it_does_not_know_is_refused_and_the_reference_takes_it() -> Non
 
 
 def test_a_negative_number_of_threads_is_refused() -> None:
-    with pytest.raises(DesignError):
-        trace(ball(CHUNK + 1), threads=-1)
+    for threads in (-1, 0):
+        with pytest.raises(DesignError, match=f"threads = {threads}; must be a whole number"):
+            trace(ball(CHUNK + 1), threads=threads)
+
+
+EDGES = [1, BLOCK - 1, BLOCK, BLOCK + 1, CHUNK - 1, CHUNK, CHUNK + 1]
+"""Ray counts at which a block or a chunk is just not full, full, and one too many."""
+
+
+def first_of_many(rays: int) -> Scene:
+    """The ball and its receiver under the first rays of one list, whose neighbours in it differ."""
+    turn = 180.0 * np.modf(np.arange(rays) * 0.6180339887498949)[0] - 90.0
+    source = Rays(((0.0, -2.0),) * rays, tuple(heading(float(angle)) for angle in turn), power=float(rays))
+    made = ball(1)
+    return Scene(made.regions, made.interfaces, (source,), made.monitors)
+
+
+def by_ray(result: Trace, rays: int) -> NDArray[np.float64]:
+    """Of each ray: power by fate, stretches, and hits of the ball and of the receiver; times the emitted power."""
+    assert result.legs is not None
+    legs = result.legs
+    table = np.zeros((rays, 8))
+    ends = legs[legs["fate"] != 0]
+    np.add.at(table, (ends["ray"], ends["fate"]), (ends["power_s"] + ends["power_p"]) * rays)
+    table[:, 5] = np.bincount(legs["ray"], minlength=rays)
+    for interface in (0, 1):
+        table[:, 6 + interface] = np.bincount(legs["ray"][legs["interface"] == interface], minlength=rays)
+    return table
+
+
+@functools.cache
+def reference_by_ray() -> NDArray[np.float64]:
+    return by_ray(trace_reference(first_of_many(max(EDGES)), legs=True), max(EDGES))
+
+
+@functools.cache
+def engine_by_ray_in_small_pieces() -> NDArray[np.float64]:
+    """Fates of power of all the rays, traced a hundred at a time."""
+    made = first_of_many(max(EDGES))
+    (source,) = made.sources
+    assert isinstance(source, Rays)
+    pieces = []
+    for start in range(0, max(EDGES), 100):
+        part = slice(start, start + 100)
+        rays = Rays(source.origins[part], source.directions[part], power=float(len(source.origins[part])))
+        result = trace(Scene(made.regions, made.interfaces, (rays,)), "power", Limits(min_weight=1e-3), legs=True)
+        pieces.append(by_ray(result, rays.rays))
+    return np.vstack(pieces)
+
+
+@pytest.mark.parametrize("rays", EDGES)
+def test_every_ray_ends_as_in_the_reference_however_full_the_blocks_are(rays: int) -> None:
+    result = trace(first_of_many(rays), legs=True)
+    assert by_ray(result, rays) == pytest.approx(reference_by_ray()[:rays], abs=1e-9)
+    assert result.rays == rays
+    assert result.undefined == 0
+    assert result.ledger.total == pytest.approx(1.0, abs=1e-12)
+    assert result.hits == by_ray(result, rays)[:, 6:].sum()
+
+
+@pytest.mark.parametrize("rays", EDGES)
+def test_every_ray_splits_as_in_a_smaller_trace_however_full_the_blocks_are(rays: int) -> None:
+    result = trace(first_of_many(rays), "power", Limits(min_weight=1e-3), legs=True)
+    assert by_ray(result, rays) == pytest.approx(engine_by_ray_in_small_pieces()[:rays], abs=1e-9)
+    assert result.ledger.total == pytest.approx(1.0, abs=1e-12)
+    small = min(rays, BLOCK + 1)
+    truth = trace_reference(first_of_many(small), "power", Limits(min_weight=1e-3), legs=True)
+    assert by_ray(result, rays)[:small] == pytest.approx(by_ray(truth, small), abs=1e-9)
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
@@ -109,7 +179,8 @@ def test_it_gives_the_references_paths(mode: str) -> None:
     truth = trace_reference(ball(40), mode, Limits(min_weight=1e-4), legs=True)  # type: ignore[arg-type]
     assert len(engine.paths()) == len(truth.paths()) >= 40
     for mine, its in zip(engine.paths(), truth.paths(), strict=True):
-        assert (mine.ray, mine.branch, mine.interfaces, mine.fate) == (its.ray, its.branch, its.interfaces, its.fate)
+        assert (mine.ray, mine.branch, mine.parent) == (its.ray, its.branch, its.parent)
+        assert (mine.interfaces, mine.fate) == (its.interfaces, its.fate)
         assert mine.points == pytest.approx(its.points, abs=1e-9)
         assert mine.power == pytest.approx(its.power, abs=1e-12)
     assert engine.monitors["m"].map == pytest.approx(truth.monitors["m"].map, abs=1e-12)

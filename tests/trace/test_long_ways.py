@@ -116,9 +116,12 @@ def test_an_oval_is_met_from_inside_from_far_away(tracer: Tracer, distance_mm: f
 @pytest.mark.parametrize("distance_mm", FAR)
 def test_a_line_beside_an_oval_far_away_misses_it(tracer: Tracer, distance_mm: float) -> None:
     beside = Beam((2.001, -distance_mm), (40.0, -distance_mm), 0.0, 101)
-    result = tracer(lens_scene(beside))
-    assert result.hits == result.undefined + 101  # the black plane alone
-    assert result.ledger.absorbed == 1.0
+    made = lens_scene(beside)
+    stop = Interface("stop", made.interfaces[1].curve, "air", "air", "absorbing")
+    result = tracer(Scene(made.regions, (made.interfaces[0], stop), made.sources))
+    assert result.undefined == 0
+    assert result.hits == 101  # the black plane alone
+    assert (result.ledger.escaped, result.ledger.detected) == (0.0, 0.0)
 
 
 @both
@@ -135,9 +138,9 @@ def test_a_piece_of_an_oval_stops_what_falls_between_its_ends(tracer: Tracer, fr
         result = tracer(Scene((AIR,), (black,), (rays,)), legs=True)
         stopped = {path.ray for path in result.paths() if path.fate == "absorbed"}
         assert stopped == {i for i, x in enumerate(lateral) if low < x < high}
-    fan = Fan((0.0, -1.0), 0.0, 80.0, 801)
+    fan = Fan((0.0, -1.0), 0.0, 80.0, 800)  # none of its rays meets an end
     result = tracer(Scene((AIR,), (black,), (fan,)), legs=True)
-    angles = 80.0 * ((np.arange(801) + 0.5) / 801 - 0.5)
+    angles = 80.0 * ((np.arange(800) + 0.5) / 800 - 0.5)
     within = set(np.flatnonzero((angles > min(from_deg, to_deg)) & (angles < max(from_deg, to_deg))).tolist())
     assert {path.ray for path in result.paths() if path.fate == "absorbed"} == within
 
@@ -181,7 +184,7 @@ def plates(source: Source, count: int, apart_mm: float = 0.1) -> Scene:
     return Scene((AIR, GLASS), (*faces, eye), (source,))
 
 
-def shells(source: Source, count: int = 5) -> Scene:
+def shells(source: Source, count: int = 3) -> Scene:
     """Balls in balls, of indices 1 and 1.5 in turn, closely nested."""
     regions = (AIR, *(Region(f"shell-{i}", 1.5 if i % 2 == 0 else 1.0) for i in range(count)))
     radii = [1.0 - 0.05 * i for i in range(count)]
@@ -193,7 +196,7 @@ def shells(source: Source, count: int = 5) -> Scene:
     return Scene(regions, (*balls, eye), (source,))
 
 
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("count", [1, 2])
 def test_a_pile_of_plates_shares_power_as_its_closed_form_however_many_branches_wait(count: int) -> None:
     """Of 2 N faces without interference: T = (1 − R)/(1 + (2 N − 1) R); 500 rays split side by side."""
     eye = -0.5
@@ -203,26 +206,26 @@ def test_a_pile_of_plates_shares_power_as_its_closed_form_however_many_branches_
     assert result.ledger.truncated < 1e-7
     assert result.ledger.total == pytest.approx(1.0, abs=1e-10)
     for reading in (one, result):
-        assert reading.ledger.escaped == pytest.approx(through, abs=1e-7)
+        assert reading.ledger.detected == pytest.approx(through, abs=1e-7)
     assert result.hits == 500 * one.hits
     assert result.ledger.truncated == pytest.approx(one.ledger.truncated, abs=1e-12)
 
 
 def test_many_rays_that_split_often_are_each_what_they_are_alone() -> None:
-    places = tuple((float(x), -2.0) for x in np.linspace(-1.05, 1.05, 300))
-    limits = Limits(min_weight=1e-12)
-    together = trace(shells(Rays(places, ((0.0, 1.0),) * 300)), "power", limits)
+    places = tuple((float(x), -2.0) for x in np.linspace(-1.05, 1.05, 200))
+    limits = Limits(min_weight=1e-7)
+    together = trace(shells(Rays(places, ((0.0, 1.0),) * 200)), "power", limits)
     alone = [trace(shells(Rays((place,), ((0.0, 1.0),))), "power", limits) for place in places]
     assert together.undefined == 0
     assert together.hits == sum(result.hits for result in alone)
-    assert together.hits > 300 * 1000
+    assert together.hits > 200 * 1000
     for part in ("detected", "escaped", "absorbed", "truncated"):
-        mean = math.fsum(getattr(result.ledger, part) for result in alone) / 300
+        mean = math.fsum(getattr(result.ledger, part) for result in alone) / 200
         assert getattr(together.ledger, part) == pytest.approx(mean, abs=1e-12)
     assert together.detectors["eye"].rays == sum(result.detectors["eye"].rays for result in alone)
-    for i in (100, 290):
-        truth = trace_reference(shells(Rays((places[i],), ((0.0, 1.0),))), "power", Limits(min_weight=1e-7))
-        engine = trace(shells(Rays((places[i],), ((0.0, 1.0),))), "power", Limits(min_weight=1e-7))
+    for i in (60, 190):
+        truth = trace_reference(shells(Rays((places[i],), ((0.0, 1.0),))), "power", Limits(min_weight=1e-5))
+        engine = trace(shells(Rays((places[i],), ((0.0, 1.0),))), "power", Limits(min_weight=1e-5))
         assert engine.hits == truth.hits
         assert engine.detectors["eye"].power == pytest.approx(truth.detectors["eye"].power, abs=1e-12)
 
@@ -249,7 +252,7 @@ def test_counting_has_one_branch_a_ray_and_no_parents(tracer: Tracer) -> None:
     assert [(path.ray, path.branch, path.parent) for path in paths] == [(ray, 0, -1) for ray in range(9)]
 
 
-def first_legs(legs: NDArray[np.void]) -> Iterator[NDArray[np.void]]:
+def branch_by_branch(legs: NDArray[np.void]) -> Iterator[NDArray[np.void]]:
     """Legs of one branch after the other."""
     new = (np.diff(legs["ray"]) != 0) | (np.diff(legs["branch"]) != 0)
     yield from np.split(legs, np.flatnonzero(new) + 1)
@@ -259,7 +262,7 @@ def first_legs(legs: NDArray[np.void]) -> Iterator[NDArray[np.void]]:
 def test_a_branch_begins_where_its_parent_was_split_and_takes_its_power_from_it(tracer: Tracer) -> None:
     result = tracer(shells(Fan((0.1, -2.0), 3.0, 60.0, 7)), "power", Limits(min_weight=1e-4), legs=True)
     assert result.legs is not None
-    branches = {(int(legs[0]["ray"]), int(legs[0]["branch"])): legs for legs in first_legs(result.legs)}
+    branches = {(int(legs[0]["ray"]), int(legs[0]["branch"])): legs for legs in branch_by_branch(result.legs)}
     assert len(branches) > 70
     for (ray, branch), legs in branches.items():
         parent = int(legs[0]["parent"])

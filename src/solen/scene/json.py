@@ -109,7 +109,7 @@ def _interface(data: dict[str, Any], where: str) -> Interface:
 
 def _untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
     kind = data.get("kind")
-    if kind not in kinds:
+    if not isinstance(kind, str) or kind not in kinds:
         raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
     return _made(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
 

@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import Curve, Segment, check_numbers, check_points
+from solen.curve import Curve, Segment, check_count, check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, cross, dot, heading, minus, unit
 
@@ -63,8 +63,7 @@ class Monitor:
         check_points(what, self.start, self.end)
         if self.start == self.end:
             raise DesignError(what, value=f"from {self.start} to itself", limit="must have a length")
-        if self.bins < 0 or self.bins != int(self.bins):
-            raise DesignError(f"{what} bins", value=self.bins, limit="must be a whole number of at least 0")
+        check_count(f"{what} bins", self.bins, 0)
 
     @property
     def segment(self) -> Segment:
@@ -100,8 +99,7 @@ class Source(ABC):
 
     def check(self) -> None:
         """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
-        if self.rays < 1 or self.rays != int(self.rays):
-            raise DesignError("source rays", value=self.rays, limit="must be a whole number of at least 1")
+        check_count("source rays", self.rays, 1)
         check_numbers("source", self.power, self.s_share)
         if not self.power > 0.0:
             raise DesignError("source power", value=self.power, limit="must be above 0")

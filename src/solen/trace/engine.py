@@ -13,7 +13,7 @@ from itertools import islice
 
 import numpy as np
 
-from solen.errors import DesignError
+from solen.curve import check_count
 from solen.scene import Launch, Scene, Source
 from solen.trace import kernel
 from solen.trace.result import (
@@ -77,8 +77,7 @@ def trace(
     """
     check_mode(mode)
     threads = (os.cpu_count() or 1) if threads is None else threads
-    if threads < 1:
-        raise DesignError("threads", value=threads, limit="must be at least 1")
+    check_count("threads", threads, 1)
     limits = limits or Limits()
     tables = compile_scene(scene)
     total = _empty(tables, scene)
@@ -92,6 +91,14 @@ def trace(
         if progress is not None:
             progress(done)
     return _result(scene, mode, total, in_order(np.concatenate(kept)) if kept else None)
+
+
+def trace_launch(
+    scene: Scene, tables: Tables, launch: Launch, mode: Mode, limits: Limits
+) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.void]], int]:
+    """Every straight stretch (see `LEG`; powers as launched) of some rays of a scene, and how many were undefined."""
+    sums = _trace_chunk(tables, scene, launch, 0, mode == "power", limits, legs=True)
+    return in_order(_legs(sums, 1.0)), int(sums.counts[kernel.UNDEFINED])
 
 
 def _chunks(
@@ -130,7 +137,7 @@ def _trace_chunk(
     tables: Tables, scene: Scene, launch: Launch, first: int, split: bool, limits: Limits, legs: bool
 ) -> kernel.Sums:
     rays = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p])
-    room = 64 * len(launch) if legs else 0
+    room = 16 * len(launch) if legs else 0
     while True:
         sums = _empty(tables, scene, room)
         kernel.trace_rays(tables, sums, rays, first, split, limits.min_weight, limits.max_hits)

@@ -31,7 +31,7 @@ BLOCK = 128
 NEWTON_STEPS = 60
 HITS, UNDEFINED, LEGS = range(3)
 RUNNING, CONVERGED, MISSED = 0.0, 1.0, 2.0
-LEG_WIDTH = 13
+LEG_WIDTH = 14
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
@@ -103,7 +103,8 @@ def arc_hits(
         wx, wz = x[i] - cx, z[i] - cz
         half_b = wx * dx[i] + wz * dz[i]
         rest = wx * wx + wz * wz - radius * radius
-        square = half_b * half_b - rest
+        passes = abs(wx * dz[i] - wz * dx[i])  # far away, rounding would drown b² − 4ac
+        square = (radius - passes) * (radius + passes)
         root = math.sqrt(max(square, 0.0))
         q = -half_b - (root if half_b >= 0.0 else -root)
         other = other_root(1.0, 2.0 * half_b, rest)
@@ -381,28 +382,17 @@ def count_monitors(
 
 @compiled
 def note_leg(
-    sums: Sums,
-    number: int,
-    branch: int,
-    parent: int,
-    hit: int,
-    interface: int,
-    fate: int,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    length: float,
-    s: float,
-    p: float,
+    sums: Sums, first: int, state: Floats, tags: Ints, i: int, interface: int, fate: int, length: float, kept: float
 ) -> None:
-    """Keep a straight stretch where there is room; count it in any case."""
+    """Keep ray i's straight stretch where there is room, in the order of `solen.trace.result.LEG`; count it anyway."""
     row = sums.counts[LEGS]
     if row < len(sums.legs):
         leg = sums.legs[row]
-        leg[0], leg[1], leg[2], leg[3], leg[4], leg[5] = number, branch, parent, hit, interface, fate
-        leg[6], leg[7], leg[8], leg[9] = x, z, dx, dz
-        leg[10], leg[11], leg[12] = length, s, p
+        leg[0], leg[1], leg[2], leg[3] = first + tags[4, i], tags[3, i], tags[5, i], tags[2, i]
+        leg[4], leg[5], leg[10], leg[13] = interface, fate, length, kept
+        for k in range(4):
+            leg[6 + k] = state[k, i]
+        leg[11], leg[12] = state[4, i], state[5, i]
     sums.counts[LEGS] += 1
 
 
@@ -437,6 +427,8 @@ def interact(
     if cos_in < 0.0:
         cos_in, nx, nz = -cos_in, -nx, -nz
     bx, bz = dx + 2.0 * cos_in * nx, dz + 2.0 * cos_in * nz
+    mend = 1.5 - 0.5 * (bx * bx + bz * bz)  # its length drifts over thousands of reflections
+    bx, bz = mend * bx, mend * bz
     ratio = n1 / n2
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; exact also where the indices match
     if mirror or cos2 <= 0.0:
@@ -501,22 +493,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                 if has_monitors:
                     count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], math.inf, power, loss)
                 if keeps_legs:
-                    note_leg(
-                        sums,
-                        first + number[i],
-                        branch[i],
-                        parent[i],
-                        hits[i],
-                        -1,
-                        fate,
-                        x[i],
-                        z[i],
-                        dx[i],
-                        dz[i],
-                        math.inf,
-                        s[i],
-                        p[i],
-                    )
+                    note_leg(sums, first, state, tags, i, -1, fate, math.inf, 1.0)
                 sums.fate[fate] += power
                 continue
             px, pz = x[i] + length * dx[i], z[i] + length * dz[i]
@@ -548,22 +525,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             elif has_monitors:
                 count_monitors(tables, sums, x[i], z[i], dx[i], dz[i], length, power, loss)
             if keeps_legs:
-                note_leg(
-                    sums,
-                    first + number[i],
-                    branch[i],
-                    parent[i],
-                    hits[i],
-                    c,
-                    fate,
-                    x[i],
-                    z[i],
-                    dx[i],
-                    dz[i],
-                    length,
-                    s[i],
-                    p[i],
-                )
+                note_leg(sums, first, state, tags, i, c, fate, length, kept)
             s_here, p_here = kept * s[i], kept * p[i]
             if loss > 0.0:
                 sums.fate[ABSORBED] += power - (s_here + p_here)

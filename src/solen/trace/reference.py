@@ -128,7 +128,7 @@ class _Tracer:
         arrived = self._absorbed_on_the_way(ray, region, length_mm)
         self._monitor(ray, region, length_mm)
         fate = self._fate(arrived, interface, from_right)
-        self._leg(ray, fate, interface, length_mm)
+        self._leg(ray, fate, interface, length_mm, arrived.power / ray.power)
         if fate != GOES_ON:
             self._end(arrived, fate, interface)
             return None
@@ -226,10 +226,10 @@ class _Tracer:
             self.detected[interface.receiver][0] += ray.power
             self.detected[interface.receiver][1] += 1
 
-    def _leg(self, ray: Ray, fate: int, interface: Interface | None, length_mm: float) -> None:
+    def _leg(self, ray: Ray, fate: int, interface: Interface | None, length_mm: float, kept: float = 1.0) -> None:
         which = -1 if interface is None else self.scene.interfaces.index(interface)
         numbers = (ray.number, ray.branch, ray.parent, ray.hits, which, fate)
-        self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p))
+        self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p, kept))
 
     def _monitor(self, ray: Ray, region: str | None, length_mm: float) -> None:
         """Count a straight stretch at every monitor it crosses, with the power left there."""

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import END_TOLERANCE_MM
+from solen.curve import END_TOLERANCE_MM, check_count
 from solen.errors import DesignError
 from solen.plane import Point
 
@@ -24,12 +24,13 @@ FATES = ("goes on", "detected", "escaped", "absorbed", "truncated")
 
 LEG = np.dtype(
     [(name, np.int64) for name in ("ray", "branch", "parent", "hit", "interface", "fate")]
-    + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p")]
+    + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept")]
 )
 """One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were
 met on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it
-escapes), and the power at its start as a fraction of the emitted power. A trace holds them in the order of ray, branch
-and hit; how a ray's branches are numbered is up to the tracer, but a parent always comes before its children."""
+escapes), the power at its start as a fraction of the emitted power, and the share of that left at its end. A trace
+holds them in the order of ray, branch and hit; how a ray's branches are numbered is up to the tracer, but a parent
+always comes before its children."""
 
 CORNER_MM = 2 * END_TOLERANCE_MM
 """How far a ray that has just met a corner is carried on past the end of the other curve that meets there."""
@@ -57,8 +58,7 @@ class Limits:
     def __post_init__(self) -> None:
         if not 1e-15 <= self.min_weight < 1.0:
             raise DesignError("min_weight", value=self.min_weight, limit="must be from 1e-15 to below 1")
-        if self.max_hits < 1:
-            raise DesignError("max_hits", value=self.max_hits, limit="must be at least 1")
+        check_count("max_hits", self.max_hits, 1)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,130 @@
+"""Adaptive integration against closed forms, against dense fans, and against slivers that a plain one would miss."""
+
+import math
+
+import pytest
+from scipy.integrate import quad
+
+from solen.curve import Arc, Segment
+from solen.errors import DesignError
+from solen.scene import Beam, Fan, Interface, Region, Scene
+from solen.sensor import Sensor
+from solen.spec import Design, Material
+from solen.trace import Limits, Mode, integrate, trace
+from solen.trace import adaptive as module
+from tests.agreement.random_scene_support import random_scene
+
+AIR, GLASS = Region("air", 1.0), Region("glass", 1.44)
+
+
+def slab(length_mm: float, gap_mm: float | None = None) -> Scene:
+    """A guide 5 mm wide, the source 1 mm before the middle of one end, a wide screen or a receiver behind the other."""
+    corners = [(-2.5, 0.0), (2.5, 0.0), (2.5, length_mm), (-2.5, length_mm)]
+    faces = [Interface(f"face{k}", Segment(corners[k], corners[(k + 1) % 4]), "glass", "air") for k in range(4)]
+    wide, z = (2.5, length_mm + gap_mm) if gap_mm else (1e5, length_mm + 1e-3)
+    screen = Interface("screen", Segment((wide, z), (-wide, z)), "air", "air", "receiver", "screen")
+    return Scene((AIR, GLASS), (*faces, screen), (Fan((0.0, -1.0), 0.0, 120.0, 1),))
+
+
+def closed_form() -> float:
+    def passed(angle: float) -> float:
+        cos_in, cos_out = math.cos(angle), math.sqrt(1.0 - (math.sin(angle) / 1.44) ** 2)
+        s = ((cos_in - 1.44 * cos_out) / (cos_in + 1.44 * cos_out)) ** 2
+        p = ((1.44 * cos_in - cos_out) / (1.44 * cos_in + cos_out)) ** 2
+        return 0.5 * ((1 - s) / (1 + s) + (1 - p) / (1 + p))
+
+    half = math.radians(60.0)
+    return float(quad(passed, 0.0, half)[0]) / half
+
+
+def sensor(angle_deg: float, **design: object) -> Scene:
+    return Sensor.of(Design(name="paper", material=Material(index=1.44), **design)).scene(angle_deg)
+
+
+def test_a_slab_passes_the_closed_form() -> None:
+    """½ Σ (1 − R)/(1 + R) over s and p, averaged over the fan by quadrature: all that enters is guided, lossless."""
+    found = integrate(slab(5.0), tolerance=1e-5, limits=Limits(min_weight=1e-6))
+    assert found.reached
+    assert found.detectors["screen"] == pytest.approx(closed_form(), abs=1e-5)
+    assert closed_form() == pytest.approx(0.925572, abs=5e-7)
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize(("gap_mm", "share"), [(None, 0.925572), (0.1, 0.914264)])
+def test_a_long_slab_passes_the_closed_form(gap_mm: float | None, share: float) -> None:
+    found = integrate(slab(100.0, gap_mm), tolerance=1e-5)
+    print(f"\n  slab of 100 x 5 mm, receiver {gap_mm} mm behind it: {found.detectors['screen']:.6f}, asked {share}")
+    assert found.detectors["screen"] == pytest.approx(share, abs=1e-5)
+
+
+@pytest.mark.parametrize("mode", ["count", "power"])
+@pytest.mark.parametrize("angle_deg", [-3.0, 0.0, 0.2])
+@pytest.mark.parametrize("shape", ["cartesian-oval", "none"])
+def test_the_sensor_agrees_with_a_dense_fan(mode: Mode, angle_deg: float, shape: str) -> None:
+    scene = sensor(angle_deg, lens={"shape": shape})
+    found = integrate(scene, mode, 1e-6)
+    assert found.reached
+    assert found.u <= 1e-6
+    rays = 300_000
+    dense = trace(
+        Sensor.of(Design(name="paper", material=Material(index=1.44), lens={"shape": shape})).scene(angle_deg, rays),
+        mode,
+    )
+    for name, reading in dense.detectors.items():
+        assert found.detectors[name] == pytest.approx(reading.power, abs=20.0 / rays)
+    assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
+    assert abs(found.ledger.truncated) <= 1e-6
+
+
+def test_the_accepted_share_is_the_edge_angle() -> None:
+    """The oval takes everything up to atan(2/(z(2) + 1)); both halves are equal at rest."""
+    found = integrate(sensor(0.0), "count", 1e-9)
+    edge_deg = math.degrees(math.atan2(2.0, 1.0 + 1.8108521422303))
+    assert sum(found.detectors.values()) == pytest.approx(edge_deg / 60.0, abs=1e-9)
+    assert found.detectors["left"] == pytest.approx(found.detectors["right"], abs=1e-9)
+
+
+@pytest.mark.parametrize("size_mm", [1e-2, 1e-4, 1e-6])
+def test_a_sliver_between_two_rays_is_found(size_mm: float) -> None:
+    """A tiny black disc far from the first samples shades 2 asin(r/d)/cone; the wall behind takes all the rest."""
+    disc = Interface("disc", Arc.circle((0.123, 10.0), size_mm / 2), "air", "air", "absorbing")
+    wall = Interface("wall", Segment((50.0, 20.0), (-50.0, 20.0)), "air", "air", "receiver", "wall")
+    found = integrate(Scene((AIR,), (disc, wall), (Fan((0.0, 0.0), 0.0, 90.0, 1),)), "count", 1e-9)
+    shade = 2.0 * math.degrees(math.asin(size_mm / 2 / math.hypot(0.123, 10.0))) / 90.0
+    assert found.reached
+    assert 1.0 - found.detectors["wall"] == pytest.approx(shade, abs=1e-9)
+
+
+@pytest.mark.parametrize("mode", ["count", "power"])
+def test_random_scenes_agree_with_a_dense_fan_within_the_bound(mode: Mode, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light trapped in random bodies is chaotic: the bound then says so, and still holds."""
+    monkeypatch.setattr(module, "MOST_RAYS", 4_000)
+    limits, bounds = Limits(min_weight=1e-3, max_hits=30), []
+    for seed in range(8):
+        base = random_scene(seed, 1)
+        scene = Scene(base.regions, base.interfaces, (Fan((0.31, 0.17), 20.0, 40.0, 20_000),))
+        found = integrate(scene, mode, 1e-4, limits)
+        assert found.reached == (found.u <= 1e-4)
+        assert found.reached or "rays" in found.why
+        for name, reading in trace(scene, mode, limits).detectors.items():
+            assert found.detectors[name] == pytest.approx(reading.power, abs=found.u + 5e-3), seed
+        bounds.append(found.u)
+    assert min(bounds) < 0.1  # a bound that is always large would be no use
+
+
+def test_what_it_cannot_integrate_is_refused() -> None:
+    beam = Scene((AIR,), (), (Beam((0.0, 0.0), (1.0, 0.0), 0.0, 2),))
+    with pytest.raises(DesignError, match="needs one fan"):
+        integrate(beam)
+    with pytest.raises(DesignError, match="tolerance = 0"):
+        integrate(sensor(0.0), tolerance=0.0)
+    with pytest.raises(DesignError, match="mode"):
+        integrate(sensor(0.0), "bogus")  # type: ignore[arg-type]
+
+
+def test_the_number_of_rays_stays_within_the_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "MOST_RAYS", 100)
+    found = integrate(sensor(0.2), "power", 1e-9)
+    assert not found.reached
+    assert found.u > 1e-9
+    assert "rays" in found.why
