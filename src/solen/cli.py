@@ -87,7 +87,7 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
 
 @app.command(sort_key=4)
 def lens(
-    file: Path, *, set_: Set = None, csv: Path | None = None, tolerance_mm: float = 1e-4, as_json: Json = False
+    file: Path, /, *, set_: Set = None, csv: Path | None = None, tolerance_mm: float = 1e-4, as_json: Json = False
 ) -> None:
     """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
 

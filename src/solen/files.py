@@ -87,6 +87,15 @@ def write_all(contents: Mapping[Path, bytes]) -> list[Path]:
     return list(contents)
 
 
+def remove(path: Path) -> None:
+    """Remove a file, or a link to one, if it is there; `OutputError` where that fails."""
+    try:
+        if path.is_file() or path.is_symlink():
+            path.unlink()
+    except OSError as bad:
+        raise OutputError(str(path), limit=f"cannot be removed: {bad.strerror or bad}", remedy="remove it") from None
+
+
 def _target(path: Path) -> Path:
     """The file itself where ``path`` is a link to it; `ValueError` for what is there and not an ordinary file."""
     target = path.resolve()

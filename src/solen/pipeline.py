@@ -126,7 +126,7 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
         written = files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
         for name in html.FIGURES:
             if name not in drawn:  # of an earlier design
-                (out / f"{name}.svg").unlink(missing_ok=True)
+                files.remove(out / f"{name}.svg")
     return {
         "report": str(out / "report.html"),
         "files": [str(file) for file in written],
@@ -169,6 +169,7 @@ def _way(way: Way, faces: list[str]) -> dict[str, Any]:
     return {
         "ray": way.ray,
         "branch": way.branch,
+        "parent": way.parent,
         "fate": way.fate,
         "power": way.power,
         "faces": [faces[i] for i in way.interfaces],

@@ -19,11 +19,10 @@ from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
 from solen.scene import Scene, sensor_scene
 from solen.spec import Design, with_values
-from solen.trace import Mode, Trace, trace
+from solen.trace import Integral, Mode, Trace, integrate, trace
 
-TOLERANCE = 5e-5
-"""To what change of a receiver's power, as a fraction of the emitted power, a converged trace is driven."""
-FIRST_RAYS, MOST_RAYS = 2**13, 2**20
+TOLERANCE = 1e-6
+"""Within what fraction of the emitted power a receiver's power is integrated."""
 SATURATED = 0.95
 """Contrast from which on a differential signal hardly moves any more."""
 
@@ -37,8 +36,8 @@ Progress = Callable[[float], None]
 class Response:
     """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
 
-    ``u`` (N,) is the last change of any reading when the number of rays was doubled; NaN for a sweep of a fixed number
-    of rays, which is a count and not an estimate.
+    ``u`` (N,) bounds the error of both readings; NaN for a sweep of a fixed number of rays, which is a count and not an
+    estimate. ``traces`` hold the ledgers and the numbers of rays.
     """
 
     mode: Mode
@@ -46,8 +45,12 @@ class Response:
     right: NDArray[np.float64]
     left: NDArray[np.float64]
     u: NDArray[np.float64]
-    rays: NDArray[np.int64]
-    traces: tuple[Trace, ...]
+    traces: tuple[Trace | Integral, ...]
+
+    @property
+    def rays(self) -> NDArray[np.int64]:
+        """Rays traced at each angle."""
+        return np.array([trace.rays for trace in self.traces])
 
     @property
     def contrast(self) -> NDArray[np.float64]:
@@ -76,13 +79,15 @@ class Response:
 
         None where it never does, or without a null.
         """
-        null, size = self.null_deg(), np.abs(self.contrast)
+        null, contrast = self.null_deg(), self.contrast
         if null is None:
             return None
-        reached = [float(self.angle_deg[i]) for i in np.flatnonzero(size >= SATURATED)]
-        for i in np.flatnonzero((size[:-1] - SATURATED) * (size[1:] - SATURATED) < 0.0):
-            share = (SATURATED - size[i]) / (size[i + 1] - size[i])
-            reached.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
+        reached = [float(angle) for angle in self.angle_deg[np.abs(contrast) >= SATURATED]]
+        for bound in (-SATURATED, SATURATED):
+            above = contrast - bound
+            for i in np.flatnonzero(above[:-1] * above[1:] < 0.0):
+                share = above[i] / (above[i] - above[i + 1])
+                reached.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
         return min((abs(angle_deg - null) for angle_deg in reached), default=None)
 
 
@@ -129,47 +134,39 @@ class Sensor:
         """Trace at an angle, in the design's mode and with its rays unless told otherwise."""
         return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, legs=legs)
 
-    def converged(
-        self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE
-    ) -> tuple[Trace, float]:
-        """Trace with the number of rays doubled until no receiver changes by more than ``tolerance``.
-
-        Returns
-        -------
-        trace, u
-            The last trace, and its uncertainty: the last change, or the share of one ray where that is more (a change
-            can be small by chance); above ``tolerance`` where even `MOST_RAYS` rays do not reach it.
-        """
-        rays = FIRST_RAYS
-        before = self.trace(angle_deg, mode, rays)
-        while True:
-            rays *= 2
-            after = self.trace(angle_deg, mode, rays)
-            changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
-            u = max(*changes, 1.0 / rays)
-            if u <= tolerance or rays >= MOST_RAYS:
-                return after, u
-            before = after
+    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE) -> Integral:
+        """Powers at an angle, integrated over the launch angle to a tolerance; see `solen.trace.integrate`."""
+        return integrate(self.scene(angle_deg), mode, tolerance)
 
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        traces = [self.converged(end, tolerance=TOLERANCE / 5)[0] for end in ends]
-        low, high = (_contrast(one.detectors["right"].power, one.detectors["left"].power) for one in traces)
+        readings = [self.integrate(end).detectors for end in ends]
+        low, high = (_contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
         """Response by counting the design's own number of rays, as the paper does."""
-        return self._sweep("count", lambda angle: (self.trace(angle, "count"), math.nan), angles_deg, progress)
+
+        def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
+            found = self.trace(angle_deg, "count")
+            return found, {name: reading.power for name, reading in found.detectors.items()}, math.nan
+
+        return self._sweep("count", at, angles_deg, progress)
 
     def power(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Response in power, converged at every angle."""
-        return self._sweep("power", self.converged, angles_deg, progress)
+        """Response in power, integrated at every angle."""
+
+        def at(angle_deg: float) -> tuple[Integral, dict[str, float], float]:
+            found = self.integrate(angle_deg)
+            return found, found.detectors, found.u
+
+        return self._sweep("power", at, angles_deg, progress)
 
     def _sweep(
         self,
         mode: Mode,
-        at: Callable[[float], tuple[Trace, float]],
+        at: Callable[[float], tuple[Trace | Integral, dict[str, float], float]],
         angles_deg: Sequence[float] | None,
         progress: Progress | None,
     ) -> Response:
@@ -179,21 +176,19 @@ class Sensor:
             results.append(at(angle))
             if progress is not None:
                 progress(done / len(angles))
-        traces = tuple(result for result, _ in results)
         return Response(
             mode=mode,
             angle_deg=np.array(angles),
-            right=np.array([result.detectors["right"].power for result in traces]),
-            left=np.array([result.detectors["left"].power for result in traces]),
-            u=np.array([u for _, u in results]),
-            rays=np.array([result.rays for result in traces]),
-            traces=traces,
+            right=np.array([powers["right"] for _, powers, _ in results]),
+            left=np.array([powers["left"] for _, powers, _ in results]),
+            u=np.array([u for _, _, u in results]),
+            traces=tuple(found for found, _, _ in results),
         )
 
 
 @dataclass(frozen=True)
 class Case:
-    """A sensor's response twice over: by counting the design's rays, and in power, converged.
+    """A sensor's response twice over: by counting the design's rays, and in power, integrated.
 
     ``null_deg`` is the balance point nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
     """

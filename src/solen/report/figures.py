@@ -77,7 +77,7 @@ def profile_figure(lens: OvalLens) -> Figure:
 
 
 def response_figure(lens: Case | None, flat: Case | None) -> Figure:
-    """Receivers against angle, with lens and without: converged power as lines, the counted rays as dots."""
+    """Receivers against angle, with lens and without: integrated power as lines, the counted rays as dots."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         power_axes, contrast_axes = figure.subplots(1, 2)

@@ -93,7 +93,7 @@ def body_numbers(sensor: Sensor) -> dict[str, Any]:
 
 
 def summary(case: Case) -> dict[str, Any]:
-    """The few numbers one asks for first, from the converged power."""
+    """The few numbers one asks for first, from the integrated power."""
     power = case.power
     worst = max(range(len(power.traces)), key=lambda i: abs(power.traces[i].ledger.total - 1.0))
     return {

@@ -1,0 +1,58 @@
+"""How fast the tracers are, on the paper's sensor at −3°: all in one run, so that the ratios hold on any machine.
+
+Run with ``python benchmarks/tracing.py``. Each figure is the best of several runs, compilation left out.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Callable
+
+import numba
+
+import solen
+from solen.sensor import Sensor
+from solen.spec import Design, Material
+from solen.trace import Mode, integrate, trace, trace_reference
+
+RAYS, REFERENCE_RAYS, REPEATS = 2_000_000, 2_000, 5
+MODES: tuple[Mode, ...] = ("count", "power")
+
+
+def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest of several runs, s."""
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def main() -> None:
+    """Print the table."""
+    sensor = Sensor.of(Design(name="paper", material=Material(index=1.44)))
+    many, few = sensor.scene(-3.0, RAYS), sensor.scene(-3.0, REFERENCE_RAYS)
+    print(
+        f"solen {solen.__version__}, numba {numba.__version__}, "
+        f"Python {platform.python_version()}, {os.cpu_count()} cores"
+    )
+    print(f"{'mode':6} {'what':28} {'rays/s':>10} {'hits/s':>10} {'of the reference':>18}")
+    for mode in MODES:
+        hits = trace(few, mode).hits / REFERENCE_RAYS
+        plain = REFERENCE_RAYS / best_s(lambda mode=mode: trace_reference(few, mode), 2)  # type: ignore[misc]
+        rows = [("reference", plain)]
+        for threads in (1, os.cpu_count() or 1):
+            seconds = best_s(lambda mode=mode, threads=threads: trace(many, mode, threads=threads))  # type: ignore[misc]
+            rows.append((f"engine, {threads} threads", RAYS / seconds))
+        for what, speed in rows:
+            print(f"{mode:6} {what:28} {speed:10.3g} {speed * hits:10.3g} {speed / plain:18.1f}")
+        found = integrate(many, mode, 1e-6)
+        seconds = best_s(lambda mode=mode: integrate(many, mode, 1e-6))  # type: ignore[misc]
+        fan_s = best_s(lambda mode=mode: trace(many, mode), 2)  # type: ignore[misc]
+        print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.1f} ms; ", end="")
+        print(f"a fan of {RAYS} rays takes {fan_s / seconds:.0f} times as long")
+
+
+if __name__ == "__main__":
+    main()
