@@ -25,8 +25,7 @@ def main() -> list[Row]:
     print("wavelength   index   depth    accepts   received at rest")
     for name in ("solen-860", "solen-500", "solen-450"):
         sensor = Sensor.of(loads(template(name)))
-        found, _ = sensor.converged(0.0)
-        received = found.ledger.detected
+        received = sensor.integrate(0.0).ledger.detected
         row = Row(sensor.material.index, sensor.lens.depth_mm, sensor.lens.acceptance_deg, received)
         rows.append(row)
         wavelength_nm = sensor.design.emitter.wavelength_nm

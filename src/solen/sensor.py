@@ -23,6 +23,9 @@ from solen.trace import Integral, Mode, Trace, integrate, trace
 
 TOLERANCE = 1e-6
 """Within what fraction of the emitted power a receiver's power is integrated."""
+DENSE_TOLERANCE = 1e-4
+FIRST_RAYS, MOST_RAYS = 2**13, 2**18
+"""What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
 SATURATED = 0.95
 """Contrast from which on a differential signal hardly moves any more."""
 
@@ -138,6 +141,24 @@ class Sensor:
         """Powers at an angle, integrated over the launch angle to a tolerance; see `solen.trace.integrate`."""
         return integrate(self.scene(angle_deg), mode, tolerance)
 
+    def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
+        """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.
+
+        For light whose ways part too often for `integrate`. Returns the last trace and its uncertainty: the last
+        change, or the share of one ray where that is more, because two fans can agree by chance; above ``tolerance``
+        where `MOST_RAYS` rays do not reach it.
+        """
+        rays = FIRST_RAYS
+        before = self.trace(angle_deg, "power", rays)
+        while True:
+            rays *= 2
+            after = self.trace(angle_deg, "power", rays)
+            changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
+            u = max(*changes, 1.0 / rays)
+            if u <= tolerance or rays >= MOST_RAYS:
+                return after, u
+            before = after
+
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
@@ -155,11 +176,14 @@ class Sensor:
         return self._sweep("count", at, angles_deg, progress)
 
     def power(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Response in power, integrated at every angle."""
+        """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance."""
 
-        def at(angle_deg: float) -> tuple[Integral, dict[str, float], float]:
+        def at(angle_deg: float) -> tuple[Trace | Integral, dict[str, float], float]:
             found = self.integrate(angle_deg)
-            return found, found.detectors, found.u
+            if found.reached:
+                return found, found.detectors, found.u
+            dense, u = self.doubled(angle_deg)
+            return dense, {name: reading.power for name, reading in dense.detectors.items()}, u
 
         return self._sweep("power", at, angles_deg, progress)
 

@@ -118,7 +118,7 @@ def test_paths_are_added_with_json(told: Told, design: str) -> None:
     assert found == plain
     assert [path["ray"] for path in paths] == list(range(8))
     for path in paths:
-        assert set(path) == {"ray", "branch", "fate", "power", "faces", "points_mm", "exit_direction"}
+        assert set(path) == {"ray", "branch", "parent", "fate", "power", "faces", "points_mm", "exit_direction"}
         assert len(path["points_mm"]) == len(path["faces"]) + 1
         assert (path["exit_direction"] is None) == (path["fate"] != "escaped")
     arrived = [path["faces"][-1] for path in paths if path["fate"] == "detected"]

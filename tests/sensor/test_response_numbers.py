@@ -17,7 +17,7 @@ def response(angle_deg: Sequence[float], contrast: Sequence[float], total: float
     right = np.where(dark, 0.0, total * (1 + wanted) / 2)
     left = np.where(dark, 0.0, total * (1 - wanted) / 2)
     n = len(angles)
-    return Response("power", angles, right, left, np.zeros(n), np.full(n, 100), ())
+    return Response("power", angles, right, left, np.zeros(n), ())
 
 
 def test_contrast_is_the_difference_over_the_sum() -> None:

@@ -28,7 +28,8 @@ from solen.trace.tables import Tables, compile_scene
 FIRST_STRETCHES = 64
 NARROWEST_DEG = 1e-9
 """Where cutting ends: over a few mm, what `solen.curve.END_TOLERANCE_MM` leaves undecided at a corner."""
-MOST_RAYS = 2_000_000
+MOST_LEGS = 500_000
+PIECES_AT_ONCE = 256
 Floats = NDArray[np.float64]
 
 # Nodes in [−1, 1] and weights of the Kronrod rule, and of the Gauss rule on every second node.
@@ -95,7 +96,14 @@ class _Sample:
         return len(self.angle_deg)
 
 
-def integrate(scene: Scene, mode: Mode = "power", tolerance: float = 1e-6, limits: Limits | None = None) -> Integral:
+def integrate(
+    scene: Scene,
+    mode: Mode = "power",
+    tolerance: float = 1e-6,
+    limits: Limits | None = None,
+    *,
+    most_legs: int = MOST_LEGS,
+) -> Integral:
     """Power at every receiver of a scene with one `Fan`, over its cone.
 
     Parameters
@@ -108,6 +116,9 @@ def integrate(scene: Scene, mode: Mode = "power", tolerance: float = 1e-6, limit
         What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-9 to 0.1.
     limits
         Where following a ray ends; by default a tenth of the tolerance, at most 1e-6, is the least weight.
+
+    most_legs
+        After so many straight stretches of light the integration ends, with whatever it has reached.
 
     Returns
     -------
@@ -125,13 +136,13 @@ def integrate(scene: Scene, mode: Mode = "power", tolerance: float = 1e-6, limit
     if len(scene.sources) != 1 or not isinstance(scene.sources[0], Fan):
         raise DesignError("adaptive integration", value=f"{len(scene.sources)} sources", limit="needs one fan alone")
     limits = limits or Limits(min_weight=min(0.01 * tolerance, 1e-6))
-    return _Integrator(scene, scene.sources[0], mode, tolerance, limits).run()
+    return _Integrator(scene, scene.sources[0], mode, tolerance, limits, most_legs).run()
 
 
 class _Integrator:
     """One integration: the scene's tables, the rays spent, and the ends of all curves."""
 
-    def __init__(self, scene: Scene, fan: Fan, mode: Mode, tolerance: float, limits: Limits) -> None:
+    def __init__(self, scene: Scene, fan: Fan, mode: Mode, tolerance: float, limits: Limits, most_legs: int) -> None:
         self.scene = replace(scene, monitors=(), sources=(replace(fan, power=1.0),))
         self.fan = fan
         self.mode = mode
@@ -140,7 +151,8 @@ class _Integrator:
         self.tables: Tables = compile_scene(self.scene)
         self.ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         self.far_mm = 100.0 * float(np.ptp(self.ends, axis=0).max(initial=1.0)) if len(self.ends) else 1.0
-        self.rays = 0
+        self.most_legs = most_legs
+        self.rays = self.legs = 0
         self.undefined = 0  # rays of the last call; cutting aims at corners, so there they mean nothing
         self.inconsistent = 0
 
@@ -152,7 +164,7 @@ class _Integrator:
             sample, whole = self._cut(sample)
             starts, stops = _pieces(whole)
             total, error, strays = self._quadrature(sample, starts, stops)
-            if len(strays) == 0 or self.rays >= MOST_RAYS:
+            if len(strays) == 0 or self.legs >= self.most_legs:
                 break
             sample = _joined(sample, self._trace(strays))
         return self._result(sample, starts, stops, total, error)
@@ -168,7 +180,7 @@ class _Integrator:
         truncated = 1.0 - detected - escaped - absorbed  # the gaps, and what was cut off on the way
         u = error / cone + max(gaps, truncated, 0.0)
         reached = u <= self.tolerance
-        why = "" if reached else f"{self.rays} rays reach {u:.1e}; the light meets too many different faces"
+        why = "" if reached else f"{self.rays} rays reach {u:.1e}: their ways part too often"
         return Integral(
             self.mode,
             {name: float(power) for name, power in zip(receivers, total, strict=False)},
@@ -184,7 +196,7 @@ class _Integrator:
     def _cut(self, sample: _Sample) -> tuple[_Sample, NDArray[np.bool_]]:
         """Halve stretches until each is whole or narrow; returns the samples and which stretches are whole."""
         whole = self._whole(sample)
-        while self.rays < MOST_RAYS:
+        while self.legs < self.most_legs:
             width = np.diff(sample.angle_deg)
             open_ones = np.flatnonzero(~whole & (width > NARROWEST_DEG))
             if len(open_ones) == 0:
@@ -227,24 +239,26 @@ class _Integrator:
 
         A piece with such a node is left out: it must be cut again.
         """
-        low, high, tree = sample.angle_deg[starts], sample.angle_deg[stops], sample.tree[starts]
-        total, error = np.zeros(sample.value.shape[1]), 0.0
-        strays = [np.empty(0)]
-        while len(low):
+        pieces = np.column_stack([sample.angle_deg[starts], sample.angle_deg[stops]])
+        trees = sample.tree[starts]
+        total, error, strays = np.zeros(sample.value.shape[1]), 0.0, [np.empty(0)]
+        while len(pieces) and self.legs < self.most_legs:
+            (low, high), tree = pieces[:PIECES_AT_ONCE].T, trees[:PIECES_AT_ONCE]
             middle, half = 0.5 * (low + high), 0.5 * (high - low)
             angles = middle[:, None] + half[:, None] * NODES
-            value, trees = self._at(angles)
-            stray = trees != tree[:, None]
+            value, found = self._at(angles)
+            stray = found != tree[:, None]
             strays.append(angles[stray])
             kronrod = half[:, None] * np.einsum("k,nkd->nd", KRONROD, value)
             estimate = np.abs(kronrod - half[:, None] * np.einsum("k,nkd->nd", GAUSS, value)).max(axis=1)
-            enough = estimate <= 0.5 * self.tolerance * (high - low)
-            done = (enough | (high - low <= NARROWEST_DEG) | (self.rays >= MOST_RAYS)) & ~stray.any(axis=1)
+            whole = ~stray.any(axis=1)
+            done = whole & ((estimate <= 0.5 * self.tolerance * (high - low)) | (high - low <= NARROWEST_DEG))
             total += kronrod[done].sum(axis=0)
             error += float(estimate[done].sum())
-            on = ~done & ~stray.any(axis=1)
-            low, middle, high, tree = low[on], middle[on], high[on], tree[on]
-            low, high, tree = np.append(low, middle), np.append(middle, high), np.append(tree, tree)
+            on = whole & ~done
+            halves = np.column_stack([np.append(low[on], middle[on]), np.append(middle[on], high[on])])
+            pieces = np.vstack([pieces[PIECES_AT_ONCE:], halves])
+            trees = np.concatenate([trees[PIECES_AT_ONCE:], tree[on], tree[on]])
         return total, error, np.unique(np.concatenate(strays))
 
     def _at(self, angle_deg: Floats) -> tuple[Floats, NDArray[np.uint64]]:
@@ -270,6 +284,7 @@ class _Integrator:
             ones * (1.0 - self.fan.s_share),
         )
         legs, self.undefined = trace_launch(self.scene, self.tables, launch, self.mode, self.limits)
+        self.legs += len(legs)
         first = np.searchsorted(legs["ray"], np.arange(len(angle) + 1))
         return _Sample(
             angle_deg, self._values(legs, first[:-1]), _trees(legs, first[:-1]), first, _corners(legs, self.far_mm)
