@@ -43,7 +43,7 @@ def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: Study, fl
         for response in (case.counted, case.power):
             assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
         assert (case.counted.rays == 100).all()
-        assert (case.power.rays > 10_000).all()
+        assert (case.power.rays > 200).all()
 
 
 def test_the_lens_separates_the_receivers_and_the_flat_face_does_not(paper: Study, flat: Case) -> None:

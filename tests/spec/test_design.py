@@ -61,22 +61,24 @@ LIMITS = [
     ("material", "absorption_per_mm", -0.1, "at least 0"),
     ("emitter", "wavelength_nm", 99, "at least 100"),
     ("emitter", "wavelength_nm", 20001, "at most 20000"),
-    ("emitter", "distance_mm", 0, "greater than 0"),
+    ("lens", "focus_mm", 1e200, "at most 1000000"),
+    ("emitter", "offset_mm", -1e7, "at least -1000000"),
+    ("emitter", "distance_mm", 0, "at least 1e-06"),
     ("emitter", "cone_deg", 0, "greater than 0"),
     ("emitter", "cone_deg", 180.5, "at most 180"),
     ("emitter", "rays", 0, "at least 1"),
     ("emitter", "rays", 1_000_000_001, "at most 1000000000"),
-    ("lens", "focus_mm", 0, "greater than 0"),
-    ("lens", "half_width_mm", -2.0, "greater than 0"),
+    ("lens", "focus_mm", 0, "at least 1e-06"),
+    ("lens", "half_width_mm", -2.0, "at least 1e-06"),
     ("lens", "design_index", 0.5, "at least 1"),
     ("lens", "design_index", 5.0, "less than 5"),
-    ("body", "stem_length_mm", 0, "greater than 0"),
-    ("body", "arm_length_mm", 0, "greater than 0"),
-    ("body", "arm_width_mm", 0, "greater than 0"),
+    ("body", "stem_length_mm", 0, "at least 1e-06"),
+    ("body", "arm_length_mm", 0, "at least 1e-06"),
+    ("body", "arm_width_mm", 0, "at least 1e-06"),
     ("body", "arm_angle_deg", 0, "greater than 0"),
     ("body", "arm_angle_deg", 90, "less than 90"),
-    ("body", "thickness_mm", 0, "greater than 0"),
-    ("receivers", "gap_mm", 0, "greater than 0"),
+    ("body", "thickness_mm", 0, "at least 1e-06"),
+    ("receivers", "gap_mm", 0, "at least 1e-06"),
     ("motion", "from_deg", -90, "greater than -90"),
     ("motion", "to_deg", 90, "less than 90"),
     ("motion", "step_deg", 0, "greater than 0"),
@@ -149,7 +151,7 @@ def test_material_gives_exactly_one_of_index_and_resin() -> None:
 
 
 def test_a_table_alone_tells_its_dotted_key() -> None:
-    with pytest.raises(SpecError, match=r"^lens\.focus_mm = -1; must be greater than 0; the default is 20\.0$"):
+    with pytest.raises(SpecError, match=r"^lens\.focus_mm = -1; must be at least 1e-06; the default is 20\.0$"):
         Lens(focus_mm=-1)
 
 
