@@ -26,6 +26,7 @@ END_TOLERANCE_MM = 1e-11
 
 ROUNDING = 4e-16
 """Relative to the lengths it was computed from, a residual that is nothing but rounding."""
+MOST_POINTS = 2**16
 SMALL = 1e-3
 """How small the constant term of a quadratic must be for its root to be mended to first order."""
 
@@ -130,8 +131,12 @@ class Curve(ABC):
             offset = middles - ends[:-1]
             sag = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0]) / np.where(length > 0, length, 1)
             coarse = sag > 0.8 * tolerance_mm
-            if not coarse.any() or len(u) > 2**16:
+            if not coarse.any():
                 return ends
+            if len(u) > MOST_POINTS:
+                raise DesignError(
+                    "tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} points"
+                )
             u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))
 
     def _point(self, u: float) -> Point:

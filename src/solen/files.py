@@ -66,7 +66,7 @@ def write_bytes(path: Path, data: bytes) -> Path:
 
 
 def write_all(contents: Mapping[Path, bytes]) -> list[Path]:
-    """Write several files: all under temporary names first, then all renamed, so that they change together."""
+    """Write several files: all under temporary names first, then all renamed, one right after the other."""
     ready: dict[Path, tuple[Path, Path]] = {}
     path = Path()
     try:

@@ -23,6 +23,8 @@ from solen.trace import Integral, Mode, Trace, integrate, trace
 
 TOLERANCE = 1e-6
 """Within what fraction of the emitted power a receiver's power is integrated."""
+FAILURES = 2
+"""After so many angles of a sweep at which integration failed, it is not tried at the others."""
 DENSE_TOLERANCE = 1e-4
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
@@ -39,8 +41,8 @@ Progress = Callable[[float], None]
 class Response:
     """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
 
-    ``u`` (N,) bounds the error of both readings; NaN for a sweep of a fixed number of rays, which is a count and not an
-    estimate. ``traces`` hold the ledgers and the numbers of rays.
+    ``u`` (N,) estimates the error of both readings; NaN for a sweep of a fixed number of rays, which is a count and not
+    an estimate. ``traces`` hold the ledgers and the numbers of rays.
     """
 
     mode: Mode
@@ -70,7 +72,8 @@ class Response:
         """Angle nearest to 0 at which both receivers see the same, by a straight line between angles, or None."""
         contrast = self.contrast
         with np.errstate(invalid="ignore", divide="ignore"):
-            zero = np.abs(contrast) <= 2.0 * np.nan_to_num(self.u) / (self.right + self.left)
+            u_contrast = 2.0 * np.nan_to_num(self.u) / (self.right + self.left)
+        zero = (np.abs(contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
         found = [float(angle) for angle in self.angle_deg[zero]]
         for i in np.flatnonzero(contrast[:-1] * contrast[1:] < 0.0):
             share = contrast[i] / (contrast[i] - contrast[i + 1])
@@ -162,7 +165,7 @@ class Sensor:
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        readings = [self.integrate(end).detectors for end in ends]
+        readings = [self._reading(end)[1] for end in ends]
         low, high = (_contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
@@ -177,15 +180,25 @@ class Sensor:
 
     def power(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
         """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance."""
+        failed: list[float] = []
 
         def at(angle_deg: float) -> tuple[Trace | Integral, dict[str, float], float]:
-            found = self.integrate(angle_deg)
-            if found.reached:
-                return found, found.detectors, found.u
-            dense, u = self.doubled(angle_deg)
-            return dense, {name: reading.power for name, reading in dense.detectors.items()}, u
+            found = self._reading(angle_deg, integrates=len(failed) < FAILURES)
+            if isinstance(found[0], Trace):
+                failed.append(angle_deg)
+            return found
 
         return self._sweep("power", at, angles_deg, progress)
+
+    def _reading(
+        self, angle_deg: float, *, integrates: bool = True
+    ) -> tuple[Trace | Integral, dict[str, float], float]:
+        """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach."""
+        found = self.integrate(angle_deg) if integrates else None
+        if found is not None and found.reached:
+            return found, found.detectors, found.u
+        dense, u = self.doubled(angle_deg)
+        return dense, {name: reading.power for name, reading in dense.detectors.items()}, u
 
     def _sweep(
         self,

@@ -94,6 +94,19 @@ def test_a_sliver_between_two_rays_is_found(size_mm: float) -> None:
     assert 1.0 - found.detectors["wall"] == pytest.approx(shade, abs=1e-9)
 
 
+@pytest.mark.parametrize("height_mm", [2e-6, 1e-4, 1e-2])
+def test_a_receiver_close_to_a_concave_mirror_is_found(height_mm: float) -> None:
+    """Between a chord of the mirror and the mirror itself: no leg of the first rays passes on both sides of it."""
+    mirror = Interface("mirror", Arc((0.0, 0.0), 10.0, 40.0, 100.0), "air", "air", "mirror")
+    x, z = 10.0 * math.sin(math.radians(7.3)), 10.0 * math.cos(math.radians(7.3))
+    near = 1.0 - 1e-5
+    low, high = (x * near - height_mm, z * near), (x * near + height_mm, z * near)
+    receiver = Interface("dot", Segment(high, low), "air", "air", "receiver", "dot")
+    found = integrate(Scene((AIR,), (mirror, receiver), (Fan((0.0, 0.0), 0.0, 60.0, 1),)), "count", 1e-8)
+    seen = [math.degrees(math.atan2(x * near + side * height_mm, z * near)) for side in (-1, 1)]
+    assert found.detectors["dot"] == pytest.approx((seen[1] - seen[0]) / 60.0, abs=2e-8)
+
+
 @pytest.mark.parametrize("mode", ["count", "power"])
 def test_random_scenes_agree_with_a_dense_fan_within_the_bound(mode: Mode) -> None:
     """Light trapped in random bodies is chaotic: the bound then says so, and still holds."""

@@ -10,7 +10,7 @@ from solen.sensor import SATURATED, Case, Study
 CHIP_MM = 0.2
 """Width of a small LED chip, to say what a lens makes of it."""
 INDEX_STEP = 0.01
-"""How far off an index can easily be: about the uncertainty of one from a reflectance good to 0.003."""
+"""How far off an index can easily be: a reflectance good to 0.001 gives it to 0.008."""
 
 
 def findings(study: Study) -> list[tuple[str, str]]:

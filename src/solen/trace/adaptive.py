@@ -6,9 +6,11 @@ one and the same tree of hits, and each piece is integrated by Gauss–Kronrod q
 
 Equal trees at both ends of a stretch prove nothing: a sliver of other rays may lie between. What could separate two
 neighbouring rays must start somewhere, at an end of a curve or on a curve that is wholly between them; so a stretch is
-whole only if no end of any curve lies inside the beam its two rays span, at any of their straight legs. Otherwise it is
-halved, until it is whole or narrower than `NARROWEST_DEG`; what is left of the width of all such gaps, times all that a
-ray carries, goes into the uncertainty. Nodes of the quadrature that turn out to have another tree send the piece back.
+whole only if no end of any curve lies inside the beam its two rays span, at any of their straight legs, nor next to a
+curved face between their ends. Past a caustic two rays need not span the beam between them: this is no proof, and the
+uncertainty is an estimate. A stretch that is not whole is halved, until it is or is narrower than `NARROWEST_DEG`; what
+is left of the width of all such gaps, times all that a ray carries, goes into the uncertainty. Nodes of the quadrature
+that turn out to have another tree send the piece back.
 
 The idea of bisecting the jumps is that of any adaptive integrator; the quadrature is the (7, 15) pair of Kronrod (1965)
 as tabulated in QUADPACK (Piessens et al., 1983).
@@ -23,13 +25,15 @@ from solen.errors import DesignError
 from solen.scene import Fan, Launch, Scene
 from solen.trace.engine import trace_launch
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, Ledger, Limits, Mode, check_mode
-from solen.trace.tables import Tables, compile_scene
+from solen.trace.tables import SEGMENT, Tables, compile_scene
 
 FIRST_STRETCHES = 64
 NARROWEST_DEG = 1e-9
 """Where cutting ends: over a few mm, what `solen.curve.END_TOLERANCE_MM` leaves undecided at a corner."""
-MOST_LEGS = 500_000
-PIECES_AT_ONCE = 256
+MOST_LEGS = 200_000
+FEWEST_ROUNDS = 200
+"""Where so many times the rays of the first look are not to be had, the rest is not begun."""
+PIECES_AT_ONCE, QUADS_AT_ONCE = 256, 32_768
 Floats = NDArray[np.float64]
 
 # Nodes in [−1, 1] and weights of the Kronrod rule, and of the Gauss rule on every second node.
@@ -64,10 +68,11 @@ GAUSS[1::2] = [*_HALF_GAUSS, 0.417959183673469387755102040816327, *reversed(_HAL
 
 @dataclass(frozen=True)
 class Integral:
-    """Powers as fractions of the emitted power, each within ``u`` of the true one as far as the error estimate goes.
+    """Powers as fractions of the emitted power; ``u`` estimates the error of each.
 
     ``undefined`` counts the rays of the quadrature that met an interface from a medium they were not in.
-    ``reached`` says whether ``u`` is within the tolerance asked for; if not, ``why`` says what stood in the way.
+    ``reached`` says whether ``u`` is within the tolerance asked for; if not, ``why`` says what stood in the way, and
+    the powers lack what was not integrated: they can be off by all of ``u``, which can be 1.
     """
 
     mode: Mode
@@ -90,7 +95,7 @@ class _Sample:
     tree: NDArray[np.uint64]
     first_leg: NDArray[np.int64]
     legs: Floats
-    """(sum of legs, 4): start and end of each straight leg, ray by ray"""
+    """(sum of legs, 5): start and end of each straight leg, ray by ray, and 1 where it ends on a curved face"""
 
     def __len__(self) -> int:
         return len(self.angle_deg)
@@ -115,7 +120,7 @@ def integrate(
     tolerance
         What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-9 to 0.1.
     limits
-        Where following a ray ends; by default a tenth of the tolerance, at most 1e-6, is the least weight.
+        Where following a ray ends; by default the least weight is a hundredth of the tolerance, at most 1e-6.
 
     most_legs
         After so many straight stretches of light the integration ends, with whatever it has reached.
@@ -123,7 +128,7 @@ def integrate(
     Returns
     -------
     Integral
-        Values with one bound for all of them, and whether the tolerance was reached.
+        Values, one estimate of their error, and whether it is within the tolerance.
 
     Raises
     ------
@@ -135,6 +140,8 @@ def integrate(
         raise DesignError("tolerance", value=tolerance, limit="must be from 1e-9 to 0.1")
     if len(scene.sources) != 1 or not isinstance(scene.sources[0], Fan):
         raise DesignError("adaptive integration", value=f"{len(scene.sources)} sources", limit="needs one fan alone")
+    if not scene.sources[0].cone_deg > 0.0:
+        raise DesignError("fan cone_deg", value=scene.sources[0].cone_deg, limit="must be above 0 to integrate over it")
     limits = limits or Limits(min_weight=min(0.01 * tolerance, 1e-6))
     return _Integrator(scene, scene.sources[0], mode, tolerance, limits, most_legs).run()
 
@@ -151,6 +158,7 @@ class _Integrator:
         self.tables: Tables = compile_scene(self.scene)
         self.ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         self.far_mm = 100.0 * float(np.ptp(self.ends, axis=0).max(initial=1.0)) if len(self.ends) else 1.0
+        self.bent = np.append(self.tables.kind != SEGMENT, False)  # the last stands for no interface, −1
         self.most_legs = most_legs
         self.rays = self.legs = 0
         self.undefined = 0  # rays of the last call; cutting aims at corners, so there they mean nothing
@@ -160,6 +168,9 @@ class _Integrator:
         """Cut the cone into whole pieces, integrate each, and cut again where a piece proves not to be whole."""
         half = self.fan.cone_deg / 2
         sample = self._trace(np.linspace(-half, half, FIRST_STRETCHES + 1))
+        if self.legs * FEWEST_ROUNDS > self.most_legs:
+            nothing = np.empty(0, dtype=np.int64)
+            return self._result(sample, nothing, nothing, np.zeros(sample.value.shape[1]), 0.0)
         while True:
             sample, whole = self._cut(sample)
             starts, stops = _pieces(whole)
@@ -226,9 +237,11 @@ class _Integrator:
         place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
         a = sample.legs[sample.first_leg[same][owner] + place]
         b = sample.legs[sample.first_leg[same + 1][owner] + place]
-        quads = np.stack([a[:, :2], a[:, 2:], b[:, 2:], b[:, :2]], axis=1)
+        quads = np.stack([a[:, :2], a[:, 2:4], b[:, 2:4], b[:, :2]], axis=1)
         touched = np.zeros(len(same), dtype=bool)
         np.logical_or.at(touched, owner, _holds_any(quads, self.ends))
+        bent = a[:, 4] == 1.0
+        np.logical_or.at(touched, owner[bent], _holds_any(_diamonds(a[bent, 2:4], b[bent, 2:4]), self.ends))
         whole[np.flatnonzero(whole)] = ~touched
         return whole
 
@@ -287,7 +300,11 @@ class _Integrator:
         self.legs += len(legs)
         first = np.searchsorted(legs["ray"], np.arange(len(angle) + 1))
         return _Sample(
-            angle_deg, self._values(legs, first[:-1]), _trees(legs, first[:-1]), first, _corners(legs, self.far_mm)
+            angle_deg,
+            self._values(legs, first[:-1]),
+            _trees(legs, first[:-1]),
+            first,
+            _corners(legs, self.far_mm, self.bent),
         )
 
     def _values(self, legs: NDArray[np.void], first: NDArray[np.int64]) -> Floats:
@@ -320,15 +337,25 @@ def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
     return x ^ (x >> np.uint64(31))
 
 
-def _corners(legs: NDArray[np.void], far_mm: float) -> Floats:
-    """Starts and ends of all legs; one that escapes ends far away."""
+def _corners(legs: NDArray[np.void], far_mm: float, bent: NDArray[np.bool_]) -> Floats:
+    """Starts and ends of all legs, an escaping one ending far away, and whether they end on one of the bent faces."""
     length = np.where(np.isfinite(legs["length_mm"]), legs["length_mm"], far_mm)
     x, z = legs["x_mm"], legs["z_mm"]
-    return np.column_stack([x, z, x + length * legs["dx"], z + length * legs["dz"]])
+    on_bent = (legs["interface"] >= 0) & bent[legs["interface"]]
+    return np.column_stack([x, z, x + length * legs["dx"], z + length * legs["dz"], on_bent])
+
+
+def _diamonds(a: Floats, b: Floats) -> Floats:
+    """Quadrilaterals (Q, 4, 2) about the chords from a to b (Q, 2), wide enough for the curved face between them."""
+    middle, across = 0.5 * (a + b), 0.5 * (b - a)[:, ::-1] * np.array([-1.0, 1.0])
+    return np.stack([a, middle + across, b, middle - across], axis=1)
 
 
 def _holds_any(quads: Floats, points: Floats) -> NDArray[np.bool_]:
     """Whether any of the points (P, 2) lies inside each quadrilateral (Q, 4, 2), crossed ones too (even-odd rule)."""
+    if len(quads) > QUADS_AT_ONCE:
+        parts = [quads[i : i + QUADS_AT_ONCE] for i in range(0, len(quads), QUADS_AT_ONCE)]
+        return np.concatenate([_holds_any(part, points) for part in parts])
     inside = np.zeros((len(quads), len(points)), dtype=bool)
     px, pz = points[:, 0], points[:, 1]
     for corner in range(4):
