@@ -7,6 +7,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numba
 
@@ -40,16 +41,16 @@ def main() -> None:
     print(f"{'mode':6} {'what':28} {'rays/s':>10} {'hits/s':>10} {'of the reference':>18}")
     for mode in MODES:
         hits = trace(few, mode).hits / REFERENCE_RAYS
-        plain = REFERENCE_RAYS / best_s(lambda mode=mode: trace_reference(few, mode), 2)  # type: ignore[misc]
+        plain = REFERENCE_RAYS / best_s(partial(trace_reference, few, mode), 2)
         rows = [("reference", plain)]
         for threads in (1, os.cpu_count() or 1):
-            seconds = best_s(lambda mode=mode, threads=threads: trace(many, mode, threads=threads))  # type: ignore[misc]
+            seconds = best_s(partial(trace, many, mode, threads=threads))
             rows.append((f"engine, {threads} threads", RAYS / seconds))
         for what, speed in rows:
             print(f"{mode:6} {what:28} {speed:10.3g} {speed * hits:10.3g} {speed / plain:18.1f}")
         found = integrate(many, mode, 1e-6)
-        seconds = best_s(lambda mode=mode: integrate(many, mode, 1e-6))  # type: ignore[misc]
-        fan_s = best_s(lambda mode=mode: trace(many, mode), 2)  # type: ignore[misc]
+        seconds = best_s(partial(integrate, many, mode, 1e-6))
+        fan_s = best_s(partial(trace, many, mode), 2)
         print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.1f} ms; ", end="")
         print(f"a fan of {RAYS} rays takes {fan_s / seconds:.0f} times as long")
 

@@ -187,12 +187,17 @@ def _run(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         return _refuse("interrupted; no file is half-written", INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe had enough
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  for the flush at exit
+        _drop_output()
         return 0
     except OSError as bad:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  for the flush at exit
+        _drop_output()
         return _refuse(f"output cannot be written: {bad.strerror or bad}", BAD_INPUT)
     return 0
+
+
+def _drop_output() -> None:
+    """Send what is still to be flushed at exit nowhere, where stdout can take no more."""
+    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  it lives until the interpreter ends
 
 
 def _refuse(line: str, code: int) -> int:

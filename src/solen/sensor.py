@@ -174,7 +174,7 @@ class Sensor:
 
         def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
             found = self.trace(angle_deg, "count")
-            return found, {name: reading.power for name, reading in found.detectors.items()}, math.nan
+            return found, _powers(found), math.nan
 
         return self._sweep("count", at, angles_deg, progress)
 
@@ -198,7 +198,7 @@ class Sensor:
         if found is not None and found.reached:
             return found, found.detectors, found.u
         dense, u = self.doubled(angle_deg)
-        return dense, {name: reading.power for name, reading in dense.detectors.items()}, u
+        return dense, _powers(dense), u
 
     def _sweep(
         self,
@@ -303,6 +303,11 @@ def _case(sensor: Sensor, progress: Progress | None) -> Case:
 def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:
     """Progress of ``length`` of so many equal parts, told as the share of the whole."""
     return None if progress is None else lambda done: progress((first + length * done) / parts)
+
+
+def _powers(found: Trace) -> dict[str, float]:
+    """Power by receiver."""
+    return {name: reading.power for name, reading in found.detectors.items()}
 
 
 def _contrast(right: float, left: float) -> float | None:

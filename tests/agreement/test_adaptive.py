@@ -130,7 +130,7 @@ def test_what_it_cannot_integrate_is_refused() -> None:
     with pytest.raises(DesignError, match="tolerance = 0"):
         integrate(sensor(0.0), tolerance=0.0)
     with pytest.raises(DesignError, match="mode"):
-        integrate(sensor(0.0), "bogus")  # type: ignore[arg-type]
+        integrate(sensor(0.0), "bogus")  # type: ignore[arg-type]  # what a caller without a checker may pass
 
 
 def test_it_ends_after_so_many_legs() -> None:

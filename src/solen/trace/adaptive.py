@@ -96,6 +96,8 @@ class _Sample:
     first_leg: NDArray[np.int64]
     legs: Floats
     """(sum of legs, 5): start and end of each straight leg, ray by ray, and 1 where it ends on a curved face"""
+    undefined: int
+    """rays that met an interface from a medium they were not in"""
 
     def __len__(self) -> int:
         return len(self.angle_deg)
@@ -121,7 +123,6 @@ def integrate(
         What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-9 to 0.1.
     limits
         Where following a ray ends; by default the least weight is a hundredth of the tolerance, at most 1e-6.
-
     most_legs
         After so many straight stretches of light the integration ends, with whatever it has reached.
 
@@ -133,7 +134,7 @@ def integrate(
     Raises
     ------
     DesignError
-        Another source than one `Fan`, or a tolerance out of range.
+        Another source than one `Fan`, a cone without width, or a tolerance out of range.
     """
     check_mode(mode)
     if not 1e-9 <= tolerance <= 0.1:
@@ -161,8 +162,7 @@ class _Integrator:
         self.bent = np.append(self.tables.kind != SEGMENT, False)  # the last stands for no interface, −1
         self.most_legs = most_legs
         self.rays = self.legs = 0
-        self.undefined = 0  # rays of the last call; cutting aims at corners, so there they mean nothing
-        self.inconsistent = 0
+        self.undefined = 0  # of the quadrature; cutting aims at corners, so there they mean nothing
 
     def run(self) -> Integral:
         """Cut the cone into whole pieces, integrate each, and cut again where a piece proves not to be whole."""
@@ -198,7 +198,7 @@ class _Integrator:
             Ledger(detected, escaped, absorbed, truncated),
             u,
             self.rays,
-            self.inconsistent,
+            self.undefined,
             len(starts),
             reached,
             why,
@@ -206,7 +206,7 @@ class _Integrator:
 
     def _cut(self, sample: _Sample) -> tuple[_Sample, NDArray[np.bool_]]:
         """Halve stretches until each is whole or narrow; returns the samples and which stretches are whole."""
-        whole = self._whole(sample)
+        whole = self._whole_at(sample, np.arange(len(sample) - 1))
         while self.legs < self.most_legs:
             width = np.diff(sample.angle_deg)
             open_ones = np.flatnonzero(~whole & (width > NARROWEST_DEG))
@@ -222,9 +222,6 @@ class _Integrator:
             fresh = np.flatnonzero(~known)
             whole[fresh] = self._whole_at(sample, fresh)
         return sample, whole
-
-    def _whole(self, sample: _Sample) -> NDArray[np.bool_]:
-        return self._whole_at(sample, np.arange(len(sample) - 1))
 
     def _whole_at(self, sample: _Sample, stretches: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the rays on both sides of each stretch have the same tree and nothing ends in the beam between."""
@@ -278,7 +275,7 @@ class _Integrator:
         """Values (…, D + 2) and trees (…) of rays at angles in any shape and order."""
         order = np.argsort(angle_deg, axis=None, kind="stable")
         sample = self._trace(angle_deg.ravel()[order])
-        self.inconsistent += self.undefined
+        self.undefined += sample.undefined
         value, tree = np.empty_like(sample.value), np.empty_like(sample.tree)
         value[order], tree[order] = sample.value, sample.tree
         return value.reshape(*angle_deg.shape, -1), tree.reshape(angle_deg.shape)
@@ -296,7 +293,7 @@ class _Integrator:
             ones * self.fan.s_share,
             ones * (1.0 - self.fan.s_share),
         )
-        legs, self.undefined = trace_launch(self.scene, self.tables, launch, self.mode, self.limits)
+        legs, undefined = trace_launch(self.scene, self.tables, launch, self.mode, self.limits)
         self.legs += len(legs)
         first = np.searchsorted(legs["ray"], np.arange(len(angle) + 1))
         return _Sample(
@@ -305,6 +302,7 @@ class _Integrator:
             _trees(legs, first[:-1]),
             first,
             _corners(legs, self.far_mm, self.bent),
+            undefined,
         )
 
     def _values(self, legs: NDArray[np.void], first: NDArray[np.int64]) -> Floats:
@@ -390,4 +388,5 @@ def _joined(a: _Sample, b: _Sample) -> _Sample:
         np.concatenate([a.tree, b.tree])[order],
         np.concatenate([[0], ends]),
         np.concatenate([a.legs, b.legs])[rows],
+        a.undefined + b.undefined,
     )

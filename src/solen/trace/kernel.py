@@ -456,7 +456,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     tables: Tables, sums: Sums, rays: Floats, first: int, split: bool, min_weight: float, max_hits: int
 ) -> None:
     """Trace rays (N, 6): x, z, dx, dz, s, p, the first being number ``first``, and add up what becomes of them."""
-    kind, shape, behaviour, regions = tables.kind, tables.shape, tables.behaviour, tables.refractive_index
+    kind, shape, behaviour, index = tables.kind, tables.shape, tables.behaviour, tables.refractive_index
     state, tags = np.empty((7, BLOCK)), np.empty((6, BLOCK), dtype=np.int64)
     x, z, dx, dz, s, p, least = state[0], state[1], state[2], state[3], state[4], state[5], state[6]
     region, last, hits, branch, number, parent = tags[0], tags[1], tags[2], tags[3], tags[4], tags[5]
@@ -537,7 +537,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     sums.arrived[tables.receiver[c]] += 1
                 continue
             tx, tz, bx, bz, back_s, back_p = interact(
-                dx[i], dz[i], nx, nz, regions[here], regions[there], behaviour[c] == MIRROR, split
+                dx[i], dz[i], nx, nz, index[here], index[there], behaviour[c] == MIRROR, split
             )
             back_s, back_p = s_here * back_s, p_here * back_p
             on_s, on_p = s_here - back_s, p_here - back_p
