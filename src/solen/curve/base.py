@@ -1,0 +1,134 @@
+"""What every curve promises, and what all of them share: checks of their numbers, tolerances, quadratic equations."""
+
+import math
+from abc import ABC, abstractmethod
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError
+from solen.plane import Point, Rigid
+
+END_TOLERANCE_MM = 1e-11
+"""How far a curve reaches beyond its ends, so that no ray slips between two curves that share a corner."""
+
+ROUNDING = 4e-16
+"""Relative to the lengths it was computed from, a residual that is nothing but rounding."""
+MOST_POINTS = 2**16
+SMALL = 1e-3
+"""How small the constant term of a quadratic must be for its root to be mended to first order."""
+
+
+def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
+    """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root next to t = 0 is divided out.
+
+    The point a ray leaves from lies on its curve but for rounding, which leaves a tiny c. The other root −b/a is mended
+    by it to first order, or the rounding of many chords of one circle would add up until they leave it.
+    """
+    if leaving:
+        mend = c / b if abs(a * c) < SMALL * b * b else 0.0
+        return (-b / a + mend,) if a != 0.0 else ()
+    discriminant = b * b - 4.0 * a * c
+    if discriminant < 0.0:
+        return ()
+    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
+    first = (q / a,) if a != 0.0 else ()
+    second = (c / q,) if q != 0.0 else ()
+    return first + second
+
+
+def check_numbers(what: str, *values: object) -> None:
+    """`DesignError` where one of the values is not finite, or not a number at all."""
+    for value in values:
+        if not (isinstance(value, int | float) and math.isfinite(value)):
+            raise DesignError(what, value=repr(value), limit="must be a finite number")
+
+
+def check_count(what: str, value: object, least: int) -> None:
+    """`DesignError` where a value is not a whole number of at least ``least``."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
+
+
+def check_points(what: str, *points: object) -> None:
+    """`DesignError` where one of the points is not a pair of finite numbers."""
+    for point in points:
+        if not (isinstance(point, tuple) and len(point) == 2):
+            raise DesignError(what, value=repr(point), limit="must be a pair (x, z)")
+        check_numbers(what, *point)
+
+
+def check_axis(what: str, axis: Point) -> None:
+    """`DesignError` where a direction is not a unit vector."""
+    check_points(what, axis)
+    if abs(math.hypot(*axis) - 1.0) > 1e-9:
+        raise DesignError(what, value=axis, limit="must be a unit vector")
+
+
+class Curve(ABC):
+    """A directed exact curve."""
+
+    @abstractmethod
+    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (N, 2) in mm at parameters ``u`` (N,) in [0, 1], from start to end."""
+
+    @abstractmethod
+    def normal_at(self, point: Point) -> Point:
+        """Left unit normal at a point of the curve."""
+
+    @abstractmethod
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """Distances > 0 in mm at which a ray (unit direction) meets the curve, in no order.
+
+        ``leaving`` says that the ray starts on this curve; that point is not among the hits.
+        """
+
+    @abstractmethod
+    def moved(self, motion: Rigid) -> Self:
+        """The curve after a rigid motion."""
+
+    @abstractmethod
+    def reversed(self) -> Self:
+        """The same curve walked from end to start."""
+
+    @property
+    def start(self) -> Point:
+        """First point, mm."""
+        return self._point(0.0)
+
+    @property
+    def end(self) -> Point:
+        """Last point, mm."""
+        return self._point(1.0)
+
+    @property
+    def middle_point(self) -> Point:
+        """Point halfway along the parameter, mm."""
+        return self._point(0.5)
+
+    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
+        """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
+
+        Each piece is halved until its middle lies well within the tolerance of its chord.
+        """
+        u = np.linspace(0.0, 1.0, 9)
+        while True:
+            ends = self.points(u)
+            middles = self.points(0.5 * (u[:-1] + u[1:]))
+            chord = ends[1:] - ends[:-1]
+            length = np.hypot(chord[:, 0], chord[:, 1])
+            offset = middles - ends[:-1]
+            sag = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0]) / np.where(length > 0, length, 1)
+            coarse = sag > 0.8 * tolerance_mm
+            if not coarse.any():
+                return ends
+            if len(u) > MOST_POINTS:
+                raise DesignError(
+                    "tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} points"
+                )
+            u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))
+
+    def _point(self, u: float) -> Point:
+        x, z = self.points(np.array([u]))[0]
+        return (float(x), float(z))

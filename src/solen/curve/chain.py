@@ -1,0 +1,270 @@
+"""Chains of cubic Bézier pieces, as rays meet them.
+
+A chain is kept as its simple pieces (see `solen.curve.cubic`). On which side of a ray's line the joint of two pieces
+lies is decided once and told to both: a ray can neither slip through a joint nor meet the curve twice there.
+
+A ray that leaves the chain stands at a point of one piece. That piece is cut there into two parts with a known root at
+their common end, which is divided out. The pieces behind their far ends are reckoned from the point it stands on too,
+over the joint and not by coordinates, so that a second hit just behind a joint is as exact as one on the same piece. A
+ray that stands on a joint itself has its known root on both pieces.
+"""
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve.base import END_TOLERANCE_MM, MOST_POINTS, SMALL, Curve
+from solen.curve.cubic import (
+    Control,
+    Piece,
+    Rises,
+    Steps,
+    backwards,
+    crossings,
+    cut,
+    halves,
+    other_crossing,
+    point_at,
+    risen,
+    simple_pieces,
+    slope,
+    solve,
+    steps_after,
+    steps_of,
+    tangent_at,
+)
+from solen.errors import DesignError
+from solen.plane import Point, cross, dot, left_of, minus, unit
+
+
+class Ray(NamedTuple):
+    """A ray, and what it sees of points and steps."""
+
+    origin: Point
+    direction: Point
+
+    def beside(self, point: Point) -> float:
+        """Distance of a point from the ray's line, positive on its left."""
+        return cross(self.direction, minus(point, self.origin))
+
+    def ahead(self, point: Point) -> float:
+        """How far ahead of the origin a point lies."""
+        return dot(self.direction, minus(point, self.origin))
+
+    def aside(self, steps: Steps) -> Rises:
+        """What steps add to the distance beside the line."""
+        a, b, c = steps
+        return (cross(self.direction, a), cross(self.direction, b), cross(self.direction, c))
+
+    def onwards(self, steps: Steps) -> Rises:
+        """What steps add to the distance ahead."""
+        a, b, c = steps
+        return (dot(self.direction, a), dot(self.direction, b), dot(self.direction, c))
+
+
+class Place(NamedTuple):
+    """Where on a chain a point lies: the number of the piece, the parameter there, the distance from there."""
+
+    piece: int
+    v: float
+    distance_mm: float
+
+
+class CubicChain(Curve):
+    """Cubic Bézier pieces, each starting where the one before ends."""
+
+    @property
+    @abstractmethod
+    def controls(self) -> tuple[Control, ...]:
+        """Control points of every cubic, in order."""
+
+    @abstractmethod
+    def name_of(self, number: int) -> str:
+        """How an error names a cubic."""
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether it ends where it starts; that point is a joint then, like any other."""
+        return self.controls[0][0] == self.controls[-1][3]
+
+    @cached_property
+    def pieces(self) -> tuple[Piece, ...]:
+        """Simple pieces of the whole, in order; ``u_from`` and ``u_to`` are parameters of `points`."""
+        n = len(self.controls)
+        found: list[Piece] = []
+        for i, control in enumerate(self.controls):
+            parts = simple_pieces(control, self.name_of(i))
+            found += [Piece(part, (i + u_from) / n, (i + u_to) / n) for part, u_from, u_to in parts]
+        if self.closed and len(found) == 2:  # a ray that leaves one must find two others behind its ends
+            found = [half for piece in found for half in halves(piece)]
+        return tuple(found)
+
+    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.points`; every cubic has an equal share of the parameter."""
+        n = len(self.controls)
+        which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
+        v = (u * n - which)[:, None]
+        w = 1.0 - v
+        a, b, c, d = np.asarray(self.controls)[which].transpose(1, 0, 2)
+        return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
+
+    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
+        """See :meth:`Curve.flattened`; a piece leaves its chord by at most 3/4 of what its handles do."""
+        waiting = [piece.control for piece in reversed(self.pieces)]
+        found = [self.start]
+        while waiting:
+            control = waiting.pop()
+            chord = unit(minus(control[3], control[0]))
+            if 0.75 * max(abs(cross(chord, minus(handle, control[0]))) for handle in control[1:3]) <= tolerance_mm:
+                found.append(control[3])
+            else:
+                waiting += reversed(cut(control, 0.5))
+            if len(found) + len(waiting) > MOST_POINTS:
+                raise DesignError(
+                    "tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} points"
+                )
+        return np.array(found)
+
+    def normal_at(self, point: Point) -> Point:
+        """See :meth:`Curve.normal_at`; in a corner, the normal of one of the two pieces."""
+        place = self._place(point)
+        return left_of(tangent_at(self.pieces[place.piece].control, place.v))
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        ray = Ray(origin, direction)
+        sides = self._sides(ray)
+        found: list[float] = []
+        done: set[int] = set()
+        if leaving:
+            place = self._place(origin)
+            for forwards in (True, False):
+                found += self._leave(ray, place, sides, forwards)
+                done |= {place.piece, self._next(place.piece, forwards)}
+        for i in range(len(self.pieces)):
+            if i not in done:
+                found += self._meet(ray, i, sides)
+        if not self.closed:
+            for end, beside in ((-1, ray.beside(self.start)), (len(self.pieces), ray.beside(self.end))):
+                if end not in done:
+                    found += self._meet_end(ray, beside, forwards=end > 0)
+        return tuple(t for t in found if t > 0.0)
+
+    def _next(self, piece: int, forwards: bool) -> int:
+        """Number of the piece behind one end of a piece; past the first or the last where the chain is open."""
+        following = piece + 1 if forwards else piece - 1
+        return following % len(self.pieces) if self.closed else following
+
+    def _control(self, piece: int, forwards: bool) -> Control:
+        """Control points of a piece in the order in which it is walked."""
+        control = self.pieces[piece].control
+        return control if forwards else backwards(control)
+
+    def _sides(self, ray: Ray) -> list[bool]:
+        """Whether the start of each piece, and at last the end of the chain, lies on the left of the ray's line.
+
+        A joint on the line itself belongs to the side from which the piece before it comes: so a line that only
+        touches the curve there does not meet it, and one that crosses it does so once.
+        """
+        found = []
+        for i, piece in enumerate(self.pieces):
+            beside = ray.beside(piece.control[0])
+            if beside == 0.0 and (i > 0 or self.closed):
+                rises = ray.aside(steps_of(self.pieces[i - 1].control))
+                beside = next((-rise for rise in reversed(rises) if rise != 0.0), 0.0)
+            found.append(beside > 0.0)
+        return [*found, found[0] if self.closed else ray.beside(self.pieces[-1].control[3]) > 0.0]
+
+    def _meet(self, ray: Ray, piece: int, sides: list[bool]) -> Iterator[float]:
+        """Distances to a piece the ray has nothing to do with yet."""
+        control = self.pieces[piece].control
+        first, last = sides[piece], sides[piece + 1]
+        if all((ray.beside(handle) > 0.0) == first == last for handle in control[1:3]):
+            return
+        steps = steps_of(control)
+        onwards = ray.onwards(steps)
+        for v in crossings(ray.beside(control[0]), ray.aside(steps), first, last):
+            yield ray.ahead(control[0]) + risen(onwards, v)
+
+    def _meet_end(self, ray: Ray, beside: float, forwards: bool) -> Iterator[float]:
+        """Distance to the straight bit by which the chain reaches beyond an end that lies so far beside the line."""
+        control = self._control(-1 if forwards else 0, forwards)
+        outwards = unit(minus(control[3], control[2]))
+        rise = END_TOLERANCE_MM * cross(ray.direction, outwards)
+        if (beside > 0.0) != (beside + rise > 0.0):
+            share = -beside / rise
+            yield ray.ahead(control[3]) + share * END_TOLERANCE_MM * dot(ray.direction, outwards)
+
+    def _leave(self, ray: Ray, place: Place, sides: list[bool], forwards: bool) -> Iterator[float]:
+        """Distances on one way from where the ray stands: to the rest of that piece, and to what is behind it."""
+        here = point_at(self.pieces[place.piece].control, place.v)
+        rest = ray.beside(here)
+        done, left = (place.v, 1.0 - place.v) if forwards else (1.0 - place.v, place.v)
+        steps = steps_after(steps_of(self._control(place.piece, forwards)), done, left)
+        aside = ray.aside(steps)
+        beside = sum(aside)
+        for v in other_crossing(aside, beside > 0.0):
+            yield _mended(ray, here, steps, v, rest)
+        behind = self._next(place.piece, forwards)
+        if not 0 <= behind < len(self.pieces):
+            if beside != 0.0:
+                yield from self._meet_end(ray, beside, forwards)
+            return
+        control = self._control(behind, forwards)
+        steps = steps_of(control)
+        aside = ray.aside(steps)
+        far_side = sides[behind + 1] if forwards else sides[behind]
+        known = beside == 0.0  # it stands on the joint, or slides along the line to it
+        for v in other_crossing(aside, far_side) if known else crossings(beside, aside, beside > 0.0, far_side):
+            yield _mended(ray, control[0], steps, v, rest)
+
+    @cached_property
+    def _boxes(self) -> tuple[tuple[float, float, float, float], ...]:
+        """Least and greatest x, then z, of every piece's control points."""
+        found = []
+        for piece in self.pieces:
+            x, z = zip(*piece.control, strict=True)
+            found.append((min(x), max(x), min(z), max(z)))
+        return tuple(found)
+
+    def _place(self, point: Point) -> Place:
+        """Where on the chain a point of it lies, however rounded: on each piece the place beside it along the chord."""
+        best = Place(0, 0.0, math.inf)
+        x, z = point
+        for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):
+            if max(x_low - x, x - x_high, z_low - z, z - z_high) >= best.distance_mm:
+                continue
+            v = _beside_chord(self.pieces[i].control, point)
+            distance = math.dist(point_at(self.pieces[i].control, v), point)
+            if distance < best.distance_mm:
+                best = Place(i, v, distance)
+        return best
+
+
+def _beside_chord(control: Control, point: Point) -> float:
+    """Parameter in [0, 1] of a simple piece that is as far along its chord as a point: the chord never turns back."""
+    chord = Ray(point, unit(minus(control[3], control[0])))
+    start, rises = chord.ahead(control[0]), chord.onwards(steps_of(control))
+    if start >= 0.0:
+        return 0.0
+    if chord.ahead(control[3]) <= 0.0:
+        return 1.0
+    return solve(lambda v: start + risen(rises, v), lambda v: slope(rises, v), growing=True)
+
+
+def _mended(ray: Ray, start: Point, steps: Steps, v: float, rest: float) -> float:
+    """Distance to the root v of a cubic whose constant ``rest`` was left out, mended by it to first order.
+
+    As in `solen.curve.quadratic_roots`: what the ray stands beside the curve is rounding, but it would add up.
+    """
+    aside, onwards = ray.aside(steps), ray.onwards(steps)
+    distance = ray.ahead(start) + risen(onwards, v)
+    across, ahead = slope(aside, v), slope(onwards, v)
+    if abs(rest) * math.hypot(across, ahead) < SMALL * abs(across * distance):
+        distance -= rest / across * ahead
+    return distance

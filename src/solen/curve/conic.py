@@ -1,0 +1,185 @@
+"""Conic sections: the parabola of a flared stem, and any of them in the vertex form of optics."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve.base import END_TOLERANCE_MM, Curve, check_axis, check_numbers, check_points, quadratic_roots
+from solen.errors import DesignError
+from solen.plane import Point, Rigid, dot, left_of, minus, right_of, unit
+
+
+@dataclass(frozen=True)
+class Parabola(Curve):
+    """Part of a parabola: ``vertex + u axis + curve_per_mm u² right_of(axis)``, u from ``from_mm`` to ``to_mm``.
+
+    With the axis along +z this is x = x0 + c (z − z0)²: the flared side of a stem. ``axis`` is a unit vector.
+    """
+
+    vertex: Point
+    axis: Point
+    curve_per_mm: float
+    from_mm: float
+    to_mm: float
+
+    def __post_init__(self) -> None:
+        check_points("parabola", self.vertex)
+        check_axis("parabola axis", self.axis)
+        check_numbers("parabola", self.curve_per_mm, self.from_mm, self.to_mm)
+        if self.from_mm == self.to_mm:
+            raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length")
+
+    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.points`."""
+        run = self.from_mm + u * (self.to_mm - self.from_mm)
+        side = right_of(self.axis)
+        rise = self.curve_per_mm * run * run
+        return np.asarray(np.asarray(self.vertex) + np.outer(run, self.axis) + np.outer(rise, side))
+
+    def normal_at(self, point: Point) -> Point:
+        """See :meth:`Curve.normal_at`."""
+        run = dot(minus(point, self.vertex), self.axis)
+        slope = 2.0 * self.curve_per_mm * run
+        side = right_of(self.axis)
+        tangent = unit((self.axis[0] + slope * side[0], self.axis[1] + slope * side[1]))
+        return left_of(tangent) if self.to_mm > self.from_mm else right_of(tangent)
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        side, start = right_of(self.axis), minus(origin, self.vertex)
+        run, rise = dot(start, self.axis), dot(start, side)
+        d_run, d_rise = dot(direction, self.axis), dot(direction, side)
+        c = self.curve_per_mm
+        roots = quadratic_roots(-c * d_run**2, d_rise - 2.0 * c * run * d_run, rise - c * run**2, leaving=leaving)
+        low, high = sorted((self.from_mm, self.to_mm))
+        return tuple(
+            t for t in roots if t > 0.0 and low - END_TOLERANCE_MM <= run + t * d_run <= high + END_TOLERANCE_MM
+        )
+
+    def moved(self, motion: Rigid) -> "Parabola":
+        """See :meth:`Curve.moved`."""
+        return replace(self, vertex=motion.point(self.vertex), axis=motion.vector(self.axis))
+
+    def reversed(self) -> "Parabola":
+        """See :meth:`Curve.reversed`."""
+        return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
+
+
+SHEET = -1e-9
+"""How far below 0 rounding may take 1 − (1 + K) c w where a conic is widest; on its other side it is further below."""
+
+
+@dataclass(frozen=True)
+class Conic(Curve):
+    """Part of a conic section in vertex form: c r² − 2 w + (1 + K) c w² = 0, w along the axis and r beside it.
+
+    r is positive on the right of ``axis`` (a unit vector): with the axis along +z, r is x − x0 and w is z − z0. c is
+    ``curvature_per_mm``, 1 over the vertex radius, positive where the curve bends towards the axis; K is
+    ``conic_constant``: 0 a circle, −1 a parabola, below it a hyperbola, above it an ellipse (oblate from 0 on). Walked
+    from r = ``from_mm`` to ``to_mm``, both short of where the curve is widest: the side of the vertex, for a hyperbola
+    its branch. The other side and the other branch belong to the equation and never to the curve.
+    """
+
+    vertex: Point
+    axis: Point
+    curvature_per_mm: float
+    conic_constant: float
+    from_mm: float
+    to_mm: float
+
+    def __post_init__(self) -> None:
+        check_points("conic", self.vertex)
+        check_axis("conic axis", self.axis)
+        check_numbers("conic", self.curvature_per_mm, self.conic_constant, self.from_mm, self.to_mm)
+        if self.from_mm == self.to_mm:
+            raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length")
+        for name, end_mm in (("from_mm", self.from_mm), ("to_mm", self.to_mm)):
+            if not self._under_root(end_mm) > 0.0:
+                raise DesignError(
+                    f"conic {name}",
+                    value=end_mm,
+                    limit=f"must be less than {self.half_width_mm:.9g} mm from the axis",
+                    remedy="end it nearer to the axis, or make the curvature or the conic constant smaller",
+                )
+
+    @property
+    def half_width_mm(self) -> float:
+        """Distance from the axis at which the curve is widest and turns back; infinite but for an ellipse."""
+        c, k = self.curvature_per_mm, self.conic_constant
+        return 1.0 / (abs(c) * math.sqrt(1.0 + k)) if k > -1.0 and c != 0.0 else math.inf
+
+    def sag_mm(self, lateral_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance w along the axis at distances r beside it: c r² / (1 + √(1 − (1 + K) c² r²))."""
+        c, r = self.curvature_per_mm, lateral_mm
+        return np.asarray(c * r * r / (1.0 + np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * r) ** 2)))
+
+    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.points`."""
+        lateral = (1.0 - u) * self.from_mm + u * self.to_mm
+        beside = np.outer(lateral, right_of(self.axis))
+        return np.asarray(np.asarray(self.vertex) + beside + np.outer(self.sag_mm(lateral), self.axis))
+
+    def normal_at(self, point: Point) -> Point:
+        """See :meth:`Curve.normal_at`."""
+        lateral, depth = self._frame(minus(point, self.vertex))
+        tangent = unit(self._tangent(lateral, depth))
+        side, forwards = right_of(self.axis), 1.0 if self.to_mm > self.from_mm else -1.0
+        along_it = (
+            forwards * (tangent[0] * side[0] + tangent[1] * self.axis[0]),
+            forwards * (tangent[0] * side[1] + tangent[1] * self.axis[1]),
+        )
+        return left_of(along_it)
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        c, k = self.curvature_per_mm, self.conic_constant
+        start = minus(origin, self.vertex)
+        # Counted from the foot of the vertex: from far away, rounding would drown b² − 4ac.
+        skipped = 0.0 if leaving else -dot(start, direction)
+        r, w = self._frame((start[0] + skipped * direction[0], start[1] + skipped * direction[1]))
+        dr, dw = self._frame(direction)
+        square = c * (dr * dr + (1.0 + k) * dw * dw)
+        linear = 2.0 * (c * r * dr - dw + (1.0 + k) * c * w * dw)
+        rest = c * r * r - 2.0 * w + (1.0 + k) * c * w * w
+        roots = quadratic_roots(square, linear, rest, leaving=leaving)
+        return tuple(skipped + t for t in roots if skipped + t > 0.0 and self._holds(r + t * dr, w + t * dw))
+
+    def moved(self, motion: Rigid) -> "Conic":
+        """See :meth:`Curve.moved`."""
+        return replace(self, vertex=motion.point(self.vertex), axis=motion.vector(self.axis))
+
+    def reversed(self) -> "Conic":
+        """See :meth:`Curve.reversed`."""
+        return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
+
+    def _frame(self, vector: Point) -> Point:
+        """A vector as (r, w)."""
+        return (dot(vector, right_of(self.axis)), dot(vector, self.axis))
+
+    def _under_root(self, lateral_mm: float) -> float:
+        return 1.0 - (1.0 + self.conic_constant) * (self.curvature_per_mm * lateral_mm) ** 2
+
+    def _tangent(self, lateral: float, depth: float) -> Point:
+        """Direction (r, w) of growing r: 1 − (1 + K) c w, which is 0 where the curve is widest, and c r."""
+        c = self.curvature_per_mm
+        return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
+
+    def _holds(self, lateral: float, depth: float) -> bool:
+        """Whether a point of the whole conic is on this part: on the vertex' side and not past either end."""
+        low, high = sorted((self.from_mm, self.to_mm))
+        on_sheet = self._tangent(lateral, depth)[0] > SHEET
+        past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))
+        return on_sheet and past <= END_TOLERANCE_MM
+
+    def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
+        """How far a point is past an end, along the tangent there: r alone would not tell near the widest place.
+
+        From the vertex on the curve turns by less than 90 degrees either way, so this grows all the way.
+        """
+        if lateral * end_mm < 0.0:
+            return outwards * (lateral - end_mm)
+        end_depth = float(self.sag_mm(np.array(end_mm)))
+        tangent = unit(self._tangent(end_mm, end_depth))
+        return outwards * dot((lateral - end_mm, depth - end_depth), tangent)

@@ -1,0 +1,250 @@
+"""One cubic Bézier piece: cut, split until it is simple, and met by a line.
+
+For a ray, all that matters of a cubic is how far beside the ray's line its points lie and how far ahead: two cubics of
+one parameter. Both are kept as a value at v = 0 and three *rises*, the components of the piece's three *steps* (from
+each control point to the next). Differences of rises never meet the large coordinates of the plane again, so where the
+value at v = 0 is known to be 0, the root there is divided out exactly and the one next to it keeps all its digits.
+
+A *simple* piece has no inflection and turns by less than `MOST_TURN_DEG`. All tangents lie within a cone, so the piece
+is nowhere at rest, a line is parallel to it at most once, and the distance beside a line has at most two roots.
+"""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+from solen.curve.base import ROUNDING, quadratic_roots
+from solen.errors import DesignError
+from solen.plane import Point, cross, dot, minus, unit
+
+Control = tuple[Point, Point, Point, Point]
+"""Control points of a cubic Bézier piece: its start, a handle for each end, its end."""
+Rises = tuple[float, float, float]
+"""What three steps in turn add to a value."""
+Steps = tuple[Point, Point, Point]
+
+MOST_TURN_DEG = 60.0
+"""A simple piece turns by less."""
+MOST_PIECES = 100
+"""Far more simple pieces than a cubic falls into that is not all but a cusp."""
+MOST_STEPS = 200
+"""Far more than halving takes to the last digit of a root that is not next to 0."""
+CLEAR_TURN_DEG = 170.0
+"""Up to here the bisector of two tangents is a tangent between them."""
+SHORTEST = 1e-6
+"""Share of a piece below which it is not cut: a bend would be a corner there, and an inflection bends by nothing."""
+
+
+class Piece(NamedTuple):
+    """A simple part of a longer curve: its control points, and the parameters of that curve between which it lies."""
+
+    control: Control
+    u_from: float
+    u_to: float
+
+
+def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
+    """Split a cubic into simple pieces that share their ends exactly, in order; ``u_from`` and ``u_to`` in [0, 1].
+
+    It is cut at its inflections, and then where half of a turn is done until every piece turns by less than 60
+    degrees. `DesignError`, about ``what``, where that has no end: the cubic has no length, a cusp, or a handle that
+    lies on its end.
+    """
+    waiting = _between_inflections(control)[::-1]
+    found: list[Piece] = []
+    while waiting:
+        piece = waiting.pop()
+        if turn_deg(steps_of(piece.control)) < MOST_TURN_DEG:
+            found.append(piece)
+        elif piece.u_to - piece.u_from < SHORTEST or len(found) + len(waiting) > MOST_PIECES:
+            x, z = piece.control[0]
+            raise DesignError(
+                what,
+                value=f"stands still or turns on the spot near x = {x:.6g}, z = {z:.6g} mm",
+                limit="must keep moving and turn smoothly",
+                remedy="move its handles away from its ends and from one another, or make it two pieces",
+            )
+        else:
+            waiting += reversed(halves(piece))
+    return found
+
+
+def _between_inflections(control: Control) -> list[Piece]:
+    rest, done = control, 0.0
+    found = []
+    for u in inflections(control):
+        first, rest = cut(rest, (u - done) / (1.0 - done))
+        found.append(Piece(first, done, u))
+        done = u
+    return [*found, Piece(rest, done, 1.0)]
+
+
+def halves(piece: Piece) -> tuple[Piece, Piece]:
+    """The piece in two: cut where half of its turn is done, or in the middle where that is not clear or near an end."""
+    d0, d1, d2 = steps_of(piece.control)
+    v = 0.5
+    if 0.0 < turn_deg((d0, d1, d2)) < CLEAR_TURN_DEG:
+        first, last = unit(d0), unit(d2)
+        between = (first[0] + last[0], first[1] + last[1])
+        rises = (cross(between, d0), cross(between, d1), cross(between, d2))
+        v = parallel_to_line(rises)
+        v = v if SHORTEST < v < 1.0 - SHORTEST else 0.5
+    left, right = cut(piece.control, v)
+    middle = piece.u_from + v * (piece.u_to - piece.u_from)
+    return Piece(left, piece.u_from, middle), Piece(right, middle, piece.u_to)
+
+
+def steps_of(control: Control) -> Steps:
+    """Vectors from each control point to the next."""
+    a, b, c, d = control
+    return (minus(b, a), minus(c, b), minus(d, c))
+
+
+def turn_deg(steps: Steps) -> float:
+    """How much the control points turn in all, at least as much as the piece; infinite where an end stands still."""
+    if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
+        return math.inf
+    moving = [unit(step) for step in steps if step != (0.0, 0.0)]
+    return math.degrees(sum(abs(math.atan2(cross(a, b), dot(a, b))) for a, b in pairwise(moving)))
+
+
+def inflections(control: Control) -> list[float]:
+    """Parameters inside (0, 1) at which the curvature changes sign: P' × P'' = 0, which is quadratic."""
+    d0, d1, d2 = steps_of(control)
+    first, both, last = cross(d0, d1), cross(d0, d2), cross(d1, d2)
+    longest = max(dot(d, d) for d in (d0, d1, d2))
+    if max(abs(first), abs(both), abs(last)) <= ROUNDING * longest:
+        return []  # straight
+    found: list[float] = []
+    for v in sorted(quadratic_roots(first + last - both, both - 2.0 * first, first, leaving=False)):
+        if (found[-1] if found else 0.0) + SHORTEST < v < 1.0 - SHORTEST:
+            found.append(v)
+    return found
+
+
+def cut(control: Control, v: float) -> tuple[Control, Control]:
+    """The parts before and after v (de Casteljau); they share the point there."""
+    a, b, c, d = control
+    ab, bc, cd = _between(a, b, v), _between(b, c, v), _between(c, d, v)
+    abc, bcd = _between(ab, bc, v), _between(bc, cd, v)
+    middle = _between(abc, bcd, v)
+    return (a, ab, abc, middle), (middle, bcd, cd, d)
+
+
+def _between(a: Point, b: Point, v: float) -> Point:
+    return ((1.0 - v) * a[0] + v * b[0], (1.0 - v) * a[1] + v * b[1])
+
+
+def point_at(control: Control, v: float) -> Point:
+    """Point at v."""
+    return cut(control, v)[0][3]
+
+
+def tangent_at(control: Control, v: float) -> Point:
+    """Unit tangent at v."""
+    d0, d1, d2 = steps_of(control)
+    w = 1.0 - v
+    first, both, last = w * w, 2.0 * w * v, v * v
+    return unit((first * d0[0] + both * d1[0] + last * d2[0], first * d0[1] + both * d1[1] + last * d2[1]))
+
+
+def backwards(control: Control) -> Control:
+    """The same piece walked from its end."""
+    a, b, c, d = control
+    return (d, c, b, a)
+
+
+def steps_after(steps: Steps, done: float, left: float) -> Steps:
+    """Steps of the part after v = ``done``; ``left`` is 1 − v, given beside it to keep its digits."""
+    d0, d1, d2 = steps
+    d01 = (left * d0[0] + done * d1[0], left * d0[1] + done * d1[1])
+    d12 = (left * d1[0] + done * d2[0], left * d1[1] + done * d2[1])
+    here = (left * d01[0] + done * d12[0], left * d01[1] + done * d12[1])
+    return ((left * here[0], left * here[1]), (left * d12[0], left * d12[1]), (left * d2[0], left * d2[1]))
+
+
+def risen(rises: Rises, v: float) -> float:
+    """What has been added at v: a cubic that is 0 at 0, and the sum of the rises at 1."""
+    return v * risen_per_v(rises, v)
+
+
+def risen_per_v(rises: Rises, v: float) -> float:
+    """The cubic divided by v: a quadratic."""
+    g0, g1, g2 = rises
+    w = 1.0 - v
+    return 3.0 * w * (w * g0 + v * (g0 + g1)) + v * v * (g0 + g1 + g2)
+
+
+def slope(rises: Rises, v: float) -> float:
+    """Derivative of the cubic."""
+    g0, g1, g2 = rises
+    w = 1.0 - v
+    return 3.0 * (w * w * g0 + 2.0 * w * v * g1 + v * v * g2)
+
+
+def parallel_to_line(rises: Rises) -> float:
+    """Where the cubic has its extremum, between a first and a last rise of different sign."""
+    g0, g1, g2 = rises
+    return solve(lambda v: slope(rises, v), lambda v: 6.0 * ((1.0 - v) * (g1 - g0) + v * (g2 - g1)), growing=g2 > 0.0)
+
+
+def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> list[float]:
+    """Roots in [0, 1] of start + risen(v) for a simple piece, in order.
+
+    ``left_first`` and ``left_last`` say on which side of the line its ends lie. Two pieces that share an end are told
+    the same, so that none of the two, or both, can claim a root there.
+    """
+    stops = [(0.0, left_first), (1.0, left_last)]
+    if (rises[0] > 0.0) != (rises[2] > 0.0):
+        extremum = parallel_to_line(rises)
+        stops.insert(1, (extremum, start + risen(rises, extremum) > 0.0))
+    return [
+        solve(lambda v: start + risen(rises, v), lambda v: slope(rises, v), low, high, growing=right)
+        for (low, left), (high, right) in pairwise(stops)
+        if left != right
+    ]
+
+
+def other_crossing(rises: Rises, left_last: bool) -> list[float]:
+    """The root of risen(v) in (0, 1] of a simple piece beside the one at 0, as a list that may be empty."""
+    g0, g1, g2 = rises
+    left_first = g0 > 0.0
+    if g0 == 0.0 or left_first == left_last:
+        return []
+    square, linear = g0 - 2.0 * g1 + g2, 3.0 * (g1 - g0)
+    return [solve(lambda v: risen_per_v(rises, v), lambda v: 2.0 * square * v + linear, growing=left_last)]
+
+
+def solve(
+    value: Callable[[float], float],
+    slope_of: Callable[[float], float],
+    low: float = 0.0,
+    high: float = 1.0,
+    *,
+    growing: bool,
+) -> float:
+    """Root between two bounds to the last digit: Newton's method, halving wherever it leaves the bounds or is slow.
+
+    ``growing`` says which sign the value has at the upper bound; the bounds themselves are never evaluated.
+    """
+    v, before = 0.5 * (low + high), high - low
+    for _ in range(MOST_STEPS):
+        error = value(v)
+        if error == 0.0:
+            return v
+        if (error > 0.0) == growing:
+            high = v
+        else:
+            low = v
+        slant = slope_of(v)
+        step = -error / slant if slant != 0.0 else math.inf
+        if abs(step) <= ROUNDING * v:
+            return v
+        if not (low < v + step < high and abs(step) < 0.5 * before):
+            step = 0.5 * (low + high) - v
+            if v + step in (low, high):
+                return v
+        before = abs(step)
+        v += step
+    return v

@@ -1,0 +1,77 @@
+"""The straight line."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve.base import END_TOLERANCE_MM, Curve, check_points
+from solen.errors import DesignError
+from solen.plane import Point, Rigid, cross, left_of, minus, unit
+
+
+@dataclass(frozen=True)
+class Segment(Curve):
+    """Straight line between two points; `DesignError` where they are one."""
+
+    a: Point
+    b: Point
+
+    def __post_init__(self) -> None:
+        check_points("segment", self.a, self.b)
+        if self.a == self.b:
+            raise DesignError("segment", value=f"from {self.a} to itself", limit="must have a length")
+
+    @property
+    def start(self) -> Point:
+        """First point, mm."""
+        return self.a
+
+    @property
+    def end(self) -> Point:
+        """Last point, mm."""
+        return self.b
+
+    @property
+    def middle_point(self) -> Point:
+        """Point halfway, mm."""
+        return (0.5 * (self.a[0] + self.b[0]), 0.5 * (self.a[1] + self.b[1]))
+
+    @property
+    def length_mm(self) -> float:
+        """Length."""
+        return math.dist(self.a, self.b)
+
+    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.points`."""
+        a, b = np.asarray(self.a), np.asarray(self.b)
+        return np.asarray((1.0 - u)[:, None] * a + u[:, None] * b)
+
+    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:  # noqa: ARG002  it is straight
+        """See :meth:`Curve.flattened`."""
+        return np.array([self.a, self.b])
+
+    def normal_at(self, point: Point) -> Point:  # noqa: ARG002  the normal is the same everywhere
+        """See :meth:`Curve.normal_at`."""
+        return left_of(unit(minus(self.b, self.a)))
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        along_it = unit(minus(self.b, self.a))
+        slant = cross(direction, along_it)
+        if leaving or slant == 0.0:
+            return ()
+        to_start = minus(self.a, origin)
+        distance = cross(to_start, along_it) / slant
+        place = cross(to_start, direction) / slant
+        inside = -END_TOLERANCE_MM <= place <= self.length_mm + END_TOLERANCE_MM
+        return (distance,) if distance > 0.0 and inside else ()
+
+    def moved(self, motion: Rigid) -> "Segment":
+        """See :meth:`Curve.moved`."""
+        return Segment(motion.point(self.a), motion.point(self.b))
+
+    def reversed(self) -> "Segment":
+        """See :meth:`Curve.reversed`."""
+        return Segment(self.b, self.a)

@@ -1,0 +1,182 @@
+"""Free forms: one cubic Bézier piece, and the smooth curve through given points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solen.curve.base import check_points
+from solen.curve.chain import CubicChain
+from solen.curve.cubic import Control
+from solen.errors import DesignError
+from solen.plane import Point, Rigid
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bezier(CubicChain):
+    """One cubic Bézier piece from ``a`` to ``b``; it leaves ``a`` towards ``control_a`` and comes from ``control_b``.
+
+    `DesignError` where it has no length, a cusp, or an end that is its own control point.
+    """
+
+    a: Point
+    control_a: Point
+    control_b: Point
+    b: Point
+
+    def __post_init__(self) -> None:
+        check_points("bezier", *self.controls[0])
+        _ = self.pieces  # refuses what cannot be split
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """See :attr:`CubicChain.controls`."""
+        return ((self.a, self.control_a, self.control_b, self.b),)
+
+    def name_of(self, number: int) -> str:  # noqa: ARG002  there is only one
+        """See :meth:`CubicChain.name_of`."""
+        return "bezier"
+
+    def moved(self, motion: Rigid) -> "Bezier":
+        """See :meth:`Curve.moved`."""
+        return Bezier(*(motion.point(point) for point in self.controls[0]))
+
+    def reversed(self) -> "Bezier":
+        """See :meth:`Curve.reversed`."""
+        return Bezier(*reversed(self.controls[0]))
+
+
+@dataclass(frozen=True)
+class Spline(CubicChain):
+    """Chain of N cubic Bézier pieces: 3 N + 1 ``control_points``, a start and for each piece two handles and an end.
+
+    Joints need not be smooth. Where the last point is the first the outline is closed, and has no ends to reach beyond.
+    `DesignError` where a piece has no length, a cusp, or a handle that lies on its end.
+    """
+
+    control_points: tuple[Point, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.control_points, tuple):
+            raise DesignError("spline control_points", value=self.control_points, limit="must be a tuple of points")
+        check_points("spline control_points", *self.control_points)
+        count = len(self.control_points)
+        if count < 4 or count % 3 != 1:
+            raise DesignError(
+                "spline control_points",
+                value=count,
+                limit="must be 3 N + 1 points: a start, then two handles and an end for each of N pieces",
+            )
+        _ = self.pieces  # refuses what cannot be split
+
+    @classmethod
+    def through(cls, points: ArrayLike, *, closed: bool = False) -> "Spline":
+        """Natural cubic spline through points (N, 2) in mm, its parameter the length of the chords between them.
+
+        Curvature is continuous, and 0 at both ends; with ``closed`` the outline runs on from the last point to the
+        first, as smooth there as elsewhere. `DesignError` where two neighbours are one point, or for too few points:
+        2, for an outline 3.
+        """
+        given = _checked(points, closed)
+        following = np.roll(given, -1, axis=0) if closed else given[1:]
+        here = given if closed else given[:-1]
+        chord = following - here
+        length = np.hypot(*chord.T)
+        if not np.all(length > 0.0):
+            i = int(np.argmin(length))
+            raise DesignError(
+                "spline points",
+                value=f"{tuple(map(float, here[i]))} twice in a row",
+                limit="neighbours must differ",
+                remedy="leave one of them out; a closed outline does not repeat its first point",
+            )
+        tangent = _tangents(chord, length, closed)
+        arriving = np.roll(tangent, -1, axis=0) if closed else tangent[1:]
+        third = length[:, None] / 3.0
+        leaving = tangent if closed else tangent[:-1]
+        pieces = np.stack([here + third * leaving, following - third * arriving, following], axis=1).reshape(-1, 2)
+        return cls(tuple((float(x), float(z)) for x, z in (given[0], *pieces)))
+
+    @property
+    def controls(self) -> tuple[Control, ...]:
+        """See :attr:`CubicChain.controls`."""
+        p = self.control_points
+        return tuple((p[i], p[i + 1], p[i + 2], p[i + 3]) for i in range(0, len(p) - 1, 3))
+
+    def name_of(self, number: int) -> str:
+        """See :meth:`CubicChain.name_of`."""
+        return f"spline control_points[{3 * number}:{3 * number + 4}]"
+
+    def moved(self, motion: Rigid) -> "Spline":
+        """See :meth:`Curve.moved`."""
+        return Spline(tuple(motion.point(point) for point in self.control_points))
+
+    def reversed(self) -> "Spline":
+        """See :meth:`Curve.reversed`."""
+        return Spline(self.control_points[::-1])
+
+
+def _checked(points: ArrayLike, closed: bool) -> Floats:
+    """Points as an array (N, 2) of finite numbers, enough of them."""
+    try:
+        given = np.array(points, dtype=float)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.ndim != 2 or given.shape[1] != 2 or not np.all(np.isfinite(given)):
+        raise DesignError("spline points", limit="must be a list of pairs (x, z) of finite numbers")
+    least = 3 if closed else 2
+    if len(given) < least:
+        raise DesignError("spline points", value=len(given), limit=f"must be at least {least} points")
+    return given
+
+
+def _tangents(chord: Floats, length: Floats, closed: bool) -> Floats:
+    """Derivatives (N, 2) of the spline at its points by the length of the chords: where curvature is continuous.
+
+    With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ =
+    3 (h₂ s₁ + h₁ s₂); here divided by h₁ + h₂. At a free end 2 t + t₊ = 3 s.
+    """
+    slope = chord / length[:, None]
+    before, mean = (np.roll(length, 1), np.roll(slope, 1, axis=0)) if closed else (length[:-1], slope[:-1])
+    behind, ahead = (length, slope) if closed else (length[1:], slope[1:])
+    share = behind / (before + behind)
+    right = 3.0 * (share[:, None] * mean + (1.0 - share)[:, None] * ahead)
+    if closed:
+        return _cyclic(share, 1.0 - share, right)
+    one = np.ones(1)
+    right = np.vstack([3.0 * slope[:1], right, 3.0 * slope[-1:]])
+    return _tridiagonal(
+        np.concatenate([share, one]), np.concatenate([one, 1.0 - share]), np.full(len(right), 2.0), right
+    )
+
+
+def _tridiagonal(below: Floats, above: Floats, diagonal: Floats, right: Floats) -> Floats:
+    """Solve a system whose diagonal outweighs its two neighbours, (N − 1,) each, for right sides (N, M)."""
+    pivot, solution = diagonal.copy(), right.copy()
+    for i in range(1, len(pivot)):
+        factor = below[i - 1] / pivot[i - 1]
+        pivot[i] -= factor * above[i - 1]
+        solution[i] -= factor * solution[i - 1]
+    solution[-1] /= pivot[-1]
+    for i in range(len(pivot) - 2, -1, -1):
+        solution[i] = (solution[i] - above[i] * solution[i + 1]) / pivot[i]
+    return solution
+
+
+def _cyclic(below: Floats, above: Floats, right: Floats) -> Floats:
+    """The same with 2 on the diagonal and the first and the last unknown neighbours, by Sherman and Morrison.
+
+    The two corners are a matrix of rank one, u vᵀ, away from a tridiagonal one.
+    """
+    corner_up, corner_down = below[0], above[-1]
+    diagonal = np.full(len(right), 2.0)
+    u = np.zeros((len(right), 1))
+    u[0], u[-1] = -diagonal[0], corner_down
+    v_last = -corner_up / diagonal[0]
+    diagonal[0] += 2.0
+    diagonal[-1] -= corner_down * v_last
+    solution = _tridiagonal(below[1:], above[:-1], diagonal, np.hstack([right, u]))
+    y, z = solution[:, :-1], solution[:, -1:]
+    return np.asarray(y - z * (y[0] + v_last * y[-1]) / (1.0 + z[0] + v_last * z[-1]))
