@@ -1,0 +1,282 @@
+"""Media are closed: going once round any point at which interfaces end, one region follows from the other.
+
+An interface whose two sides are different regions is part of a *boundary* between media. Where it ends, others must
+begin, so that the region behind each of them, counter-clockwise, is the region before the next. One with the same
+region on both sides (a mirror, a wall, a receiver in air) may end anywhere.
+
+All ends are gathered to vertices by sorting, and nearly all vertices are decided by the names of their regions. Curves
+are looked at only where three or more meet, for their order round the vertex, and where something does not fit: then
+the end may stand on the inside of another curve, which leaves that vertex on both sides.
+
+What only a look at whole areas would show is not judged: curves that cross, and a closed body that stands in another
+medium than its outside says.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import END_TOLERANCE_MM, Arc, Curve
+from solen.errors import DesignError
+from solen.plane import Point, along, cross, dot, left_of, right_of
+
+if TYPE_CHECKING:  # the model calls this module
+    from solen.scene.model import Interface
+
+TOLERANCE_MM = 2.0 * END_TOLERANCE_MM
+"""Ends this near are one vertex: each of two curves reaches half of it beyond its end, so that no ray slips between."""
+ROUNDING = 1e-14
+"""The same, relative to the largest coordinate, which counts from 2 m on: sines and motions leave some 1e-15 of it.
+
+An arc's centre is among the coordinates, because a flat arc's ends are no better known than its centre.
+"""
+APART_RAD = 1e-3
+"""Curves that leave a vertex less than this apart are told from each other a little further along."""
+TIED_RAD = 1e-9
+"""Curves still less than this apart run on one line: whichever order fits will do."""
+BACK_MM = 1.0
+"""How far before a point the ray starts that asks whether the point lies on a curve."""
+ENDS = np.array([0.0, 1.0])
+SAMPLES = np.linspace(0.0, 1.0, 33)
+
+
+class _Branch(NamedTuple):
+    """An interface as it leaves a vertex: forwards, or against its direction."""
+
+    interface: "Interface"
+    at: Point
+    forwards: bool
+    closed: bool = False
+
+    @property
+    def after(self) -> str:
+        """Region next to it counter-clockwise."""
+        return self.interface.left if self.forwards else self.interface.right
+
+    @property
+    def before(self) -> str:
+        """Region next to it clockwise."""
+        return self.interface.right if self.forwards else self.interface.left
+
+    @property
+    def end(self) -> str:
+        """What the vertex is to its curve."""
+        return "start" if self.forwards else "end"
+
+    def angle(self, step_mm: float) -> float:
+        """Angle at which it leaves, of the chord to the point ``step_mm`` further along; of its tangent for 0."""
+        curve = self.interface.curve
+        # a closed curve may have a corner where it begins, and two normals there
+        at = self._just_inside() if self.closed else self.at
+        out = self._out(curve.normal_at(at))
+        angle = math.atan2(out[1], out[0])
+        if step_mm == 0.0:
+            return angle
+        ahead = self._out(curve.normal_at(along(at, out, step_mm)))
+        return angle + 0.5 * math.atan2(cross(out, ahead), dot(out, ahead))
+
+    def _out(self, normal: Point) -> Point:
+        return right_of(normal) if self.forwards else left_of(normal)
+
+    def _just_inside(self) -> Point:
+        ((x, z),) = self.interface.curve.points(np.array([1e-6 if self.forwards else 1.0 - 1e-6]))
+        return (float(x), float(z))
+
+
+def check_closed(interfaces: Sequence["Interface"]) -> None:
+    """Refuse interfaces whose media are not closed.
+
+    Raises
+    ------
+    DesignError
+        Where a boundary between media ends alone, with the interface, the place and the gap to the nearest other end;
+        or where the media round a vertex do not fit, with two neighbours there and what each of them says.
+    """
+    if all(_free(interface) for interface in interfaces):
+        return
+    ends = np.array([interface.curve.points(ENDS) for interface in interfaces]).reshape(-1, 2)
+    tolerance_mm = _tolerance_mm(interfaces, ends)
+    vertices = _vertices(interfaces, ends, tolerance_mm)
+    doubtful = [vertex for vertex in vertices if not _fits(vertex)]
+    if not doubtful:
+        return
+    # an open end was meant to meet another open one, if there is any
+    partners = [[branch for vertex in group for branch in vertex] for group in (doubtful, vertices)]
+    boxes = _boxes(interfaces, tolerance_mm)
+    for vertex in doubtful:
+        through = _passing(vertex, interfaces, boxes, tolerance_mm)
+        vertex.extend(_Branch(interface, vertex[0].at, way) for interface in through for way in (True, False))
+        if _fits(vertex):
+            continue
+        boundary = [branch for branch in vertex if not _free(branch.interface)]
+        raise _gap(boundary[0], interfaces, partners) if len(boundary) == 1 else _misfit(vertex, through)
+
+
+def _free(interface: "Interface") -> bool:
+    """Whether it parts no media."""
+    return interface.left == interface.right
+
+
+def _tolerance_mm(interfaces: Sequence["Interface"], ends: NDArray[np.float64]) -> float:
+    centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
+    return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
+
+
+def _vertices(interfaces: Sequence["Interface"], ends: NDArray[np.float64], tolerance_mm: float) -> list[list[_Branch]]:
+    """Branches by the point that they leave from."""
+    labels = _labels(ends, tolerance_mm).tolist()
+    vertices: dict[int, list[_Branch]] = {}
+    for k, (label, (x, z)) in enumerate(zip(labels, ends.tolist(), strict=True)):
+        closed = labels[k] == labels[k ^ 1]
+        vertices.setdefault(label, []).append(_Branch(interfaces[k // 2], (x, z), k % 2 == 0, closed))
+    return list(vertices.values())
+
+
+def _labels(points: NDArray[np.float64], tolerance_mm: float) -> NDArray[np.intp]:
+    """Numbers (N,), equal for points that lie together.
+
+    Sorted along x, points are parted wherever two neighbours are further apart than the tolerance; each part then
+    along z, and so on until nothing is parted any more. That takes N log N, whatever lies on one line.
+    """
+    labels = np.zeros(len(points), dtype=np.intp)
+    parts = 0
+    while parts < (parts := int(labels.max()) + 1):
+        for axis in (0, 1):
+            order = np.lexsort((points[:, axis], labels))
+            with np.errstate(over="ignore"):  # coordinates of 1e308 may lie infinitely far apart
+                apart = np.diff(points[order, axis]) > tolerance_mm
+            labels[order[1:]] = np.cumsum(apart | (np.diff(labels[order]) > 0))
+            labels[order[0]] = 0
+    return labels
+
+
+def _fits(vertex: list[_Branch]) -> bool:
+    """Whether every region round a vertex ends where the next begins; what parts no media may end alone."""
+    if all(_free(branch.interface) for branch in vertex):
+        return True
+    return len(vertex) > 1 and all(a.after == b.before for a, b in _neighbours(vertex))
+
+
+def _neighbours(vertex: list[_Branch]) -> list[tuple[_Branch, _Branch]]:
+    """Each branch with the next one counter-clockwise; of branches on one line, the one that fits comes first."""
+    groups = _in_order(vertex) if len(vertex) > 2 else [[branch] for branch in vertex]  # two have one order only
+    first = next((i for i, group in enumerate(groups) if len(group) == 1), 0)
+    chain: list[_Branch] = []
+    for group in (*groups[first:], *groups[:first]):
+        left = list(group)
+        while left:
+            region = chain[-1].after if chain else left[0].before
+            fit = [(branch.before != region, branch.after != region) for branch in left]
+            chain.append(left.pop(fit.index(min(fit))))
+    return list(pairwise([*chain, chain[0]]))
+
+
+def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
+    """Branches counter-clockwise, those on one line in one group."""
+    angles = [branch.angle(0.0) for branch in vertex]
+    order, gaps = _sorted(angles)
+    if min(gaps) < APART_RAD:
+        # where tangents agree, curvature tells: rather near the vertex, before anything can cross
+        step_mm = 1e-3 * min(_size_mm(branch.interface.curve) for branch in vertex)
+        order, gaps = _sorted([branch.angle(step_mm) for branch in vertex])
+    groups: list[list[_Branch]] = []
+    for i, gap in zip(order, gaps, strict=True):
+        if gap < TIED_RAD and groups:
+            groups[-1].append(vertex[i])
+        else:
+            groups.append([vertex[i]])
+    return groups
+
+
+def _sorted(angles: list[float]) -> tuple[list[int], list[float]]:
+    """Order of angles and the gap before each; the largest gap comes first, so that no group is cut in two."""
+    turns = [math.remainder(angle, math.tau) for angle in angles]
+    order = sorted(range(len(turns)), key=turns.__getitem__)
+    gaps = [(turns[i] - turns[order[k - 1]]) % math.tau for k, i in enumerate(order)]
+    widest = gaps.index(max(gaps))
+    return order[widest:] + order[:widest], gaps[widest:] + gaps[:widest]
+
+
+def _size_mm(curve: Curve) -> float:
+    start, middle, end = curve.points(np.array([0.0, 0.5, 1.0])).tolist()
+    return max(math.dist(start, middle), math.dist(middle, end))
+
+
+def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> NDArray[np.float64]:
+    """Boxes (N, 4) round the curves, low x and z, high x and z; between two samples none strays as far as they part."""
+    points = np.array([interface.curve.points(SAMPLES) for interface in interfaces])
+    with np.errstate(over="ignore"):
+        margin = np.hypot(*np.moveaxis(np.diff(points, axis=1), 2, 0)).max(axis=1) + tolerance_mm
+        return np.hstack([points.min(axis=1) - margin[:, None], points.max(axis=1) + margin[:, None]])
+
+
+def _passing(
+    vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: NDArray[np.float64], tolerance_mm: float
+) -> list["Interface"]:
+    """Interfaces that have a vertex on their inside."""
+    at = vertex[0].at
+    ending = {branch.interface.name for branch in vertex}
+    near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
+    return [
+        interfaces[k]
+        for k in near
+        if interfaces[k].name not in ending and _holds(interfaces[k].curve, at, tolerance_mm)
+    ]
+
+
+def _holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
+    """Whether a point lies on a curve, as rays see it: one of two that pass square to each other is not along it."""
+    rays = [(along(point, direction, -BACK_MM), direction) for direction in ((1.0, 0.0), (0.0, 1.0))]
+    return any(abs(t - BACK_MM) <= tolerance_mm for ray in rays for t in curve.hits(*ray))
+
+
+def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list[_Branch]]) -> DesignError:
+    """What to say of a boundary that ends alone."""
+    name = branch.interface.name
+    others = ([b for b in group if b is not branch and not _free(b.interface)] for group in partners)
+    other = min(next(filter(None, others)), key=lambda other: math.dist(other.at, branch.at))
+    gap_mm, what = math.dist(other.at, branch.at), f"{other.end} of {other.interface.name}"
+    side_mm, side = _nearest_side(branch, interfaces)
+    if side_mm < 0.1 * gap_mm:  # so much nearer that it was meant to end on that one
+        gap_mm, what = side_mm, f"side of {side}"
+    return DesignError(
+        f"interface {name}",
+        value=f"not closed at its {branch.end}",
+        limit=f"a gap of {gap_mm:.3g} mm at {_place(branch.at)} to the {what}; on its two sides are "
+        f"{branch.interface.left} and {branch.interface.right}, so that others must go on from here",
+        remedy="join the ends, name one region on both sides, or allow open_media",
+    )
+
+
+def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
+    """How far a boundary would have to be made longer or shorter to end on another one, and on which."""
+    angle = branch.angle(0.0)
+    out = (math.cos(angle), math.sin(angle))
+    found = [(math.inf, "")]
+    for interface in interfaces:
+        if interface.name != branch.interface.name and not _free(interface):
+            for direction in (out, (-out[0], -out[1])):
+                found.extend((t, interface.name) for t in interface.curve.hits(branch.at, direction))
+    return min(found)
+
+
+def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
+    """What to say of media that do not fit."""
+    a, b = next((a, b) for a, b in _neighbours(vertex) if a.after != b.before)
+    remedy = "swap left and right of the one that is wrong, or walk its curve the other way"
+    if through:  # it has the same two media before and behind this point
+        remedy = f"divide {' and '.join(interface.name for interface in through)} at this place, or {remedy}"
+    return DesignError(
+        f"interfaces {a.interface.name} and {b.interface.name}",
+        value=f"media do not fit at {_place(a.at)}",
+        limit=f"between the two, {a.interface.name} has {a.after} and {b.interface.name} has {b.before}",
+        remedy=remedy,
+    )
+
+
+def _place(point: Point) -> str:
+    return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"
