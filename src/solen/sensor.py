@@ -2,24 +2,28 @@
 
 A :class:`Sensor` is a design with what follows from it at once: the material's index at the emitter's wavelength and
 the lens cut for it. Everything that depends on the angle is a method. A :class:`Response` is what its receivers see
-over the angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without.
+over the angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without. A
+:class:`Sensitivity` is how its receivers answer to one number of the design.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.errors import DesignError
-from solen.geometry import Body, y_body
+from solen.errors import DesignError, SolenError, SpecError
+from solen.geometry import Body, arm_angle_deg, y_body
 from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
 from solen.scene import Scene, sensor_scene
-from solen.spec import Design, with_values
-from solen.trace import Integral, Mode, Trace, integrate, trace
+from solen.spec import Design, value_at, with_values
+from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
+from solen.trace.derivative import MOST_LEGS
+from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
 TOLERANCE = 1e-6
 """Within what fraction of the emitted power a receiver's power is integrated."""
@@ -34,7 +38,30 @@ SATURATED = 0.95
 SLOPE_DEG = 0.04
 """Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
 
+OPTICAL_KEYS = (
+    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg")),
+    *(f"material.{name}" for name in ("index", "absorption_per_mm")),
+    *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
+    *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
+    *("body.arm_angle_deg", "receivers.gap_mm"),
+)
+"""Numbers of a design that its light depends on, at a given angle of the motion."""
+
 Progress = Callable[[float], None]
+
+
+class TraceOptions(TypedDict, total=False):
+    """What `Sensor.trace` passes on to `solen.trace.trace`, which explains it."""
+
+    sampling: Literal["fan", "sobol"]
+    seed: int
+    precision: Literal["double", "single"]
+    position_bins: int
+    angle_bins: int
+    legs: bool
+    device: Literal["cpu", "cuda"]
+    threads: int | None
+    progress: Callable[[int], None] | None
 
 
 @dataclass(frozen=True)
@@ -50,7 +77,7 @@ class Response:
     right: NDArray[np.float64]
     left: NDArray[np.float64]
     u: NDArray[np.float64]
-    traces: tuple[Trace | Integral, ...]
+    traces: tuple[Trace, ...]
 
     @property
     def rays(self) -> NDArray[np.int64]:
@@ -98,6 +125,28 @@ class Response:
 
 
 @dataclass(frozen=True)
+class Sensitivity:
+    """How the readings at an angle change with a number of the design.
+
+    ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
+    (R − L)/(R + L), each per unit that the key ends in. They are NaN where there is no derivative, and the contrast's
+    where no light arrives; ``why`` then says why.
+    """
+
+    key: str
+    value: float
+    right: Slope
+    left: Slope
+    contrast: Slope
+    why: str = ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the derivatives were found."""
+        return not self.why
+
+
+@dataclass(frozen=True)
 class Sensor:
     """A design and what follows from it; make it with `Sensor.of`."""
 
@@ -135,14 +184,94 @@ class Sensor:
         return sensor_scene(self.design, self.body(angle_deg), self.material, rays)
 
     def trace(
-        self, angle_deg: float = 0.0, mode: Mode | None = None, rays: int | None = None, *, legs: bool = False
+        self,
+        angle_deg: float = 0.0,
+        mode: Mode | None = None,
+        rays: int | None = None,
+        **options: Unpack[TraceOptions],
     ) -> Trace:
-        """Trace at an angle, in the design's mode and with its rays unless told otherwise."""
-        return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, legs=legs)
+        """Trace at an angle, in the design's mode and with its rays unless told otherwise.
 
-    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE) -> Integral:
+        The options are those of `solen.trace.trace`: ``sampling``, ``seed``, ``precision``, ``position_bins``,
+        ``angle_bins``, ``legs``, ``device``, ``threads``, ``progress``.
+        """
+        return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, **options)
+
+    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE) -> Trace:
         """Powers at an angle, integrated over the launch angle to a tolerance; see `solen.trace.integrate`."""
         return integrate(self.scene(angle_deg), mode, tolerance)
+
+    def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
+        """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
+
+        See `solen.trace.derivative`; the moving edges between ways of light are included.
+
+        Raises
+        ------
+        SpecError
+            Where the key is not one of a real number that the design states.
+        """
+        value = self._number(key)
+
+        def scene_at(value: float) -> Scene:
+            return Sensor.of(with_values(self.design, {key: value})).scene(angle_deg)
+
+        return derivative(scene_at, value, mode=mode)
+
+    def sensitivity(
+        self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
+    ) -> tuple[Sensitivity, ...]:
+        """Derivatives of the powers and of the contrast at an angle, the steepest contrast first.
+
+        Parameters
+        ----------
+        keys
+            Numbers of the design by their dotted keys; by default those of `OPTICAL_KEYS` that are not `inert`.
+        angle_deg
+            Angle of the motion.
+        progress
+            Called with the share done, up to 1.
+
+        Raises
+        ------
+        SpecError
+            Where a key is not one of a real number that the design states, or is inert.
+        DesignError
+            Where the light at this angle cannot be integrated closely enough.
+        """
+        chosen = [key for key in OPTICAL_KEYS if not self.inert(key)] if keys is None else list(dict.fromkeys(keys))
+        for key in chosen:
+            if why := self.inert(key):
+                raise SpecError(key, limit=why, remedy="leave it out")
+        values = {key: self._number(key) for key in chosen}
+        base = integrate(self.scene(angle_deg), "power", DERIVATIVE_TOLERANCE, most_legs=MOST_LEGS)
+        if not base.reached:
+            limit = f"the integral must reach {DERIVATIVE_TOLERANCE:g}"
+            raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
+        found = []
+        for done, (key, value) in enumerate(values.items(), start=1):
+            found.append(self._sensitivity(key, value, angle_deg, base))
+            if progress is not None:
+                progress(done / len(values))
+        return tuple(sorted(found, key=_steepness, reverse=True))
+
+    def inert(self, key: str) -> str:
+        """Why a number of the design has no part of its own in the light; empty where it has one."""
+        design = self.design
+        resin = design.material.resin is not None
+        cases = {
+            "emitter.wavelength_nm": (not resin, "the index is stated, whatever the wavelength"),
+            "material.index": (resin, "follows from the resin and the wavelength"),
+            "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
+            "lens.focus_mm": (not self.has_lens, "the design has no lens"),
+            "lens.design_index": (
+                not self.has_lens or design.lens.design_index is None,
+                "follows from the material's index" if self.has_lens else "the design has no lens",
+            ),
+            "receivers.gap_mm": (design.receivers.gap_mm is None, "the design has no air gap"),
+        }
+        applies, why = cases.get(key, (False, ""))
+        return why if applies else ""
 
     def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
         """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.
@@ -182,28 +311,49 @@ class Sensor:
         """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance."""
         failed: list[float] = []
 
-        def at(angle_deg: float) -> tuple[Trace | Integral, dict[str, float], float]:
+        def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
             found = self._reading(angle_deg, integrates=len(failed) < FAILURES)
-            if isinstance(found[0], Trace):
+            if found[0].method != "adaptive":
                 failed.append(angle_deg)
             return found
 
         return self._sweep("power", at, angles_deg, progress)
 
-    def _reading(
-        self, angle_deg: float, *, integrates: bool = True
-    ) -> tuple[Trace | Integral, dict[str, float], float]:
+    def _number(self, key: str) -> float:
+        """Value of a key, `SpecError` where it is not a real number."""
+        value = value_at(self.design, key)
+        if value is None and key == "body.arm_angle_deg":
+            value = arm_angle_deg(self.design)
+        if isinstance(value, bool | int) or not isinstance(value, float):
+            raise SpecError(
+                key, value=value, limit="must be a real number that the design states", remedy="set it in the design"
+            )
+        return value
+
+    def _sensitivity(self, key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
+        """Row of one key; a value at the edge of what it may be has no derivative, and says so."""
+        nothing = Slope(math.nan, math.nan)
+        try:
+            found = self.derivative(key, angle_deg)
+        except SolenError as bad:
+            return Sensitivity(key, value, nothing, nothing, nothing, f"not on both sides of {value:g}: {bad}")
+        right, left = found.detectors["right"], found.detectors["left"]
+        if not found.reached:
+            return Sensitivity(key, value, nothing, nothing, nothing, found.why)
+        return Sensitivity(key, value, right, left, _contrast_slope(base, right, left))
+
+    def _reading(self, angle_deg: float, *, integrates: bool = True) -> tuple[Trace, dict[str, float], float]:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach."""
         found = self.integrate(angle_deg) if integrates else None
         if found is not None and found.reached:
-            return found, found.detectors, found.u
+            return found, _powers(found), found.u
         dense, u = self.doubled(angle_deg)
         return dense, _powers(dense), u
 
     def _sweep(
         self,
         mode: Mode,
-        at: Callable[[float], tuple[Trace | Integral, dict[str, float], float]],
+        at: Callable[[float], tuple[Trace, dict[str, float], float]],
         angles_deg: Sequence[float] | None,
         progress: Progress | None,
     ) -> Response:
@@ -308,6 +458,23 @@ def _part(progress: Progress | None, first: int, parts: int, length: int = 1) ->
 def _powers(found: Trace) -> dict[str, float]:
     """Power by receiver."""
     return {name: reading.power for name, reading in found.detectors.items()}
+
+
+def _contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
+    """Derivative of (R − L)/(R + L) from those of R and L; NaN where no light arrives."""
+    powers = _powers(base)
+    total = powers["right"] + powers["left"]
+    if not total > 0.0:
+        return Slope(math.nan, math.nan)
+    value = 2.0 * (powers["left"] * right.value - powers["right"] * left.value) / total**2
+    u = 2.0 * (powers["left"] * right.u + powers["right"] * left.u) / total**2
+    u_of_powers = base.u * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
+    return Slope(value, u + u_of_powers)
+
+
+def _steepness(one: Sensitivity) -> float:
+    """How much the contrast changes; 0 where that is not known."""
+    return abs(one.contrast.value) if math.isfinite(one.contrast.value) else 0.0
 
 
 def _contrast(right: float, left: float) -> float | None:

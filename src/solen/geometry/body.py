@@ -55,8 +55,7 @@ class Body:
 
     def area_mm2(self) -> float:
         """Enclosed area, of a polyline within 1 µm of the outline; positive for a counter-clockwise one."""
-        x, z = self.outline().T
-        return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)
+        return _area(self.outline())
 
     def check(self) -> "Body":
         """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""
@@ -70,17 +69,18 @@ class Body:
                     value=f"open between {face.name} and {following.name}",
                     limit=f"a gap of {gap_mm:.3g} mm at {_place(face.curve.end)}",
                 )
-        self._check_simple()
-        if self.area_mm2() <= 0.0:
+        outline = self.outline(1e-4)
+        self._check_simple(outline)
+        if _area(outline) <= 0.0:
             raise DesignError(
                 "body outline", value="clockwise", limit="must run counter-clockwise, material on its left"
             )
         return self
 
-    def _check_simple(self) -> None:
+    def _check_simple(self, outline: NDArray[np.float64]) -> None:
         import shapely
 
-        polygon = shapely.Polygon(self.outline(1e-4))
+        polygon = shapely.Polygon(outline)
         if not polygon.is_valid:
             place = self._crossing(shapely.is_valid_reason(polygon))
             raise DesignError(
@@ -106,6 +106,12 @@ class Body:
         distances = {face.name: _distance(face.curve, place) for face in self.faces}
         near = [name for name, distance_mm in distances.items() if distance_mm < 1e-2]
         return f"at {_place(place)}" + (f", where {' and '.join(near)} meet" if near else "")
+
+
+def _area(outline: NDArray[np.float64]) -> float:
+    """Area of a closed polyline, positive for a counter-clockwise one."""
+    x, z = outline.T
+    return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)
 
 
 def _distance(curve: Curve, point: Point) -> float:

@@ -1,11 +1,12 @@
 """Scenes: regions, interfaces, sources and detectors, built by hand, from a sensor or from JSON."""
 
 from solen.scene.json import dumps, load, loads, save
-from solen.scene.model import Beam, Fan, Interface, Launch, Monitor, Rays, Region, Scene, Source
+from solen.scene.model import Beam, Chip, Fan, Interface, Launch, Monitor, Rays, Region, Scene, Source
 from solen.scene.sensor import sensor_scene
 
 __all__ = [
     "Beam",
+    "Chip",
     "Fan",
     "Interface",
     "Launch",

@@ -12,9 +12,11 @@ from typing import Any, TypeVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from solen import files
-from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
+from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DataError, DesignError
-from solen.scene.model import Beam, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.material import KINDS, Dispersion
+from solen.scene.model import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.spec.strict import told_of
 
 SCHEMA = 1
 CURVES: dict[str, type[Curve]] = {
@@ -22,8 +24,11 @@ CURVES: dict[str, type[Curve]] = {
     "arc": Arc,
     "parabola": Parabola,
     "cartesian-oval": CartesianOval,
+    "conic": Conic,
+    "bezier": Bezier,
+    "spline": Spline,
 }
-SOURCES: dict[str, type[Source]] = {"fan": Fan, "beam": Beam, "rays": Rays}
+SOURCES: dict[str, type[Source]] = {"fan": Fan, "chip": Chip, "beam": Beam, "rays": Rays}
 PARTS = ("regions", "interfaces", "sources", "monitors")
 
 T = TypeVar("T")
@@ -34,7 +39,7 @@ def dumps(scene: Scene) -> str:
     data: dict[str, Any] = {
         "solen_scene": SCHEMA,
         "name": scene.name,
-        "regions": [_fields(region) for region in scene.regions],
+        "regions": [_region_fields(region) for region in scene.regions],
         "interfaces": [
             {**_fields(interface), "curve": _tagged(interface.curve, CURVES)} for interface in scene.interfaces
         ],
@@ -42,13 +47,17 @@ def dumps(scene: Scene) -> str:
     }
     if scene.monitors:
         data["monitors"] = [_fields(monitor) for monitor in scene.monitors]
+    if scene.open_media:
+        data["open_media"] = True
     return json.dumps(data, indent=1, allow_nan=False)
 
 
 def loads(text: str, where: str = "scene") -> Scene:
     """Scene of a JSON text; `DataError` names the place where it is not one, `DesignError` what does not fit."""
     data = _parsed(text, where)
-    _keys(data, {"solen_scene", "name", *PARTS}, {"solen_scene", "regions", "interfaces", "sources"}, where)
+    _keys(
+        data, {"solen_scene", "name", "open_media", *PARTS}, {"solen_scene", "regions", "interfaces", "sources"}, where
+    )
     if data["solen_scene"] != SCHEMA:
         raise DataError(f"{where}: solen_scene", value=data["solen_scene"], limit=f"this solen reads {SCHEMA}")
     lists = {part: data.get(part, []) for part in PARTS}
@@ -56,11 +65,12 @@ def loads(text: str, where: str = "scene") -> Scene:
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
             raise DataError(f"{where}: {part}", limit="must be a list of objects")
     return Scene(
-        regions=tuple(_made(Region, item, _at(where, "regions", i)) for i, item in enumerate(lists["regions"])),
+        regions=tuple(_region(item, _at(where, "regions", i)) for i, item in enumerate(lists["regions"])),
         interfaces=tuple(_interface(item, _at(where, "interfaces", i)) for i, item in enumerate(lists["interfaces"])),
         sources=tuple(_untagged(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
         monitors=tuple(_made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
         name=_value(str, data.get("name", "scene"), f"{where}: name"),
+        open_media=_value(bool, data.get("open_media", False), f"{where}: open_media"),
     )
 
 
@@ -91,6 +101,29 @@ def _fields(item: Any) -> dict[str, Any]:
     """Fields that differ from their defaults."""
     fields = {field.name: (getattr(item, field.name), field.default) for field in dataclasses.fields(item)}
     return {name: value for name, (value, default) in fields.items() if value != default}
+
+
+def _region_fields(region: Region) -> dict[str, Any]:
+    fields = _fields(region)
+    if isinstance(region.index, Dispersion):
+        kinds = [name for name, cls in KINDS.items() if type(region.index) is cls]
+        if not kinds:
+            raise DesignError(type(region.index).__name__, limit=f"JSON knows {', '.join(KINDS)}")
+        fields["index"] = {"kind": kinds[0], **region.index.model_dump(mode="json", exclude_defaults=True)}
+    return fields
+
+
+def _region(data: dict[str, Any], where: str) -> Region:
+    """Region whose index is a number or an object with the kind of its dispersion."""
+    index = data.get("index")
+    if not isinstance(index, dict):
+        return _made(Region, data, where)
+    kind = index.get("kind")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise DataError(f"{where}: index: kind", value=kind, limit=f"must be one of {', '.join(KINDS)}")
+    with told_of(f"{where}: index"):
+        dispersion = KINDS[kind](**index)
+    return _made(Region, {**data, "index": dispersion}, where)
 
 
 def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
@@ -124,7 +157,7 @@ def _made(cls: type[T], data: dict[str, Any], where: str) -> T:
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
-    if isinstance(value, Curve):
+    if isinstance(value, Curve | Dispersion):
         return value
     try:
         adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))

@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from solen.curve import Curve, Segment, check_count, check_numbers, check_points
 from solen.errors import DesignError
+from solen.material import Dispersion
 from solen.plane import Point, cross, dot, heading, minus, unit
+from solen.scene.closed import check_closed
 
 Behaviour = Literal["refracting", "mirror", "absorbing", "receiver"]
 ON_IT_MM = 1e-9
@@ -30,11 +32,24 @@ BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "recei
 
 @dataclass(frozen=True)
 class Region:
-    """A homogeneous medium: real index, and absorption of power per mm (Beer–Lambert)."""
+    """A homogeneous medium: real index, a number or a dispersion, and absorption of power per mm (Beer–Lambert)."""
 
     name: str
-    index: float
+    index: float | Dispersion
     absorption_per_mm: float = 0.0
+
+    def index_at(self, wavelength_nm: float | None) -> float:
+        """Index at a wavelength; `DataError` where its dispersion does not reach there."""
+        if not isinstance(self.index, Dispersion):
+            return self.index
+        if wavelength_nm is None:
+            raise DesignError(
+                f"region {self.name}",
+                value="an index that depends on the wavelength",
+                limit="every source must say what it emits",
+                remedy="give the sources a spectrum, or the region a number",
+            )
+        return self.index.index(wavelength_nm)
 
 
 @dataclass(frozen=True)
@@ -81,21 +96,47 @@ class Launch:
     dz: NDArray[np.float64]
     power_s: NDArray[np.float64]
     power_p: NDArray[np.float64]
+    line: NDArray[np.int64]
+    """which line of the source's spectrum"""
 
     def __len__(self) -> int:
         return len(self.x_mm)
 
 
+Line = tuple[float, float]
+"""Wavelength in nm, and its weight in a spectrum."""
+
+
+Placed = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Rays as arrays (N,): origin x, z in mm, unit direction x, z."""
+
+
 class Source(ABC):
-    """Something that launches rays; they are numbered, so that any stretch of them can be launched on its own."""
+    """Something that launches rays; they are numbered, so that any of them can be launched on their own.
+
+    A ray is a point of the unit cube of so many ``dimensions``: an angle, a place, a wavelength. By number the points
+    form a regular lattice; a sample hands in its own. Where ``spectrum`` names lines, each ray has the wavelength of
+    one, drawn by their weights; without it the wavelength is unknown, which serves where no index depends on it.
+    """
 
     rays: int
     power: float
     s_share: float
+    spectrum: tuple[Line, ...]
+
+    @property
+    @abstractmethod
+    def shape_dimensions(self) -> int:
+        """Numbers that place a ray."""
 
     @abstractmethod
-    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Origins (N, 2) in mm and unit directions (N, 2) of the rays of those numbers."""
+    def place(self, u: NDArray[np.float64]) -> Placed:
+        """Origins and unit directions of the rays at points ``u`` (N, shape_dimensions or more)."""
+
+    @property
+    def dimensions(self) -> int:
+        """Numbers in [0, 1) that make a ray: those that place it, and one for its wavelength if there are several."""
+        return self.shape_dimensions + (len(self.spectrum) > 1)
 
     def check(self) -> None:
         """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
@@ -105,14 +146,38 @@ class Source(ABC):
             raise DesignError("source power", value=self.power, limit="must be above 0")
         if not 0.0 <= self.s_share <= 1.0:
             raise DesignError("source s_share", value=self.s_share, limit="must be from 0 to 1")
+        for line in self.spectrum:
+            _check_line(line)
 
-    def launch(self, start: int = 0, stop: int | None = None) -> Launch:
-        """Rays ``start`` up to ``stop``; each has the same share of the source's power."""
-        number = np.arange(start, self.rays if stop is None else stop, dtype=float)
-        origin, direction = self.place(number)
-        each = np.full(len(number), self.power / self.rays)
-        x, z, dx, dz = (np.ascontiguousarray(column) for column in (*origin.T, *direction.T))
-        return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share))
+    def lattice(self, number: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (N, dimensions) of the rays of those numbers.
+
+        The first coordinate has equal steps, a ray in the middle of each, so that one dimension is the midpoint rule.
+        The others follow a rank-1 lattice by powers of the generalised golden ratio (the root of x^d = x + 1).
+        """
+        first = ((number + 0.5) / self.rays)[:, None]
+        dimensions = self.dimensions
+        if dimensions == 1:
+            return first
+        ratio = 2.0
+        for _ in range(60):
+            ratio = (1.0 + ratio) ** (1.0 / dimensions)
+        powers = ratio ** -np.arange(1.0, dimensions)
+        return np.hstack([first, ((number + 0.5)[:, None] * powers + 0.5) % 1.0])
+
+    def launch(self, numbers: NDArray[np.float64] | None = None) -> Launch:
+        """Rays of those numbers, by default all; each has the same share of the source's power."""
+        numbers = np.arange(self.rays, dtype=float) if numbers is None else numbers
+        return self.launch_at(self.lattice(numbers), self.rays)
+
+    def launch_at(self, u: NDArray[np.float64], rays: int) -> Launch:
+        """Rays at points (N, dimensions), each with the share of the source's power that one of ``rays`` has."""
+        each = np.full(len(u), self.power / rays)
+        line = np.zeros(len(u), dtype=np.int64)
+        if len(self.spectrum) > 1:
+            share = np.cumsum([weight for _, weight in self.spectrum])
+            line = np.minimum(np.searchsorted(share / share[-1], u[:, -1], side="right"), len(share) - 1)
+        return Launch(*self.place(u), each * self.s_share, each * (1.0 - self.s_share), line)
 
 
 @dataclass(frozen=True)
@@ -129,11 +194,18 @@ class Fan(Source):
     rays: int
     power: float = 1.0
     s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
 
-    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    @property
+    def shape_dimensions(self) -> int:
+        """The angle."""
+        return 1
+
+    def place(self, u: NDArray[np.float64]) -> Placed:
         """See :meth:`Source.place`."""
-        angle = np.radians(self.axis_deg + self.cone_deg * ((number + 0.5) / self.rays - 0.5))
-        return np.tile(self.point, (len(number), 1)), np.column_stack([-np.sin(angle), np.cos(angle)])
+        angle = np.radians(self.axis_deg + self.cone_deg * (u[:, 0] - 0.5))
+        x, z = (np.full(len(u), value) for value in self.point)
+        return x, z, -np.sin(angle), np.cos(angle)
 
     def check(self) -> None:
         """See :meth:`Source.check`."""
@@ -142,6 +214,42 @@ class Fan(Source):
         check_numbers("fan", self.axis_deg, self.cone_deg)
         if not 0.0 <= self.cone_deg <= 360.0:
             raise DesignError("fan cone_deg", value=self.cone_deg, limit="must be from 0 to 360")
+
+
+@dataclass(frozen=True)
+class Chip(Source):
+    """Line of ``width_mm`` about ``point``, across ``axis_deg``; every point of it is a fan over ``cone_deg``."""
+
+    point: Point
+    width_mm: float
+    axis_deg: float
+    cone_deg: float
+    rays: int
+    power: float = 1.0
+    s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
+
+    @property
+    def shape_dimensions(self) -> int:
+        """The angle, and the place on the chip from its right end to its left one."""
+        return 2
+
+    def place(self, u: NDArray[np.float64]) -> Placed:
+        """See :meth:`Source.place`."""
+        angle = np.radians(self.axis_deg + self.cone_deg * (u[:, 0] - 0.5))
+        left_x, left_z = heading(self.axis_deg + 90.0)
+        place = self.width_mm * (u[:, 1] - 0.5)
+        return self.point[0] + left_x * place, self.point[1] + left_z * place, -np.sin(angle), np.cos(angle)
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("chip", self.point)
+        check_numbers("chip", self.width_mm, self.axis_deg, self.cone_deg)
+        if not self.width_mm >= 0.0:
+            raise DesignError("chip width_mm", value=self.width_mm, limit="must be at least 0")
+        if not 0.0 <= self.cone_deg <= 360.0:
+            raise DesignError("chip cone_deg", value=self.cone_deg, limit="must be from 0 to 360")
 
 
 @dataclass(frozen=True)
@@ -154,12 +262,19 @@ class Beam(Source):
     rays: int
     power: float = 1.0
     s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
 
-    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    @property
+    def shape_dimensions(self) -> int:
+        """The place along the line."""
+        return 1
+
+    def place(self, u: NDArray[np.float64]) -> Placed:
         """See :meth:`Source.place`."""
-        share = ((number + 0.5) / self.rays)[:, None]
-        origin = (1.0 - share) * np.asarray(self.start) + share * np.asarray(self.end)
-        return origin, np.tile(heading(self.direction_deg), (len(number), 1))
+        share = u[:, 0]
+        x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
+        dx, dz = (np.full(len(u), value) for value in heading(self.direction_deg))
+        return x, z, dx, dz
 
     def check(self) -> None:
         """See :meth:`Source.check`."""
@@ -176,17 +291,25 @@ class Rays(Source):
     directions: tuple[Point, ...]
     power: float = 1.0
     s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
 
     @property
     def rays(self) -> int:  # type: ignore[override]  # a count that follows from the list
         """Number of rays."""
         return len(self.origins)
 
-    def place(self, number: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    @property
+    def shape_dimensions(self) -> int:
+        """Which of the rays."""
+        return 1
+
+    def place(self, u: NDArray[np.float64]) -> Placed:
         """See :meth:`Source.place`."""
-        which = number.astype(int)
-        direction = np.asarray(self.directions, dtype=float)[which]
-        return np.asarray(self.origins, dtype=float)[which], direction / np.hypot(*direction.T)[:, None]
+        which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
+        x, z = np.asarray(self.origins, dtype=float)[which].T
+        dx, dz = np.asarray(self.directions, dtype=float)[which].T
+        length = np.hypot(dx, dz)
+        return x.copy(), z.copy(), dx / length, dz / length
 
     def check(self) -> None:
         """See :meth:`Source.check`."""
@@ -201,13 +324,19 @@ class Rays(Source):
 
 @dataclass(frozen=True)
 class Scene:
-    """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit."""
+    """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
+
+    Media must be closed (see `solen.scene.closed`). ``open_media`` allows them to end in nothing, as a half-space or an
+    endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends there,
+    and the trace counts it as undefined.
+    """
 
     regions: tuple[Region, ...]
     interfaces: tuple[Interface, ...]
     sources: tuple[Source, ...]
     monitors: tuple[Monitor, ...] = ()
     name: str = "scene"
+    open_media: bool = False
 
     def __post_init__(self) -> None:
         _unique("region", (region.name for region in self.regions))
@@ -217,10 +346,13 @@ class Scene:
             _check_region(region)
         for interface in self.interfaces:
             self._check_interface(interface)
+        if not self.open_media:
+            check_closed(self.interfaces)
         if not self.sources:
             raise DesignError("scene sources", value=0, limit="at least one is needed")
         for source in self.sources:
             source.check()
+        self._check_wavelengths()
         for monitor in self.monitors:
             self._check_monitor(monitor)
 
@@ -235,9 +367,24 @@ class Scene:
         return sum(source.rays for source in self.sources)
 
     @property
+    def wavelengths_nm(self) -> tuple[float, ...]:
+        """Wavelengths of all sources, ascending; none where no source has a spectrum."""
+        return tuple(sorted({wavelength_nm for source in self.sources for wavelength_nm, _ in source.spectrum}))
+
+    @property
     def emitted(self) -> float:
         """Power of all sources together."""
         return math.fsum(source.power for source in self.sources)
+
+    def _check_wavelengths(self) -> None:
+        """Either all sources have a spectrum or none has, and every region has an index at every wavelength."""
+        silent = [source for source in self.sources if not source.spectrum]
+        if self.wavelengths_nm and silent:
+            limit = "all sources of a scene have a spectrum, or none has"
+            raise DesignError("source spectrum", value=f"missing in {len(silent)} of {len(self.sources)}", limit=limit)
+        for region in self.regions:
+            for wavelength_nm in self.wavelengths_nm or (None,):
+                region.index_at(wavelength_nm)
 
     def _check_interface(self, interface: Interface) -> None:
         what = f"interface {interface.name}"
@@ -276,12 +423,20 @@ def _overlap_mm(a: Segment, b: Segment) -> float:
 
 def _check_region(region: Region) -> None:
     what = f"region {region.name}"
-    if not (math.isfinite(region.index) and region.index >= 1.0):
+    if not isinstance(region.index, Dispersion) and not (math.isfinite(region.index) and region.index >= 1.0):
         raise DesignError(what, value=region.index, limit="the index must be finite and at least 1")
     if not (math.isfinite(region.absorption_per_mm) and region.absorption_per_mm >= 0.0):
         raise DesignError(
             what, value=region.absorption_per_mm, limit="the absorption per mm must be finite, at least 0"
         )
+
+
+def _check_line(line: object) -> None:
+    if not (isinstance(line, tuple) and len(line) == 2):
+        raise DesignError("source spectrum", value=repr(line), limit="must be pairs (wavelength in nm, weight)")
+    check_numbers("source spectrum", *line)
+    if not min(line) > 0.0:
+        raise DesignError("source spectrum", value=line, limit="wavelengths and weights must be above 0")
 
 
 def _unique(what: str, names: Iterable[str]) -> None:

@@ -16,7 +16,7 @@ from solen.spec.design import (
     Trace,
 )
 from solen.spec.template import template, template_names
-from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, with_values
+from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 
 __all__ = [
     "MAX_STEPS",
@@ -37,5 +37,6 @@ __all__ = [
     "save",
     "template",
     "template_names",
+    "value_at",
     "with_values",
 ]

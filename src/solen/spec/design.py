@@ -207,8 +207,9 @@ class Trace(Strict):
     table: ClassVar[str] = "trace"
     reserved: ClassVar[frozenset[str]] = frozenset({"dimension", "min_weight", "seed"})
 
-    mode: Literal["count", "power"] = Field(
-        "count", description="Whole rays that refract or reflect totally, or Fresnel power with both branches."
+    mode: Literal["count", "power", "roulette"] = Field(
+        "count",
+        description="Whole rays that refract or reflect totally, Fresnel power with both branches, or with one drawn.",
     )
 
 

@@ -120,6 +120,15 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     return Design(**data).in_folder(design.folder)
 
 
+def value_at(design: Design, key: str) -> Any:
+    """Value of a dotted key (``"lens.focus_mm"``), stated or by default; `SpecError` for an unknown key."""
+    table, _, name = key.partition(".")
+    fields = type(getattr(design, table)).model_fields if table in Design.model_fields and name else {}
+    if name not in fields:
+        raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
+    return getattr(getattr(design, table), name)
+
+
 def _set(data: Document, key: str, value: Any) -> None:
     *tables, last = key.split(".")
     for name in tables:

@@ -1,20 +1,33 @@
 """Tracing: a readable reference that is the truth, a compiled engine held to it, and adaptive integration on top."""
 
-from solen.trace.adaptive import Integral, integrate
+from solen.trace.adaptive import integrate, integrate_many
+from solen.trace.convergence import Convergence, Series, convergence
+from solen.trace.dataset import save_netcdf, to_dataset
+from solen.trace.derivative import Derivative, Slope, derivative
 from solen.trace.engine import trace
+from solen.trace.many import trace_many
 from solen.trace.reference import trace_reference
 from solen.trace.result import Crossed, Detected, Ledger, Limits, Mode, Path, Trace
 
 __all__ = [
+    "Convergence",
     "Crossed",
+    "Derivative",
     "Detected",
-    "Integral",
     "Ledger",
     "Limits",
     "Mode",
     "Path",
+    "Series",
+    "Slope",
     "Trace",
+    "convergence",
+    "derivative",
     "integrate",
+    "integrate_many",
+    "save_netcdf",
+    "to_dataset",
     "trace",
+    "trace_many",
     "trace_reference",
 ]

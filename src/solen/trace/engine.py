@@ -2,39 +2,42 @@
 
 Rays are traced in chunks of one size whatever the machine, on as many threads as asked for, and the chunks' sums are
 added in order: the same scene gives the same numbers to the last bit on one thread and on many. Memory is that of a few
-chunks. Between chunks a trace can be interrupted.
+chunks, however many rays there are. Between chunks a trace can be interrupted.
 """
 
-import math
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from importlib.util import find_spec
 from itertools import islice
+from typing import TYPE_CHECKING, TypeVar, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solen.curve import check_count
-from solen.scene import Launch, Scene, Source
-from solen.trace import kernel
-from solen.trace.result import (
-    ABSORBED,
-    DETECTED,
-    ESCAPED,
-    KEPT_PLACES,
-    LEG,
-    TRUNCATED,
-    Crossed,
-    Detected,
-    Ledger,
-    Limits,
-    Mode,
-    Trace,
-    check_mode,
-    in_order,
-)
-from solen.trace.tables import Tables, compile_scene
+from solen.errors import DesignError
+from solen.scene import Rays, Scene, Source
+from solen.trace.chunks import DTYPES, Chunk, Device, Digits, Job, Sampling, chunks, rows_of, rules_of
+from solen.trace.kernel import loop
+from solen.trace.kernel.block import BLOCK
+from solen.trace.kernel.surface import SPLITTING
+from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode, in_order
+from solen.trace.sums import add, empty, legs_of, result
 
-CHUNK = 8192
+if TYPE_CHECKING:
+    from solen.trace.kernel.cuda import Card
+
+R = TypeVar("R")
+
+CHUNK = 2**15
+"""Rays that are traced at a time: fewer, and the threads would wait for the interpreter between them."""
+CARD_CHUNK = 2**18
+"""Rays that go to a graphics card at a time."""
+CARD_FEEDERS = 8
+"""Threads at most that make rays for a card: what waits for it takes memory."""
+COMPARED_RAYS = 4096
 Progress = Callable[[int], None]
 
 
@@ -43,7 +46,13 @@ def trace(
     mode: Mode = "count",
     limits: Limits | None = None,
     *,
+    sampling: Sampling = "fan",
+    seed: int = 0,
+    precision: Digits = "double",
+    position_bins: int = 0,
+    angle_bins: int = 0,
     legs: bool = False,
+    device: Device = "cpu",
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Trace:
@@ -55,15 +64,27 @@ def trace(
         What is traced.
     mode
         ``"count"``: refraction or total reflection, no splitting, no absorption in media. ``"power"``: Fresnel with s
-        and p apart, both branches, absorption.
+        and p apart, both branches, absorption. ``"roulette"``: as power, but of both branches one is followed, drawn by
+        their powers.
     limits
         Where following a ray ends; see `Limits`.
+    sampling
+        ``"fan"``: the sources' own regular rays. ``"sobol"``: sixteen independent scrambled Sobol' samples, for
+        extended emitters and spectra; a source's number of rays is rounded up to 16 times a power of two.
+    seed
+        Of the samples and of the roulette: the same seed gives the same numbers.
+    precision
+        ``"single"`` computes in float32, faster, and states the error of that in the result's ``single_error``.
+    position_bins, angle_bins
+        Bins of the histograms at receivers; see `solen.trace.Detected`.
     legs
         Keep every straight stretch, so that ``paths()`` has the ways of all rays: some hundred bytes each.
+    device
+        ``"cuda"``: a graphics card follows the rays, all but the ``legs``; it needs ``solen[cuda]``.
     threads
-        Threads to use; by default one per core. The numbers do not depend on it.
+        Threads to use; by default one per core. The numbers do not depend on it. For a card they make the rays.
     progress
-        Called with the number of rays done so far.
+        Called with the number of rays done so far. Raise in it to end the trace early.
 
     Returns
     -------
@@ -73,140 +94,116 @@ def trace(
     Raises
     ------
     DesignError
-        Unknown mode, limits out of range, or a curve that the engine does not know.
+        Unknown mode, sampling, precision or device, numbers out of range, a curve that the engine does not know, or
+        no graphics card where one is asked for.
     """
     check_mode(mode)
+    check_choice("sampling", sampling, get_args(Sampling))
+    check_choice("precision", precision, tuple(DTYPES))
+    check_choice("device", device, get_args(Device))
+    if legs and device == "cuda":
+        raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    limits = limits or Limits()
-    tables = compile_scene(scene)
-    total = _empty(tables, scene)
-    kept: list[np.ndarray[tuple[int, ...], np.dtype[np.void]]] = []
-    done = 0
-    for rays, sums in _chunks(scene, tables, mode == "power", limits, legs, threads):
-        total = _add(total, sums)
-        if legs:
-            kept.append(_legs(sums, scene.emitted))
-        done += rays
-        if progress is not None:
-            progress(done)
-    return _result(scene, mode, total, in_order(np.concatenate(kept)) if kept else None)
+    for what, value in (("seed", seed), ("position_bins", position_bins), ("angle_bins", angle_bins)):
+        check_count(what, value, 0)
+    rest = (sampling, seed, position_bins, angle_bins, legs, device)
+    job = Job.of(scene, mode, limits or Limits(), DTYPES[precision], *rest)
+    found = _run(job, threads, progress)
+    return found if precision == "double" else replace(found, single_error=_single_error(job, threads))
 
 
-def trace_launch(
-    scene: Scene, tables: Tables, launch: Launch, mode: Mode, limits: Limits
-) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.void]], int]:
-    """Every straight stretch (see `LEG`; powers as launched) of some rays of a scene, and how many were undefined."""
-    sums = _trace_chunk(tables, scene, launch, 0, mode == "power", limits, legs=True)
-    return in_order(_legs(sums, 1.0)), int(sums.counts[kernel.UNDEFINED])
+def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, loop.Sums]]:
+    """Sums of one chunk after the other, in order."""
+    if job.device == "cuda":
+        card = _card(job)
+
+        def prepare(make: Callable[[], Chunk]) -> tuple[Chunk, loop.Rows]:
+            chunk = make()
+            return chunk, rows_of(job, chunk)
+
+        feeders = min(threads, CARD_FEEDERS) if job.scene.rays > CARD_CHUNK else 1
+        for chunk, rows in _ahead(prepare, chunks(job, CARD_CHUNK), feeders):
+            yield chunk, card.trace(rows, rules_of(job, chunk))
+        return
+
+    def work(make: Callable[[], Chunk]) -> tuple[Chunk, loop.Sums]:
+        chunk = make()
+        return chunk, _trace_chunk(job, chunk)
+
+    yield from _ahead(work, chunks(job, CHUNK), threads if job.scene.rays > CHUNK else 1)
 
 
-def _chunks(
-    scene: Scene, tables: Tables, split: bool, limits: Limits, legs: bool, threads: int
-) -> Iterator[tuple[int, kernel.Sums]]:
-    """Sums of one chunk after the other, in order, a few of them ahead of the consumer."""
-
-    def job(source: Source, start: int, stop: int, before: int) -> tuple[int, kernel.Sums]:
-        launch = source.launch(start, stop)
-        return len(launch), _trace_chunk(tables, scene, launch, before + start, split, limits, legs)
-
-    jobs = _stretches(scene)
-    if threads == 1 or scene.rays <= CHUNK:
-        yield from (job(*item) for item in jobs)
+def _ahead(
+    work: Callable[[Callable[[], Chunk]], R], chunks: Iterator[Callable[[], Chunk]], threads: int
+) -> Iterator[R]:
+    """What ``work`` makes of one chunk after the other, in order, a few of them ahead of the consumer."""
+    if threads == 1:
+        yield from map(work, chunks)
         return
     with ThreadPoolExecutor(threads) as pool:
-        running: list[Future[tuple[int, kernel.Sums]]] = [pool.submit(job, *item) for item in islice(jobs, 2 * threads)]
+        running: list[Future[R]] = [pool.submit(work, make) for make in islice(chunks, 2 * threads)]
         try:
             while running:
                 yield running.pop(0).result()
-                running.extend(pool.submit(job, *item) for item in islice(jobs, 1))
+                running.extend(pool.submit(work, make) for make in islice(chunks, 1))
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _stretches(scene: Scene) -> Iterator[tuple[Source, int, int, int]]:
-    """Rays of all sources in chunks: the source, the first and last of its rays, and the rays before that source."""
-    before = 0
-    for source in scene.sources:
-        for start in range(0, source.rays, CHUNK):
-            yield source, start, min(start + CHUNK, source.rays), before
-        before += source.rays
+def _card(job: Job) -> "Card":
+    """The graphics card with the job's scene on it; `DesignError` where there is none."""
+    if find_spec("numba_cuda") is None:
+        limit, remedy = "needs numba-cuda, which is not installed", 'pip install "solen[cuda]"'
+        raise DesignError("device", value=job.device, limit=limit, remedy=remedy)
+    from solen.trace.kernel import cuda  # only who has numba-cuda can import it
+
+    if not cuda.available():
+        limit = "no CUDA graphics card was found, or no driver or compiler for it"
+        raise DesignError("device", value=job.device, limit=limit, remedy='use device="cpu"')
+    rays = min(job.scene.rays, CARD_CHUNK)
+    return cuda.Card(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
 
 
-def _trace_chunk(
-    tables: Tables, scene: Scene, launch: Launch, first: int, split: bool, limits: Limits, legs: bool
-) -> kernel.Sums:
-    rays = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p])
-    room = 16 * len(launch) if legs else 0
+def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
+    launch, dtype = chunk.launch, job.tables.shape.dtype.type
+    rays, rules = rows_of(job, chunk), rules_of(job, chunk)
+    legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
     while True:
-        sums = _empty(tables, scene, room)
-        kernel.trace_rays(tables, sums, rays, first, split, limits.min_weight, limits.max_hits)
-        if not legs or sums.counts[kernel.LEGS] <= room:
+        sums = empty(job, legs)
+        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, loop.room(len(launch), dtype, waiting))
+        if enough and (not job.legs or sums.counts[loop.LEGS] <= legs):
             return sums
-        room = int(sums.counts[kernel.LEGS])
+        legs = max(legs, int(sums.counts[loop.LEGS]) if job.legs else 0)
+        waiting = waiting if enough else 2 * waiting
 
 
-def _empty(tables: Tables, scene: Scene, room: int = 0) -> kernel.Sums:
-    receivers, monitors = len(scene.receivers), len(scene.monitors)
-    return kernel.Sums(
-        fate=np.zeros(5),
-        detected=np.zeros(receivers),
-        arrived=np.zeros(receivers, dtype=np.int64),
-        crossed=np.zeros(monitors),
-        crossings=np.zeros(monitors, dtype=np.int64),
-        maps=np.zeros(int(tables.bins.sum())),
-        counts=np.zeros(3, dtype=np.int64),
-        place=np.full((KEPT_PLACES, 2), math.nan),
-        legs=np.empty((room, kernel.LEG_WIDTH)),
-    )
+def _single_error(job: Job, threads: int) -> float:
+    """Largest difference of a receiver's power between both precisions, on every so many rays of each source."""
+    few = replace(job.scene, sources=tuple(_thinned(source) for source in job.scene.sources))
+    rest = ("fan", job.seed, 0, 0, False, job.device)
+    double, single = (_run(Job.of(few, job.mode, job.limits, dtype, *rest), threads) for dtype in DTYPES.values())
+    pairs = zip(double.detectors.values(), single.detectors.values(), strict=True)
+    return max((abs(one.power - other.power) for one, other in pairs), default=0.0)
 
 
-def _add(total: kernel.Sums, sums: kernel.Sums) -> kernel.Sums:
-    places = np.vstack([total.place, sums.place])
-    places = places[~np.isnan(places[:, 0])][:KEPT_PLACES]
-    return kernel.Sums(
-        fate=total.fate + sums.fate,
-        detected=total.detected + sums.detected,
-        arrived=total.arrived + sums.arrived,
-        crossed=total.crossed + sums.crossed,
-        crossings=total.crossings + sums.crossings,
-        maps=total.maps + sums.maps,
-        counts=total.counts + sums.counts,
-        place=places,
-        legs=total.legs,
-    )
+def _thinned(source: Source) -> Source:
+    """The source with few rays; a list of rays as it is."""
+    if isinstance(source, Rays):
+        return source
+    return replace(source, rays=min(source.rays, COMPARED_RAYS))  # type: ignore[type-var]  # all sources are dataclasses
 
 
-def _legs(sums: kernel.Sums, emitted: float) -> np.ndarray[tuple[int, ...], np.dtype[np.void]]:
-    rows = sums.legs[: sums.counts[kernel.LEGS]]
-    legs = np.empty(len(rows), dtype=LEG)
-    for column, name in enumerate(LEG.names or ()):
-        legs[name] = rows[:, column]
-    legs["power_s"] /= emitted
-    legs["power_p"] /= emitted
-    return legs
-
-
-def _result(
-    scene: Scene, mode: Mode, sums: kernel.Sums, legs: np.ndarray[tuple[int, ...], np.dtype[np.void]] | None
-) -> Trace:
-    emitted = scene.emitted
-    ends = np.cumsum([monitor.bins for monitor in scene.monitors], dtype=int)[:-1]
-    maps = np.split(sums.maps / emitted, ends) if scene.monitors else []
-    return Trace(
-        mode=mode,
-        rays=scene.rays,
-        detectors={
-            name: Detected(float(power / emitted), int(n))
-            for name, power, n in zip(scene.receivers, sums.detected, sums.arrived, strict=True)
-        },
-        monitors={
-            monitor.name: Crossed(float(power / emitted), int(n), bins)
-            for monitor, power, n, bins in zip(scene.monitors, sums.crossed, sums.crossings, maps, strict=True)
-        },
-        ledger=Ledger(*(float(sums.fate[fate] / emitted) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
-        hits=int(sums.counts[kernel.HITS]),
-        undefined=int(sums.counts[kernel.UNDEFINED]),
-        undefined_at=tuple((float(x), float(z)) for x, z in sums.place),
-        legs=legs,
-    )
+def _run(job: Job, threads: int, progress: Progress | None = None) -> Trace:
+    """Trace all chunks of a job and add them up."""
+    totals = [[empty(job) for _ in range(job.groups)] for _ in job.scene.sources]
+    rays = np.zeros((len(job.scene.sources), job.groups), dtype=np.int64)
+    kept: list[NDArray[np.void]] = []
+    for chunk, sums in _traced(job, threads):
+        totals[chunk.source][chunk.group] = add(totals[chunk.source][chunk.group], sums)
+        rays[chunk.source, chunk.group] += len(chunk.launch)
+        if job.legs:
+            kept.append(legs_of(sums, job.scene.emitted))
+        if progress is not None:
+            progress(int(rays.sum()))
+    return result(job, totals, rays, in_order(np.concatenate(kept)) if kept else None)

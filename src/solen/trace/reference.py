@@ -3,6 +3,7 @@
 One ray at a time, in plain Python, with the curves of `solen.curve` and the physics of `solen.interface`. In
 *counting* mode a ray is refracted or totally reflected, never split, and nothing is absorbed on the way. In *power*
 mode Fresnel's equations split it, s and p apart, both parts are followed down to the stated weight, and media absorb.
+In *roulette* one of both parts is followed with all the power, drawn by their powers.
 
 At a split the weaker part is followed first: it holds at most half of the power, so that the number of parts waiting
 never exceeds the logarithm of the least weight. The stronger part keeps the branch's number.
@@ -13,9 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solen.curve import ROUNDING
 from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, along, cross, dot, minus
 from solen.scene import Interface, Launch, Scene
+from solen.trace.kernel.surface import chance
 from solen.trace.result import (
     ABSORBED,
     CORNER_MM,
@@ -38,7 +41,10 @@ from solen.trace.result import (
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray on its way: ``last`` is the interface it stands on, ``region`` its medium (None: not known yet)."""
+    """A ray on its way: ``last`` is the interface it stands on, ``region`` its medium (None: not known yet).
+
+    ``optical_mm`` is its optical path so far.
+    """
 
     number: int
     branch: int
@@ -51,6 +57,9 @@ class Ray:
     region: str | None = None
     last: Interface | None = None
     hits: int = 0
+    source: int = 0
+    wavelength_nm: float | None = None
+    optical_mm: float = 0.0
 
     @property
     def power(self) -> float:
@@ -62,15 +71,19 @@ class Ray:
         return replace(self, origin=at, direction=direction, region=region, last=last, hits=self.hits + 1)
 
 
-def trace_reference(scene: Scene, mode: Mode = "count", limits: Limits | None = None, *, legs: bool = False) -> Trace:
+def trace_reference(
+    scene: Scene, mode: Mode = "count", limits: Limits | None = None, *, seed: int = 0, legs: bool = False
+) -> Trace:
     """Trace every ray of every source; see `solen.trace.engine.trace` for the parameters."""
     check_mode(mode)
-    tracer = _Tracer(scene, mode, limits or Limits())
+    tracer = _Tracer(scene, mode, limits or Limits(), seed)
     number = 0
-    for source in scene.sources:
+    for which, source in enumerate(scene.sources):
         launch = source.launch()
         for i in range(len(launch)):
-            tracer.follow(_ray(launch, i, number, tracer.limits))
+            wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
+            ray = _ray(launch, i, number, tracer.limits)
+            tracer.follow(replace(ray, source=which, wavelength_nm=wavelength_nm))
             number += 1
     return tracer.result(legs)
 
@@ -85,18 +98,23 @@ def _ray(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
 class _Tracer:
     """Follows rays through one scene and adds up what becomes of them."""
 
-    def __init__(self, scene: Scene, mode: Mode, limits: Limits) -> None:
+    def __init__(self, scene: Scene, mode: Mode, limits: Limits, seed: int) -> None:
         self.scene = scene
+        self.seed = seed
         self.mode = mode
         self.limits = limits
         self.regions = {region.name: region for region in scene.regions}
-        self.detected = {name: [0.0, 0] for name in scene.receivers}
+        self.detected = {name: np.zeros(len(scene.sources)) for name in scene.receivers}
+        self.arrived = dict.fromkeys(scene.receivers, 0)
+        self.optical = dict.fromkeys(scene.receivers, 0.0)
         self.crossed = {m.name: [0.0, 0] for m in scene.monitors}
         self.maps = {m.name: np.zeros(m.bins) for m in scene.monitors}
         self.sums = dict.fromkeys((DETECTED, ESCAPED, ABSORBED, TRUNCATED), 0.0)
         self.hits = 0
         self.undefined = 0
         self.undefined_at: list[Point] = []
+        self.truncated = 0
+        self.truncated_at: list[Point] = []
         self.legs: list[tuple[float, ...]] = []
         self.branches = 1
 
@@ -120,16 +138,20 @@ class _Tracer:
         from_right = dot(ray.direction, normal) > 0.0
         region, beyond = (interface.right, interface.left) if from_right else (interface.left, interface.right)
         if length_mm <= CORNER_MM and self._only_an_end(ray, interface, region):
-            return replace(ray, origin=along(ray.origin, ray.direction, CORNER_MM), last=interface)
+            step_mm = CORNER_MM + ROUNDING * (abs(ray.origin[0]) + abs(ray.origin[1]))  # far out less would be lost
+            return replace(ray, origin=along(ray.origin, ray.direction, step_mm), last=interface)
         self.hits += 1
         if ray.region not in (None, region):
             self._undefined(ray, at, interface, length_mm)
             return None
-        arrived = self._absorbed_on_the_way(ray, region, length_mm)
+        way = ray.optical_mm + self.regions[region].index_at(ray.wavelength_nm) * length_mm
+        arrived = replace(self._absorbed_on_the_way(ray, region, length_mm), optical_mm=way)
         self._monitor(ray, region, length_mm)
         fate = self._fate(arrived, interface, from_right)
         self._leg(ray, fate, interface, length_mm, arrived.power / ray.power)
         if fate != GOES_ON:
+            if fate == TRUNCATED:
+                self._truncated(at)
             self._end(arrived, fate, interface)
             return None
         facing = (-normal[0], -normal[1]) if from_right else normal
@@ -147,6 +169,7 @@ class _Tracer:
             return False
         normal = ray.last.curve.normal_at(ray.origin)
         other_side = dot(minus(interface.curve.middle_point, ray.origin), normal) * dot(ray.direction, normal) < 0.0
+        other_side = other_side and interface is not ray.last  # a chain of cubics reaches over none of its own joints
         return other_side or ray.region not in (None, region)
 
     def _fate(self, ray: Ray, interface: Interface, from_right: bool) -> int:
@@ -171,7 +194,7 @@ class _Tracer:
         """Send a ray through, or ``back``, or both ways."""
         if back.region is None or back.last is None:
             raise AssertionError("a ray that met an interface has a medium")
-        n1, n2 = self.regions[back.region].index, self.regions[beyond].index
+        n1, n2 = (self.regions[name].index_at(ray.wavelength_nm) for name in (back.region, beyond))
         through = refracted(ray.direction, facing, n1, n2)
         if through is None:
             return back
@@ -183,11 +206,21 @@ class _Tracer:
             replace(back, s=ray.s * share.s, p=ray.p * share.p),
             replace(onwards, s=ray.s * (1.0 - share.s), p=ray.p * (1.0 - share.p)),
         )
-        return self._split(parts, waiting)
+        return self._one_of(parts) if self.mode == "roulette" else self._split(parts, waiting)
+
+    def _one_of(self, parts: tuple[Ray, Ray]) -> Ray:
+        """One of both parts with the power of both, drawn by their powers."""
+        back, on = parts
+        power = back.power + on.power
+        taken = back if chance(self.seed, back.number, back.hits - 1) * power < back.power else on
+        return replace(taken, s=taken.s * power / taken.power, p=taken.p * power / taken.power)
 
     def _split(self, parts: tuple[Ray, Ray], waiting: list[Ray]) -> Ray | None:
         """Cut what is below the least weight; of two parts left the weaker goes first under a new number."""
-        self.sums[TRUNCATED] += math.fsum(part.power for part in parts if part.power < part.least)
+        cut = math.fsum(part.power for part in parts if part.power < part.least)
+        if cut > 0.0:
+            self.sums[TRUNCATED] += cut
+            self._truncated(parts[0].origin)
         left = sorted((part for part in parts if part.power >= part.least), key=lambda part: part.power)
         if len(left) < 2:
             return left[0] if left else None
@@ -208,7 +241,7 @@ class _Tracer:
         """To infinity: whatever a medium that absorbs at all takes in."""
         self._monitor(ray, ray.region, math.inf)
         lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
-        fate = ABSORBED if self.mode == "power" and lossy else ESCAPED
+        fate = ABSORBED if self.mode != "count" and lossy else ESCAPED
         self._leg(ray, fate, None, math.inf)
         self._end(ray, fate, None)
 
@@ -220,16 +253,23 @@ class _Tracer:
         self._leg(ray, TRUNCATED, interface, length_mm)
         self._end(ray, TRUNCATED, interface)
 
+    def _truncated(self, at: Point) -> None:
+        """Count and locate what is cut off."""
+        self.truncated += 1
+        if len(self.truncated_at) < KEPT_PLACES:
+            self.truncated_at.append(at)
+
     def _end(self, ray: Ray, fate: int, interface: Interface | None) -> None:
         self.sums[fate] += ray.power
         if fate == DETECTED and interface is not None and interface.receiver is not None:
-            self.detected[interface.receiver][0] += ray.power
-            self.detected[interface.receiver][1] += 1
+            self.detected[interface.receiver][ray.source] += ray.power
+            self.arrived[interface.receiver] += 1
+            self.optical[interface.receiver] += ray.power * ray.optical_mm
 
     def _leg(self, ray: Ray, fate: int, interface: Interface | None, length_mm: float, kept: float = 1.0) -> None:
         which = -1 if interface is None else self.scene.interfaces.index(interface)
         numbers = (ray.number, ray.branch, ray.parent, ray.hits, which, fate)
-        self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p, kept))
+        self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p, kept, ray.optical_mm))
 
     def _monitor(self, ray: Ray, region: str | None, length_mm: float) -> None:
         """Count a straight stretch at every monitor it crosses, with the power left there."""
@@ -256,15 +296,23 @@ class _Tracer:
             kept["power_p"] /= emitted
         return Trace(
             mode=self.mode,
+            method="fan",
             rays=self.scene.rays,
-            detectors={name: Detected(power / emitted, int(n)) for name, (power, n) in self.detected.items()},
+            detectors={name: self._reading(name) for name in self.scene.receivers},
             monitors={
-                name: Crossed(power / emitted, int(n), self.maps[name] / emitted)
+                name: Crossed(power / emitted, math.nan, int(n), self.maps[name] / emitted)
                 for name, (power, n) in self.crossed.items()
             },
             ledger=Ledger(*(self.sums[fate] / emitted for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
             hits=self.hits,
             undefined=self.undefined,
             undefined_at=tuple(self.undefined_at),
+            truncated=self.truncated,
+            truncated_at=tuple(self.truncated_at),
             legs=kept,
         )
+
+    def _reading(self, name: str) -> Detected:
+        by_source, power = self.detected[name] / self.scene.emitted, float(self.detected[name].sum())
+        mean_mm = self.optical[name] / power if power > 0.0 else math.nan
+        return Detected(power / self.scene.emitted, math.nan, self.arrived[name], tuple(map(float, by_source)), mean_mm)

@@ -3,11 +3,16 @@
 All powers are fractions of the emitted power. The ledger's four parts add up to 1: what receivers **detected**, what
 **escaped** to infinity, what was **absorbed** by media, walls and the backs of receivers, and what was **truncated**:
 branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface from a medium
-they were not in (counted in ``undefined`` and located, never dropped).
+they were not in (counted in ``undefined``, the others in ``truncated``, and located, never dropped).
+
+Whatever way the rays were chosen, a result is a value with ``u``, what it may be off by: for independent samples a
+standard error, for a fan and for adaptive integration an estimate of the error.
 """
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +21,11 @@ from solen.curve import END_TOLERANCE_MM, check_count
 from solen.errors import DesignError
 from solen.plane import Point
 
-Mode = Literal["count", "power"]
+if TYPE_CHECKING:
+    import xarray as xr
+
+Method = Literal["fan", "sobol", "adaptive"]
+Mode = Literal["count", "power", "roulette"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
 GOES_ON, DETECTED, ESCAPED, ABSORBED, TRUNCATED = range(5)
@@ -24,13 +33,16 @@ FATES = ("goes on", "detected", "escaped", "absorbed", "truncated")
 
 LEG = np.dtype(
     [(name, np.int64) for name in ("ray", "branch", "parent", "hit", "interface", "fate")]
-    + [(name, np.float64) for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept")]
+    + [
+        (name, np.float64)
+        for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept", "optical_path_mm")
+    ]
 )
 """One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were
 met on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it
-escapes), the power at its start as a fraction of the emitted power, and the share of that left at its end. A trace
-holds them in the order of ray, branch and hit; how a ray's branches are numbered is up to the tracer, but a parent
-always comes before its children."""
+escapes), the power at its start as a fraction of the emitted power, the share of that left at its end, and the optical
+path from the source to its start. A trace holds them in the order of ray, branch and hit; how a ray's branches are
+numbered is up to the tracer, but a parent always comes before its children."""
 
 CORNER_MM = 2 * END_TOLERANCE_MM
 """How far a ray that has just met a corner is carried on past the end of the other curve that meets there."""
@@ -38,10 +50,15 @@ KEPT_PLACES = 16
 """How many places of undefined rays a trace remembers."""
 
 
-def check_mode(mode: str) -> None:
+def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
+    """`DesignError` where a value is none of the choices."""
+    if value not in choices:
+        raise DesignError(what, value=value, limit=f"must be one of {', '.join(choices)}")
+
+
+def check_mode(mode: object) -> None:
     """`DesignError` for a mode that does not exist."""
-    if mode not in MODES:
-        raise DesignError("mode", value=mode, limit=f"must be one of {', '.join(MODES)}")
+    check_choice("mode", mode, MODES)
 
 
 @dataclass(frozen=True)
@@ -78,10 +95,23 @@ class Ledger:
 
 @dataclass(frozen=True)
 class Detected:
-    """Reading of a receiver: power, and how many rays (or branches) arrived."""
+    """Reading of a receiver.
+
+    ``u`` belongs to ``power`` (NaN where one ray cannot tell). ``rays`` counts rays or branches that arrived.
+    ``by_source`` is the power from each source of the scene. ``optical_path_mm`` is the mean optical path of what
+    arrived, weighted by power (NaN where nothing did). ``position`` (interfaces of the receiver, bins) is the power in
+    equal bins of each interface's parameter from its start to its end; ``angle`` (bins,) the power in equal bins of the
+    angle of incidence from −90 to 90 degrees, positive where light runs towards the interface's end. Both are empty
+    unless bins were asked for.
+    """
 
     power: float
+    u: float
     rays: int
+    by_source: tuple[float, ...] = ()
+    optical_path_mm: float = math.nan
+    position: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)), repr=False, compare=False)
+    angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -89,8 +119,9 @@ class Crossed:
     """Reading of a monitor: net power towards its left, crossings, and net power per bin from start to end."""
 
     power: float
+    u: float
     rays: int
-    map: NDArray[np.float64]
+    map: NDArray[np.float64] = field(compare=False)
 
 
 @dataclass(frozen=True)
@@ -114,9 +145,17 @@ class Path:
 
 @dataclass(frozen=True)
 class Trace:
-    """Result of tracing a scene."""
+    """Result of tracing a scene.
+
+    ``method`` says how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
+    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at`` says where the first
+    of them were. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
+    not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
+    largest difference of a receiver's power between single and double precision, found on a part of the rays.
+    """
 
     mode: Mode
+    method: Method
     rays: int
     detectors: dict[str, Detected]
     monitors: dict[str, Crossed]
@@ -124,7 +163,18 @@ class Trace:
     hits: int
     undefined: int
     undefined_at: tuple[Point, ...] = ()
-    legs: NDArray[np.void] | None = field(default=None, repr=False)
+    truncated: int = 0
+    truncated_at: tuple[Point, ...] = ()
+    pieces: int = 0
+    reached: bool = True
+    why: str = ""
+    single_error: float | None = None
+    legs: NDArray[np.void] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def u(self) -> float:
+        """Largest ``u`` of any receiver; without one 0, or 1 where an integration has not reached its tolerance."""
+        return max((reading.u for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:
         """Ways of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
@@ -132,6 +182,12 @@ class Trace:
             return []
         new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)
         return [_path(part) for part in np.split(self.legs, np.flatnonzero(new) + 1)]
+
+    def to_dataset(self, attributes: Mapping[str, str | int | float] | None = None) -> "xr.Dataset":
+        """The same as an `xarray.Dataset` with named dimensions and units; see `solen.trace.to_dataset`."""
+        from solen.trace.dataset import to_dataset  # it is made from this module
+
+        return to_dataset(self, attributes)
 
 
 def in_order(legs: NDArray[np.void]) -> NDArray[np.void]:

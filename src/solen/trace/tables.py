@@ -1,120 +1,286 @@
 """A scene as arrays: the seam between what a scene means and how fast it is traced.
 
-One row per interface: the kind of its curve, up to `WIDTH` numbers that describe it, its behaviour, the regions on its
-sides and its receiver. A new curve is a class in `solen.curve`, a row here and a function in `solen.trace.kernel`.
+One row per piece of a curve: its kind, the numbers that describe it (named in `solen.trace.kernel.rows`), its
+behaviour, the regions on its sides and its receiver. Most curves are one piece; a spline has one for each of its simple
+cubics. A new curve is a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
 """
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
+from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DesignError
-from solen.plane import minus, unit
-from solen.scene import Scene
+from solen.plane import Point, cross, dot, minus, right_of, unit
+from solen.scene import Interface, Scene
 from solen.scene.model import BEHAVIOURS
+from solen.trace.grid import grid_of
+from solen.trace.kernel import rows
 
-SEGMENT, ARC, PARABOLA, OVAL = range(4)
-REFRACTING, MIRROR, ABSORBING, RECEIVER = range(len(BEHAVIOURS))
-WIDTH = 21
+WIDTH = len(rows.Oval._fields)
+CORNER_RAD = 1e-6
+"""A joint of two cubics that turns by less is smooth."""
+BOX_MARGIN_MM, BOX_MARGIN = 1e-6, 1e-6
+"""What a box reaches beyond its curve: beyond anything that rounding does in either precision."""
+STRAIGHT = 1e-9
+Row = tuple[float, ...]
 
 
 class Tables(NamedTuple):
-    """Arrays of a scene: C interfaces, R regions, M monitors. The kernel takes nothing else."""
+    """Arrays of a scene: P pieces of curves, R regions, W wavelengths, M monitors. The kernel takes nothing else."""
 
     kind: NDArray[np.int64]
-    """(C,) which curve"""
-    shape: NDArray[np.float64]
-    """(C, WIDTH) its numbers, in the order of the functions below"""
-    middle: NDArray[np.float64]
-    """(C, 2) its point halfway"""
+    """(P,) which kind of curve"""
+    shape: NDArray[np.floating[Any]]
+    """(P, WIDTH) its numbers"""
+    middle: NDArray[np.floating[Any]]
+    """(P, 2) its point halfway"""
+    box: NDArray[np.floating[Any]]
+    """(P, 4) least and greatest x, least and greatest z, and a margin"""
+    owner: NDArray[np.int64]
+    """(P,) the interface it is a piece of"""
+    before: NDArray[np.int64]
+    """(P,) the piece of the same curve that it continues smoothly, −1 where it begins or where there is a corner"""
     behaviour: NDArray[np.int64]
-    """(C,) index into BEHAVIOURS"""
+    """(P,) index into BEHAVIOURS"""
     left: NDArray[np.int64]
-    """(C,) region on the left"""
+    """(P,) region on the left"""
     right: NDArray[np.int64]
-    """(C,) region on the right"""
+    """(P,) region on the right"""
     receiver: NDArray[np.int64]
-    """(C,) receiver, −1 where it is none"""
-    refractive_index: NDArray[np.float64]
-    """(R,) refractive index"""
-    absorption: NDArray[np.float64]
-    """(R,) absorption per mm"""
-    monitor: NDArray[np.float64]
+    """(P,) receiver, −1 where it is none"""
+    refractive_index: NDArray[np.floating[Any]]
+    """(W, R) refractive index by wavelength"""
+    absorption: NDArray[np.floating[Any]]
+    """(W, R) absorption per mm"""
+    monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
     bins: NDArray[np.int64]
     """(M,) bins of the map"""
     first_bin: NDArray[np.int64]
     """(M,) where the map begins in the array of all maps"""
+    grid_low: NDArray[np.floating[Any]]
+    """(2,) lowest x and z of the grid"""
+    grid_cell: NDArray[np.floating[Any]]
+    """(2,) size of a cell"""
+    grid_many: NDArray[np.int64]
+    """(2,) cells along x and z"""
+    grid_first: NDArray[np.int64]
+    """(cells + 1,) where each cell's pieces begin in ``grid_item``"""
+    grid_item: NDArray[np.int64]
+    """pieces by cell; empty where all pieces are looked at in turn"""
 
 
-def compile_scene(scene: Scene) -> Tables:
-    """Arrays of a scene; `DesignError` where a curve has no compiled form."""
-    names = [region.name for region in scene.regions]
-    receivers = scene.receivers
-    rows = [_row(interface.curve) for interface in scene.interfaces]
+def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> Tables:
+    """Arrays of a scene in double or single precision; `DesignError` where a curve has no compiled form."""
+    names = {region.name: number for number, region in enumerate(scene.regions)}
+    receivers: dict[str | None, int] = {name: number for number, name in enumerate(scene.receivers)}
+    receivers[None] = -1
+    found = [(i, piece) for i, interface in enumerate(scene.interfaces) for piece in _pieces(interface.curve)]
+    number, pieces = [i for i, _ in found], [piece for _, piece in found]
+    owners = [scene.interfaces[i] for i in number]
+    colours = scene.wavelengths_nm or (None,)
     bins = np.array([monitor.bins for monitor in scene.monitors], dtype=np.int64)
+    curves = [piece.curve for piece in pieces]
+    cells = grid_of(curves)
     return Tables(
-        kind=np.array([kind for kind, _ in rows], dtype=np.int64),
-        shape=np.array([shape + (0.0,) * (WIDTH - len(shape)) for _, shape in rows]).reshape(-1, WIDTH),
-        middle=np.array([interface.curve.middle_point for interface in scene.interfaces], dtype=float).reshape(-1, 2),
-        behaviour=np.array([BEHAVIOURS.index(i.behaviour) for i in scene.interfaces], dtype=np.int64),
-        left=np.array([names.index(i.left) for i in scene.interfaces], dtype=np.int64),
-        right=np.array([names.index(i.right) for i in scene.interfaces], dtype=np.int64),
-        receiver=np.array(
-            [-1 if i.receiver is None else receivers.index(i.receiver) for i in scene.interfaces], dtype=np.int64
-        ),
-        refractive_index=np.array([region.index for region in scene.regions], dtype=float),
-        absorption=np.array([region.absorption_per_mm for region in scene.regions], dtype=float),
-        monitor=np.array([_segment(monitor.segment) for monitor in scene.monitors], dtype=float).reshape(-1, 5),
+        kind=_whole(piece.kind for piece in pieces),
+        shape=np.array([piece.row for piece in pieces], dtype).reshape(-1, WIDTH),
+        middle=np.array([piece.middle for piece in pieces], dtype).reshape(-1, 2),
+        box=np.array([piece.box for piece in pieces], dtype).reshape(-1, 4),
+        owner=_whole(number),
+        before=_before(scene.interfaces, number, curves),
+        behaviour=_whole(BEHAVIOURS.index(owner.behaviour) for owner in owners),
+        left=_whole(names[owner.left] for owner in owners),
+        right=_whole(names[owner.right] for owner in owners),
+        receiver=_whole(receivers[owner.receiver] for owner in owners),
+        refractive_index=np.array([[region.index_at(nm) for region in scene.regions] for nm in colours], dtype),
+        absorption=np.array([[region.absorption_per_mm for region in scene.regions] for _ in colours], dtype),
+        monitor=np.array([_segment(monitor.segment) for monitor in scene.monitors], dtype).reshape(-1, 5),
         bins=bins,
         first_bin=np.cumsum(bins) - bins,
+        grid_low=cells.low.astype(dtype),
+        grid_cell=cells.cell.astype(dtype),
+        grid_many=cells.many,
+        grid_first=cells.first,
+        grid_item=cells.item,
     )
 
 
-def _row(curve: Curve) -> tuple[int, tuple[float, ...]]:
-    if type(curve) not in ROWS:
-        known = ", ".join(cls.__name__ for cls in ROWS)
+def _whole(numbers: Any) -> NDArray[np.int64]:
+    return np.array(list(numbers), dtype=np.int64)
+
+
+def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> NDArray[np.int64]:
+    """The piece that each piece continues smoothly; round a closed curve the last one comes before the first."""
+    before = [here - 1 if here and owner[here - 1] == i else -1 for here, i in enumerate(owner)]
+    last = {i: here for here, i in enumerate(owner)}
+    for here, i in enumerate(owner):
+        curve = interfaces[i].curve
+        if before[here] < 0 and isinstance(curve, Spline | Bezier) and curve.closed:
+            before[here] = last[i]
+        if before[here] >= 0 and not _smooth(curves[before[here]], curves[here]):
+            before[here] = -1
+    return _whole(before)
+
+
+def _smooth(one: Curve, other: Curve) -> bool:
+    """Whether two pieces join without a corner: a ray that stands at one on either of them may meet the other."""
+    if not (isinstance(one, Bezier) and isinstance(other, Bezier)):
+        return False
+    arriving, leaving = unit(minus(one.b, one.control_b)), unit(minus(other.control_a, other.a))
+    return dot(arriving, leaving) > 0.0 and abs(cross(arriving, leaving)) < CORNER_RAD
+
+
+class _Piece(NamedTuple):
+    """A row of the table of curves."""
+
+    kind: int
+    row: Row
+    middle: Point
+    box: Row
+    curve: Curve
+
+
+@lru_cache(maxsize=4096)
+def _pieces(curve: Curve) -> tuple[_Piece, ...]:
+    """Pieces of a curve; remembered, as most curves stay as they are from one scene of a sweep to the next."""
+    if isinstance(curve, Spline | Bezier):
+        rows_of = _cubics(curve)
+    elif type(curve) in ROWS:
+        kind, row = ROWS[type(curve)]
+        rows_of = [(kind, row(curve), curve)]
+    else:
+        known = ", ".join(cls.__name__ for cls in COMPILED)
         raise DesignError(f"curve {type(curve).__name__}", limit=f"the compiled engine knows {known}")
-    kind, row = ROWS[type(curve)]
-    return kind, row(curve)
+    return tuple(
+        _Piece(kind, tuple(row) + (0.0,) * (WIDTH - len(row)), part.middle_point, _box(part, row), part)
+        for kind, row, part in rows_of
+    )
 
 
-def _segment(curve: Segment) -> tuple[float, ...]:
-    return (*curve.a, *unit(minus(curve.b, curve.a)), curve.length_mm)
+def _box(curve: Curve, row: Row) -> Row:
+    """Box round a curve, with a margin for how far it reaches beyond its ends and for rounding."""
+    x, z = zip(*_hull(curve, row), strict=True)
+    low_x, high_x, low_z, high_z = min(x), max(x), min(z), max(z)
+    margin = BOX_MARGIN_MM + BOX_MARGIN * max(abs(low_x), abs(high_x), abs(low_z), abs(high_z))
+    return (low_x - margin, high_x + margin, low_z - margin, high_z + margin)
 
 
-def _arc(curve: Arc) -> tuple[float, ...]:
-    towards_center = 1.0 if curve.sweep_deg > 0 else -1.0
-    end_mm = curve.radius_mm * math.sin(math.radians(curve.half_deg))
-    return (*curve.center, curve.radius_mm, *curve.middle, end_mm, towards_center, float(curve.half_deg <= 90.0))
+def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
+    """Points whose convex hull holds a curve."""
+    if isinstance(row, rows.Oval):
+        return ((row.ax, row.az), (row.bx, row.bz), (row.cx, row.cz), (row.dx, row.dz))
+    if isinstance(curve, Segment):
+        return (curve.a, curve.b)
+    if isinstance(curve, Bezier):
+        return (curve.a, curve.control_a, curve.control_b, curve.b)
+    if isinstance(curve, Arc) and curve.half_deg > 80.0:
+        (x, z), r = curve.center, curve.radius_mm
+        return ((x - r, z - r), (x + r, z + r))
+    return _tangent_hull(curve)
 
 
-def _parabola(curve: Parabola) -> tuple[float, ...]:
+def _tangent_hull(curve: Curve) -> tuple[Point, Point, Point, Point]:
+    """Ends of a curve that bends one way, and where the tangents there meet the one in its middle."""
+    points = [(float(x), float(z)) for x, z in curve.points(np.array([0.0, 0.5, 1.0]))]
+    tangents = [right_of(curve.normal_at(point)) for point in points]
+    corners = [_meeting(points[i], tangents[i], points[i + 1], tangents[i + 1]) for i in range(2)]
+    return (points[0], corners[0], corners[1], points[2])
+
+
+def _segment(curve: Segment) -> rows.Segment:
+    return rows.Segment(*curve.a, *unit(minus(curve.b, curve.a)), curve.length_mm)
+
+
+def _arc(curve: Arc) -> rows.Arc:
+    side = 1.0 if curve.sweep_deg > 0 else -1.0
+    end = curve.radius_mm * math.sin(math.radians(curve.half_deg))
+    return rows.Arc(*curve.center, curve.radius_mm, *curve.middle, end, side, float(curve.half_deg <= 90.0))
+
+
+def _parabola(curve: Parabola) -> rows.Conic:
+    """Its depth is on the right of its axis: that is to the left of the axis turned round."""
+    lateral = (-curve.axis[0], -curve.axis[1])
+    low, high = sorted((-curve.from_mm, -curve.to_mm))
+    side = 1.0 if curve.to_mm < curve.from_mm else -1.0
+    return rows.Conic(*curve.vertex, *lateral, 2.0 * curve.curve_per_mm, 0.0, low, high, side)
+
+
+def _conic(curve: Conic) -> rows.Conic:
     low, high = sorted((curve.from_mm, curve.to_mm))
-    forwards = 1.0 if curve.to_mm > curve.from_mm else -1.0
-    return (*curve.vertex, *curve.axis, curve.curve_per_mm, low, high, forwards)
+    side = 1.0 if curve.to_mm > curve.from_mm else -1.0
+    c, lateral = curve.curvature_per_mm, right_of(curve.axis)
+    return rows.Conic(*curve.vertex, *lateral, c, (1.0 + curve.conic_constant) * c, low, high, side)
 
 
-def _oval(curve: CartesianOval) -> tuple[float, ...]:
-    """Foci, indices, distances, vertex, axis, depth, side of the normal, a circle round the piece, rays to its ends."""
-    outline = curve.flattened()
-    center = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
-    radius = 1.01 * float(np.max(np.hypot(*(outline - center).T))) + 1e-3  # generous: it only spares Newton's method
-    outwards = 1.0 if curve.to_deg > curve.from_deg else -1.0
+def _oval(curve: CartesianOval) -> rows.Oval:
+    local = _oval_of(
+        curve.n1, curve.n2, curve.object_mm, curve.image_mm, *sorted((curve.from_deg, curve.to_deg), reverse=True)
+    )
+    wx, wz = curve.axis
+
+    def place(point: Point) -> Point:
+        """A point of the oval's own frame: to the right of the axis, and along it."""
+        return (curve.vertex[0] + point[0] * wz + point[1] * wx, curve.vertex[1] - point[0] * wx + point[1] * wz)
+
+    left, b, c, right = (place(point) for point in local.hull)
+    ray_right, ray_left = curve.end_rays
+    side = 1.0 if curve.to_deg > curve.from_deg else -1.0
     foci = (*curve.object_focus, *curve.image_focus)
-    frame = (*curve.vertex, *curve.axis, curve.depth_mm, outwards)
-    circle = (float(center[0]), float(center[1]), radius)
-    right, left = curve.end_rays
-    return (*foci, curve.n1, curve.n2, curve.object_mm, *frame, *circle, *right, *left, curve.image_mm)
+    return rows.Oval(
+        *foci, curve.n1, curve.n2, curve.object_mm, curve.image_mm, *curve.vertex, *curve.axis, side,
+        curve.constant_mm / curve.n2, *ray_right, *ray_left, *left, *b, *c, *right, *unit(minus(right, left)),
+        *local.fit,
+    )  # fmt: skip
 
 
-ROWS: dict[type[Curve], tuple[int, Callable[[Any], tuple[float, ...]]]] = {
-    Segment: (SEGMENT, _segment),
-    Arc: (ARC, _arc),
-    Parabola: (PARABOLA, _parabola),
-    CartesianOval: (OVAL, _oval),
+class _OvalShape(NamedTuple):
+    """What only depends on an oval's shape: corners of its hull and the fitted conic, in its own frame."""
+
+    hull: tuple[Point, Point, Point, Point]
+    fit: tuple[float, float, float]
+
+
+@lru_cache(maxsize=256)
+def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: float, to_deg: float) -> _OvalShape:
+    """Hull and fit of a front walked from its left end to its right one; a sweep turns one front many times."""
+    curve = CartesianOval((0.0, 0.0), (0.0, 1.0), n1, n2, object_mm, image_mm, from_deg, to_deg)
+    r, w = curve.points(np.linspace(0.0, 1.0, 33)).T
+    fit = np.linalg.lstsq(np.column_stack([np.ones_like(w), w, w * w]), r * r, rcond=None)[0]
+    return _OvalShape(_tangent_hull(curve), (float(fit[0]), float(fit[1]), float(fit[2])))
+
+
+def _meeting(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
+    """Where two lines meet; between the points where they are all but one line."""
+    slant = cross(along_a, along_b)
+    if abs(slant) < STRAIGHT:
+        return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))
+    t = cross(minus(b, a), along_b) / slant
+    return (a[0] + t * along_a[0], a[1] + t * along_a[1])
+
+
+def _cubics(curve: Bezier | Spline) -> list[tuple[int, Row, Curve]]:
+    found: list[tuple[int, Row, Curve]] = []
+    for number, piece in enumerate(curve.pieces):
+        a, b, c, d = piece.control
+        begins, ends = number == 0, number == len(curve.pieces) - 1
+        before = 1.0 / (3.0 * math.dist(a, b)) if begins and not curve.closed else 0.0
+        after = 1.0 / (3.0 * math.dist(c, d)) if ends and not curve.closed else 0.0
+        row = rows.Cubic(*a, *b, *c, *d, before, after, piece.u_from, piece.u_to)
+        found.append((rows.CUBIC, row, Bezier(a, b, c, d)))
+    return found
+
+
+ROWS: dict[type[Curve], tuple[int, Callable[[Any], Row]]] = {
+    Segment: (rows.SEGMENT, _segment),
+    Arc: (rows.ARC, _arc),
+    Parabola: (rows.CONIC, _parabola),
+    Conic: (rows.CONIC, _conic),
+    CartesianOval: (rows.OVAL, _oval),
 }
+COMPILED: tuple[type[Curve], ...] = (*ROWS, Bezier, Spline)

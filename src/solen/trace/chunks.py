@@ -1,0 +1,125 @@
+"""What is to be traced, and the chunks that its rays come in.
+
+Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: a fan's
+even and odd rays, or sixteen independent samples.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.scene import Launch, Scene, Source
+from solen.trace.kernel import loop
+from solen.trace.kernel.rows import Precision
+from solen.trace.kernel.surface import SPLITTING
+from solen.trace.result import Limits, Mode
+from solen.trace.tables import Tables, compile_scene
+
+HALVES, REPLICATES = 2, 16
+DTYPES: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.float32}
+Sampling = Literal["fan", "sobol"]
+Device = Literal["cpu", "cuda"]
+Digits = Literal["double", "single"]
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all chunks of a trace share."""
+
+    scene: Scene
+    tables: Tables
+    constants: Precision
+    mode: Mode
+    limits: Limits
+    sampling: Sampling = "fan"
+    seed: int = 0
+    position_bins: int = 0
+    angle_bins: int = 0
+    legs: bool = False
+    device: Device = "cpu"
+
+    @classmethod
+    def of(cls, scene: Scene, mode: Mode, limits: Limits, dtype: type[np.floating[Any]], *rest: Any) -> "Job":
+        """Job on a scene in a precision."""
+        return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, *rest)
+
+    @property
+    def groups(self) -> int:
+        """Estimates that the rays are divided into."""
+        return HALVES if self.sampling == "fan" and self.mode != "roulette" else REPLICATES
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Some rays of one source and one group: every ``step``-th from ``first`` on, numbered over all sources."""
+
+    source: int
+    group: int
+    first: int
+    step: int
+    launch: Launch
+
+
+def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
+    """What makes each chunk of at most so many rays, source by source and group by group."""
+    before = 0
+    for number, source in enumerate(job.scene.sources):
+        if job.sampling == "fan":
+            yield from _of_a_fan(source, number, before, job.groups, most)
+            before += source.rays
+        else:
+            each = _sample_size(source)
+            yield from _of_a_sample(source, number, before, each, job.seed, most)
+            before += REPLICATES * each
+
+
+def _of_a_fan(source: Source, number: int, before: int, groups: int, most: int) -> Iterator[Callable[[], Chunk]]:
+    def make(first: int, stop: int, group: int) -> Chunk:
+        numbers = np.arange(first, stop, groups, dtype=float)
+        return Chunk(number, group, before + first, groups, source.launch(numbers))
+
+    for group in range(groups):
+        for first in range(group, source.rays, most * groups):
+            yield partial(make, first, min(first + most * groups, source.rays), group)
+
+
+def _sample_size(source: Source) -> int:
+    """Rays of each replicate: a power of two, as Sobol' points are balanced in such numbers only."""
+    return 1 << math.ceil(math.log2(max(source.rays / REPLICATES, 1.0)))
+
+
+def _of_a_sample(
+    source: Source, number: int, before: int, each: int, seed: int, most: int
+) -> Iterator[Callable[[], Chunk]]:
+    """Points are drawn in order, whoever traces them."""
+    from scipy.stats import qmc  # it takes long to import, and few traces need it
+
+    def make(points: NDArray[np.float64], first: int, group: int) -> Chunk:
+        return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each))
+
+    for group in range(REPLICATES):
+        sequence = qmc.Sobol(source.dimensions, scramble=True, rng=np.random.default_rng((seed, number, group)))
+        for start in range(0, each, most):
+            points = sequence.random(min(most, each - start))
+            yield partial(make, points, before + group * each + start, group)
+
+
+def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
+    """The rays of a chunk as the kernel takes them."""
+    launch, dtype = chunk.launch, job.tables.shape.dtype.type
+    spectrum = job.scene.sources[chunk.source].spectrum
+    colours = np.array([job.scene.wavelengths_nm.index(nm) for nm, _ in spectrum] or [0], dtype=np.int64)
+    columns = (launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p)
+    x, z, dx, dz, s, p = (column.astype(dtype, copy=False) for column in columns)
+    return loop.Rows(x, z, dx, dz, s, p, colours[launch.line])
+
+
+def rules_of(job: Job, chunk: Chunk) -> loop.Rules:
+    """How the rays of a chunk are followed."""
+    least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
+    return loop.Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step)

@@ -1,0 +1,133 @@
+"""How fast each way to choose rays comes to the power at the receivers, and how true its stated uncertainty is.
+
+One scene is traced by fans and by Sobol' samples of ever more rays, and integrated to ever smaller tolerances. The
+error of each is its distance from a reference value: adaptive integration to `TIGHT`, or, for a scene that it does not
+know or does not reach that in, a fan of four times the rays of the densest.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_count
+from solen.errors import DesignError
+from solen.scene import Rays, Scene, Source
+from solen.trace.adaptive import integrate
+from solen.trace.engine import trace
+from solen.trace.result import Limits, Method, Mode, Trace, check_mode
+
+LEAST_RAYS, MOST_RAYS = 2**4, 2**18
+TIGHT = 1e-11
+"""Tolerance of the reference value."""
+TOLERANCES = tuple(10.0**-k for k in range(1, 10))
+DENSER = 4
+
+
+@dataclass(frozen=True)
+class Series:
+    """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power and the stated ``u``.
+
+    Powers are fractions of the emitted power; ``u`` is NaN where so few rays cannot tell.
+    """
+
+    method: Method
+    rays: NDArray[np.int64]
+    error: NDArray[np.float64]
+    u: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Error against rays for each way to choose them, and the trace that the errors are measured from."""
+
+    mode: Mode
+    reference: Trace
+    series: tuple[Series, ...]
+
+
+def convergence(
+    scene: Scene,
+    mode: Mode = "power",
+    limits: Limits | None = None,
+    *,
+    most_rays: int = MOST_RAYS,
+    seed: int = 0,
+) -> Convergence:
+    """Error against rays for a fan, for Sobol' samples and for adaptive integration.
+
+    Parameters
+    ----------
+    scene
+        What is traced; the numbers of rays that its sources name play no part.
+    mode
+        As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which it draws from.
+    limits
+        Where following a ray ends; by default those of `solen.trace.trace` and of `solen.trace.integrate`.
+    most_rays
+        Rays of the densest fan and sample, at least 16; from there on downwards by powers of two.
+    seed
+        Of the samples and of the roulette.
+
+    Returns
+    -------
+    Convergence
+        A series each for ``"fan"``, ``"sobol"`` and, if the scene can be integrated at all, ``"adaptive"``.
+
+    Raises
+    ------
+    DesignError
+        Unknown mode, too few rays, no receiver, or a source that is a list of rays.
+    """
+    check_mode(mode)
+    check_count("most_rays", most_rays, LEAST_RAYS)
+    if not scene.receivers:
+        raise DesignError("convergence", value="no receiver", limit="is that of the power at receivers")
+    if any(isinstance(source, Rays) for source in scene.sources):
+        raise DesignError("convergence", value="a list of rays", limit="needs sources of any number of rays")
+    whole: Mode = "power" if mode == "roulette" else mode
+    found = list(_integrals(scene, whole, limits))
+    tight = bool(found) and found[-1].u <= TIGHT
+    reference = found.pop() if tight else trace(_with_rays(scene, DENSER * most_rays), whole, limits)
+    numbers = [most_rays >> k for k in range(int(math.log2(most_rays / LEAST_RAYS)), -1, -1)]
+    scenes = [_with_rays(scene, rays) for rays in numbers]
+    fans = [trace(one, mode, limits, seed=seed) for one in scenes]
+    samples = [trace(one, mode, limits, sampling="sobol", seed=seed) for one in scenes]
+    series = tuple(_series(reference, traces) for traces in (fans, samples, found) if traces)
+    return Convergence(mode, reference, series)
+
+
+def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
+    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that is not one fan."""
+    for tolerance in (*TOLERANCES, TIGHT):
+        try:
+            found = integrate(scene, mode, tolerance, limits)
+        except DesignError:  # another source than one fan
+            return
+        if not found.reached:
+            return
+        yield found
+
+
+def _with_rays(scene: Scene, rays: int) -> Scene:
+    """The scene with so many rays, shared out evenly among its sources."""
+    each = max(1, rays // len(scene.sources))
+    return replace(scene, sources=tuple(_of(source, each) for source in scene.sources))
+
+
+def _of(source: Source, rays: int) -> Source:
+    return replace(source, rays=rays)  # type: ignore[type-var]  # all sources are dataclasses
+
+
+def _series(reference: Trace, traces: list[Trace]) -> Series:
+    def error(one: Trace) -> float:
+        return max(abs(one.detectors[name].power - it.power) for name, it in reference.detectors.items())
+
+    return Series(
+        traces[0].method,
+        np.array([one.rays for one in traces]),
+        np.array([error(one) for one in traces]),
+        np.array([one.u for one in traces]),
+    )

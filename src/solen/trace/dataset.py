@@ -1,0 +1,242 @@
+"""A trace as an `xarray.Dataset` with named dimensions, and as a netCDF file.
+
+Every number of a trace is a variable that says its unit (``units``) and what it is (``long_name``). Dimensions:
+``receiver``, ``source``, ``face`` (an interface of a receiver), ``position_bin``, ``angle_bin``, ``monitor``,
+``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place``, ``leg``. Where receivers have different numbers of
+interfaces, or monitors of bins, what is not there is NaN. What a trace has nothing of (monitors, bins, places, legs)
+has neither variable nor dimension.
+
+xarray and what it writes netCDF with are no part of a plain installation: ``pip install "solen[netcdf]"``.
+"""
+
+import importlib
+import math
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import solen
+from solen import files
+from solen.errors import OutputError
+from solen.trace.result import LEG, Crossed, Detected, Trace
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Attributes = Mapping[str, str | int | float]
+_Variable = tuple[tuple[str, ...], Any, dict[str, str]]
+
+SHARE = "1"
+"""Unit of a power, which is a fraction of the emitted power, and of a count."""
+_LEGS = {
+    "ray": (SHARE, "number of the launched ray"),
+    "branch": (SHARE, "number of the branch within its ray"),
+    "parent": (SHARE, "branch that it was split off, -1 for none"),
+    "hit": (SHARE, "interfaces met on the way here"),
+    "interface": (SHARE, "interface that it ends on, by its place in the scene, -1 for none"),
+    "fate": (SHARE, "what becomes of it there: 0 goes on, 1 detected, 2 escaped, 3 absorbed, 4 truncated"),
+    "x_mm": ("mm", "start, x"),
+    "z_mm": ("mm", "start, z"),
+    "dx": (SHARE, "direction, x"),
+    "dz": (SHARE, "direction, z"),
+    "length_mm": ("mm", "length, infinite where it escapes"),
+    "power_s": (SHARE, "power at its start polarised out of the plane, as a fraction of the emitted power"),
+    "power_p": (SHARE, "power at its start polarised in the plane, as a fraction of the emitted power"),
+    "kept": (SHARE, "share of that power left at its end"),
+    "optical_path_mm": ("mm", "optical path from the source to its start"),
+}
+
+
+def check_installed() -> None:
+    """`OutputError` where what writes netCDF is not installed."""
+    for name in ("xarray", "h5netcdf", "h5py"):
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError:
+            remedy = 'pip install "solen[netcdf]"'
+            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+
+
+def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Dataset":
+    """A trace as an `xarray.Dataset`.
+
+    Parameters
+    ----------
+    trace
+        Result of any of the tracers.
+    attributes
+        What else the data set shall say of itself, such as the name of the design.
+
+    Returns
+    -------
+    xarray.Dataset
+        Variables as told above. Its attributes say that it is simulated, by which version of solen, in which mode, and
+        how the rays were chosen.
+
+    Raises
+    ------
+    OutputError
+        Where xarray is not installed.
+    """
+    check_installed()
+    import xarray as xr
+
+    variables: dict[str, _Variable] = {}
+    coordinates: dict[str, _Variable] = {}
+    for part in (_whole(trace), _receivers(trace), _monitors(trace), _places(trace), _legs(trace)):
+        for name, variable in part.items():
+            (coordinates if variable[0] == (name,) else variables)[name] = variable
+    told: dict[str, str | int | float] = {
+        **(attributes or {}),
+        "title": "Light traced through a scene",
+        "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
+        "simulated": 1,
+        "source": f"solen {solen.__version__}",
+        "mode": trace.mode,
+        "method": trace.method,
+        "why": trace.why,
+    }
+    return xr.Dataset(variables, coordinates, told)
+
+
+def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = None) -> Path:
+    """Write a trace to a netCDF-4 file, under a temporary name first; the same trace gives the same bytes.
+
+    Parameters are those of `to_dataset`. ``xarray.load_dataset(path, engine="h5netcdf")`` reads it.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written, or what writes it is not installed.
+    """
+    return files.write_all({Path(path): writer(trace, attributes)})[0]
+
+
+def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path], object]:
+    """What writes a trace as netCDF to a path, for `solen.files.write_all`."""
+    found = to_dataset(trace, attributes)
+    return lambda path: found.to_netcdf(path, engine="h5netcdf")
+
+
+def _whole(trace: Trace) -> dict[str, _Variable]:
+    ledger = trace.ledger
+    fates = {
+        "detected": ledger.detected,
+        "escaped": ledger.escaped,
+        "absorbed": ledger.absorbed,
+        "truncated": ledger.truncated,
+    }
+    single = math.nan if trace.single_error is None else trace.single_error
+    return {
+        "fate": (("fate",), list(fates), {"long_name": "where power went"}),
+        "ledger": _real(("fate",), list(fates.values()), SHARE, "share of the emitted power, 1 in sum"),
+        "rays": _count((), trace.rays, "rays traced"),
+        "hits": _count((), trace.hits, "times that light met an interface"),
+        "undefined": _count((), trace.undefined, "rays that met an interface from a medium they were not in"),
+        "truncated": _count((), trace.truncated, "branches cut off"),
+        "pieces": _count((), trace.pieces, "pieces of the cone, of adaptive integration"),
+        "reached": ((), trace.reached, {"long_name": "whether adaptive integration reached its tolerance"}),
+        "single_error": _real(
+            (), single, SHARE, "largest difference of a power between single and double precision, NaN in double"
+        ),
+    }
+
+
+def _receivers(trace: Trace) -> dict[str, _Variable]:
+    readings: list[Detected] = list(trace.detectors.values())
+    if not readings:
+        return {}
+    one = ("receiver",)
+    found: dict[str, _Variable] = {
+        "receiver": (one, list(trace.detectors), {"long_name": "name of the receiver"}),
+        "power": _real(one, [r.power for r in readings], SHARE, "power detected"),
+        "power_u": _real(one, [r.u for r in readings], SHARE, "what the power may be off by, NaN where unknown"),
+        "arrived": _count(one, [r.rays for r in readings], "rays or branches that arrived"),
+        "optical_path_mm": _real(
+            one, [r.optical_path_mm for r in readings], "mm", "mean optical path of what arrived, weighted by power"
+        ),
+    }
+    sources = max(len(r.by_source) for r in readings)
+    if sources:
+        by_source = _padded([np.array(r.by_source) for r in readings], (sources,))
+        found["source"] = _count(("source",), np.arange(sources), "number of the source in the scene")
+        found["power_by_source"] = _real((*one, "source"), by_source, SHARE, "power detected from each source")
+    faces, bins = (max(sizes) for sizes in zip(*(r.position.shape for r in readings), strict=True))
+    if bins:
+        by_position = _padded([r.position for r in readings], (faces, bins))
+        middle = (np.arange(bins) + 0.5) / bins
+        found["face"] = _count(("face",), np.arange(faces), "number of the interface among those of its receiver")
+        found["position_bin"] = _real(
+            ("position_bin",), middle, "1", "middle of the bin, 0 at the interface's start and 1 at its end"
+        )
+        dims = (*one, "face", "position_bin")
+        found["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
+    angles = max(len(r.angle) for r in readings)
+    if angles:
+        middle = -90.0 + 180.0 * (np.arange(angles) + 0.5) / angles
+        found["angle_bin"] = _real(
+            ("angle_bin",),
+            middle,
+            "degree",
+            "middle of the bin of the angle of incidence, positive where light runs towards the interface's end",
+        )
+        by_angle = _padded([r.angle for r in readings], (angles,))
+        found["power_by_angle"] = _real(
+            (*one, "angle_bin"), by_angle, SHARE, "power detected in each bin of that angle"
+        )
+    return found
+
+
+def _monitors(trace: Trace) -> dict[str, _Variable]:
+    readings: list[Crossed] = list(trace.monitors.values())
+    if not readings:
+        return {}
+    one = ("monitor",)
+    bins = max(len(r.map) for r in readings)
+    by_bin = _padded([r.map for r in readings], (bins,))
+    return {
+        "monitor": (one, list(trace.monitors), {"long_name": "name of the monitor"}),
+        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "number of the bin from the monitor's start"),
+        "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the monitor's left"),
+        "net_power_u": _real(one, [r.u for r in readings], SHARE, "what the net power may be off by, NaN if unknown"),
+        "crossings": _count(one, [r.rays for r in readings], "times that light crossed the monitor"),
+        "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
+    }
+
+
+def _places(trace: Trace) -> dict[str, _Variable]:
+    found: dict[str, _Variable] = {}
+    kinds = {"undefined": trace.undefined_at, "truncated": trace.truncated_at}
+    for kind, places in kinds.items():
+        for axis, values in zip("xz", zip(*places, strict=True), strict=False):
+            what = f"where the first of what is {kind} was, {axis}"
+            found[f"{kind}_{axis}_mm"] = _real((f"{kind}_place",), values, "mm", what)
+    return found
+
+
+def _legs(trace: Trace) -> dict[str, _Variable]:
+    if trace.legs is None:
+        return {}
+    return {
+        f"leg_{name}": (("leg",), trace.legs[name], {"units": _LEGS[name][0], "long_name": f"leg: {_LEGS[name][1]}"})
+        for name in LEG.names or ()
+    }
+
+
+def _real(dims: tuple[str, ...], values: Iterable[float] | float, units: str, name: str) -> _Variable:
+    return dims, np.asarray(values, dtype=np.float64), {"units": units, "long_name": name}
+
+
+def _count(dims: tuple[str, ...], values: Iterable[int] | int, name: str) -> _Variable:
+    return dims, np.asarray(values, dtype=np.int64), {"units": SHARE, "long_name": name}
+
+
+def _padded(parts: list[NDArray[np.float64]], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Arrays of at most a shape, one over the other, with NaN where one has nothing."""
+    whole = np.full((len(parts), *shape), math.nan)
+    for row, part in zip(whole, parts, strict=True):
+        row[tuple(slice(size) for size in part.shape)] = part
+    return whole

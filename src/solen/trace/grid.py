@@ -1,0 +1,74 @@
+"""A grid over a scene of many curves, so that a ray looks only at those in the cells it crosses.
+
+The plane that the curves fill is divided into about twice as many cells as there are pieces. Every piece is entered in
+all cells that its polyline passes, each side of it with its sag and a margin around: too many cells cost a little time,
+too few would lose light.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Curve
+
+FEWEST = 40
+"""With fewer pieces than this, looking at all of them for many rays at once is faster."""
+CELLS_PER_PIECE = 2.0
+MOST_ALONG = 4096
+SAG = 0.1
+
+
+class Grid(NamedTuple):
+    """Arrays of `solen.trace.tables.Tables`: lowest corner, size and number of cells, and the pieces in each."""
+
+    low: NDArray[np.float64]
+    cell: NDArray[np.float64]
+    many: NDArray[np.int64]
+    first: NDArray[np.int64]
+    item: NDArray[np.int64]
+
+
+NO_GRID = Grid(np.zeros(2), np.ones(2), np.ones(2, dtype=np.int64), np.zeros(2, dtype=np.int64), np.zeros(0, np.int64))
+
+
+def grid_of(pieces: Sequence[Curve]) -> Grid:
+    """Grid over pieces of curves, `NO_GRID` where they are few."""
+    if len(pieces) < FEWEST:
+        return NO_GRID
+    ends = np.array([point for curve in pieces for point in (curve.start, curve.middle_point, curve.end)])
+    size = np.ptp(ends, axis=0)
+    widest = float(size.max())
+    cell = math.sqrt(float(np.prod(np.maximum(size, 1e-3 * widest))) / (CELLS_PER_PIECE * len(pieces)))
+    lines = [curve.flattened(SAG * cell) for curve in pieces]
+    everything = np.vstack(lines)
+    margin = SAG * cell + 1e-6 * widest
+    low, high = everything.min(axis=0) - 2.0 * margin, everything.max(axis=0) + 2.0 * margin
+    many = np.clip(np.ceil((high - low) / cell), 1, MOST_ALONG).astype(np.int64)
+    cells = (high - low) / many
+    piece, start, stop = _sides(lines, float(cells.min()))
+    first = np.clip(np.floor((np.minimum(start, stop) - margin - low) / cells), 0, many - 1).astype(np.int64)
+    last = np.clip(np.floor((np.maximum(start, stop) + margin - low) / cells), 0, many - 1).astype(np.int64)
+    wide = last - first + 1
+    counts = wide[:, 0] * wide[:, 1]
+    row = np.repeat(np.arange(len(counts)), counts)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
+    i, j = first[row, 0] + place // wide[row, 1], first[row, 1] + place % wide[row, 1]
+    entries = np.unique(np.column_stack([i * many[1] + j, piece[row]]), axis=0)
+    begins = np.searchsorted(entries[:, 0], np.arange(int(many[0] * many[1]) + 1))
+    return Grid(low, cells, many, begins.astype(np.int64), np.ascontiguousarray(entries[:, 1]))
+
+
+def _sides(
+    lines: Sequence[NDArray[np.float64]], longest: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Sides of all polylines, cut to at most ``longest``: number of the polyline, first and last point."""
+    starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
+    owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
+    parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / longest), 1).astype(np.int64)
+    row = np.repeat(np.arange(len(parts)), parts)
+    place = (np.arange(len(row)) - np.repeat(np.cumsum(parts) - parts, parts))[:, None]
+    step = (stops - starts)[row] / parts[row, None]
+    return owner[row], starts[row] + place * step, starts[row] + (place + 1) * step

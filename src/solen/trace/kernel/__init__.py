@@ -1,0 +1,1 @@
+"""The compiled kernel: curves, surfaces and the loop over rays; `solen.trace.engine` drives it."""

@@ -1,0 +1,422 @@
+"""Cutting a cone of launch angles into pieces of one tree, and integrating over each; see `solen.trace.adaptive`."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.rows import Floats, Precision
+from solen.trace.kernel.tree import NO_ROOM, Family, trace_tree
+from solen.trace.tables import Tables
+
+Real = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SAMPLES, LEGS, PIECES, RAYS, ALL_LEGS, UNDEFINED = range(6)
+DONE, FULL = range(2)
+NEIGHBOURS = 1e-8
+"""Gap in radians across which two pieces share an edge."""
+
+
+class Rule(NamedTuple):
+    """Gauss–Kronrod pair: nodes in [−1, 1] (15,), weights of both rules."""
+
+    nodes: Real
+    kronrod: Real
+    gauss: Real
+
+
+class Samples(NamedTuple):
+    """Rays at angles (radians), chained in the order of the angle; the stretch behind each is whole or not."""
+
+    angle: Real
+    tree: NDArray[np.uint64]
+    undefined: NDArray[np.bool_]
+    first: Ints
+    """where its legs begin"""
+    many: Ints
+    after: Ints
+    """the next sample, −1 for none"""
+    whole: NDArray[np.bool_]
+    legs: Real
+    open: Ints
+    """room for a stack of stretches"""
+    value: Real
+    """(D + 2,) of the ray traced last"""
+    stack: Floats
+    counts: Ints
+    """(6,) samples, legs, pieces, rays, all legs, undefined rays of the quadrature"""
+
+
+class Pieces(NamedTuple):
+    """Stretches of one tree: from, to (radians), the tree; and parts of them, each integrated by one rule."""
+
+    low: Real
+    high: Real
+    tree: NDArray[np.uint64]
+    first: Ints
+    """the sample at its start"""
+    part_low: Real
+    part_high: Real
+    part_of: Ints
+    waiting: Real
+    """(room, 2) parts still to be integrated"""
+
+
+@called
+def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float) -> int:
+    """Trace a ray and keep it; returns its number, −1 where there is no room."""
+    n, first = samples.counts[SAMPLES], samples.counts[LEGS]
+    if n == len(samples.angle):
+        return NO_ROOM
+    many, tree, undefined = trace_tree(k, tables, family, angle, samples.value, samples.legs[first:], samples.stack)
+    if many == NO_ROOM:
+        return NO_ROOM
+    samples.angle[n], samples.tree[n], samples.undefined[n] = angle, tree, undefined
+    samples.first[n], samples.many[n], samples.after[n], samples.whole[n] = first, many, -1, False
+    samples.counts[SAMPLES], samples.counts[LEGS] = n + 1, first + many
+    samples.counts[RAYS] += 1
+    samples.counts[ALL_LEGS] += many
+    return int(n)
+
+
+@compiled
+def holds(
+    ax: float, az: float, bx: float, bz: float, cx: float, cz: float, dx: float, dz: float, px: float, pz: float
+) -> bool:
+    """Whether a point is in a quadrilateral, a crossed one too (even–odd rule)."""
+    inside = False
+    if (az > pz) != (bz > pz) and px < ax + (pz - az) / (bz - az) * (bx - ax):
+        inside = not inside
+    if (bz > pz) != (cz > pz) and px < bx + (pz - bz) / (cz - bz) * (cx - bx):
+        inside = not inside
+    if (cz > pz) != (dz > pz) and px < cx + (pz - cz) / (dz - cz) * (dx - cx):
+        inside = not inside
+    if (dz > pz) != (az > pz) and px < dx + (pz - dz) / (az - dz) * (ax - dx):
+        inside = not inside
+    return inside
+
+
+@called
+def is_whole(samples: Samples, i: int, j: int, ends: Real) -> bool:
+    """Whether two rays have one tree and no curve ends in the beam between them or beside a curved face of it."""
+    if samples.tree[i] != samples.tree[j] or samples.many[i] != samples.many[j]:
+        return False
+    legs = samples.legs
+    for leg in range(samples.many[i]):
+        a, b = samples.first[i] + leg, samples.first[j] + leg
+        ax, az, bx, bz = legs[a, 0], legs[a, 1], legs[a, 2], legs[a, 3]
+        cx, cz, dx, dz = legs[b, 2], legs[b, 3], legs[b, 0], legs[b, 1]
+        bent = legs[a, 4] == 1.0
+        # a diamond about the chord between both ends, wide enough for the curved face there
+        mx, mz, hx, hz = 0.5 * (bx + cx), 0.5 * (bz + cz), -0.5 * (cz - bz), 0.5 * (cx - bx)
+        reach = abs(hx) + abs(hz) if bent else 0.0
+        x_low, x_high = min(min(ax, bx), min(cx, dx)) - reach, max(max(ax, bx), max(cx, dx)) + reach
+        z_low, z_high = min(min(az, bz), min(cz, dz)) - reach, max(max(az, bz), max(cz, dz)) + reach
+        for e in range(len(ends)):
+            px, pz = ends[e, 0], ends[e, 1]
+            if px < x_low or px > x_high or pz < z_low or pz > z_high:
+                continue
+            if holds(ax, az, bx, bz, cx, cz, dx, dz, px, pz):
+                return False
+            if bent and holds(bx, bz, mx + hx, mz + hz, cx, cz, mx - hx, mz - hz, px, pz):
+                return False
+    return True
+
+
+@called
+def cut(k: Precision, tables: Tables, family: Family, samples: Samples, ends: Real, opened: int, narrow: float) -> int:
+    """Halve the first ``opened`` stretches in ``samples.open`` until each is whole or narrow; FULL where room ends."""
+    while opened > 0:
+        opened -= 1
+        i = samples.open[opened]
+        j = samples.after[i]
+        samples.whole[i] = is_whole(samples, i, j, ends)
+        if samples.whole[i] or samples.angle[j] - samples.angle[i] <= narrow:
+            continue
+        if opened + 2 > len(samples.open):
+            return FULL
+        middle = samples.angle[i] + 0.5 * (samples.angle[j] - samples.angle[i])
+        new = add_sample(k, tables, family, samples, middle)
+        if new == NO_ROOM:
+            return FULL
+        samples.after[i], samples.after[new] = new, j
+        samples.open[opened], samples.open[opened + 1] = new, i
+        opened += 2
+    return DONE
+
+
+@called
+def open_gaps(samples: Samples, narrow: float) -> int:
+    """Put the stretches that are not whole and wider than ``narrow`` into ``samples.open``; returns how many."""
+    opened, i = 0, 0
+    while samples.after[i] >= 0:
+        j = samples.after[i]
+        if not samples.whole[i] and samples.angle[j] - samples.angle[i] > narrow and opened < len(samples.open):
+            samples.open[opened] = i
+            opened += 1
+        i = j
+    return opened
+
+
+@called
+def gather(samples: Samples, pieces: Pieces) -> float:
+    """Runs of whole stretches become pieces; returns the width of all that is between them."""
+    n, i, gaps = 0, 0, 0.0
+    while samples.after[i] >= 0:
+        if not samples.whole[i]:
+            gaps += samples.angle[samples.after[i]] - samples.angle[i]
+            i = samples.after[i]
+            continue
+        first = i
+        while samples.after[i] >= 0 and samples.whole[i]:
+            i = samples.after[i]
+        if n == len(pieces.low):
+            samples.counts[PIECES] = n
+            return math.inf
+        pieces.low[n], pieces.high[n] = samples.angle[first], samples.angle[i]
+        pieces.tree[n], pieces.first[n] = samples.tree[first], first
+        n += 1
+    samples.counts[PIECES] = n
+    return gaps
+
+
+@called
+def insert_stray(k: Precision, tables: Tables, family: Family, samples: Samples, start: int, angle: float) -> int:
+    """Keep a ray whose tree is not its piece's; the stretch it divides is to be looked at again: its number, or −1."""
+    i = start
+    while samples.after[i] >= 0 and samples.angle[samples.after[i]] <= angle:
+        i = samples.after[i]
+    new = add_sample(k, tables, family, samples, angle)
+    if new == NO_ROOM:
+        return NO_ROOM
+    samples.after[new], samples.after[i] = samples.after[i], new
+    samples.whole[i] = False
+    return new
+
+
+@called
+def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one quadrature
+    k: Precision,
+    tables: Tables,
+    family: Family,
+    samples: Samples,
+    pieces: Pieces,
+    rule: Rule,
+    density: float,
+    narrow: float,
+    most_legs: int,
+    work: Real,
+    total: Real,
+) -> tuple[float, int, int]:
+    """Integrate over all pieces, each halved until its error per width is at most ``density``.
+
+    ``work`` is (16, D + 2): values at the nodes, then their sum. ``total`` (D + 2,) becomes the integral. Returns
+    the error, how many parts, and how many strays were put into the chain; a piece with strays is left out.
+    """
+    error, parts, strays, columns = 0.0, 0, 0, len(total)
+    for d in range(columns):
+        total[d] = 0.0
+    for piece in range(samples.counts[PIECES]):
+        pieces.waiting[0, 0], pieces.waiting[0, 1] = pieces.low[piece], pieces.high[piece]
+        waiting = 1
+        while waiting > 0:
+            waiting -= 1
+            low, high = pieces.waiting[waiting, 0], pieces.waiting[waiting, 1]
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            clean = True
+            for node in range(len(rule.nodes)):
+                angle = middle + half * rule.nodes[node]
+                kept = samples.counts[LEGS]
+                many, tree, undefined = trace_tree(
+                    k, tables, family, angle, work[node], samples.legs[kept:], samples.stack
+                )
+                samples.counts[RAYS] += 1
+                samples.counts[ALL_LEGS] += max(many, 0)
+                samples.counts[UNDEFINED] += 1 if undefined else 0
+                if many == NO_ROOM or samples.counts[ALL_LEGS] > most_legs:
+                    return math.inf, parts, 0
+                if tree != pieces.tree[piece]:
+                    clean = False
+                    if insert_stray(k, tables, family, samples, pieces.first[piece], angle) == NO_ROOM:
+                        return math.inf, parts, 0
+                    strays += 1
+            if not clean:
+                break
+            worst = 0.0
+            for d in range(columns):
+                kronrod, gauss, spread = 0.0, 0.0, 0.0
+                for node in range(len(rule.nodes)):
+                    kronrod += rule.kronrod[node] * work[node, d]
+                    gauss += rule.gauss[node] * work[node, d]
+                for node in range(len(rule.nodes)):
+                    spread += rule.kronrod[node] * abs(work[node, d] - 0.5 * kronrod)
+                work[15, d] = half * kronrod
+                apart = abs(kronrod - gauss)
+                if apart > 0.0 and spread > 0.0:
+                    apart = spread * min(1.0, (200.0 * apart / spread) ** 1.5)
+                worst = max(worst, half * apart)
+            if worst <= density * (high - low) or high - low <= narrow:
+                if parts == len(pieces.part_low):
+                    return math.inf, parts, 0
+                for d in range(columns):
+                    total[d] += work[15, d]
+                error += worst
+                pieces.part_low[parts], pieces.part_high[parts], pieces.part_of[parts] = low, high, piece
+                parts += 1
+            else:
+                if waiting + 2 > len(pieces.waiting):
+                    return math.inf, parts, 0
+                pieces.waiting[waiting, 0], pieces.waiting[waiting, 1] = middle, high
+                pieces.waiting[waiting + 1, 0], pieces.waiting[waiting + 1, 1] = low, middle
+                waiting += 2
+    return error, parts, strays
+
+
+@called
+def integrate_cone(
+    k: Precision,
+    tables: Tables,
+    family: Family,
+    samples: Samples,
+    pieces: Pieces,
+    ends: Real,
+    rule: Rule,
+    half: float,
+    tolerance: float,
+    narrow: float,
+    narrowest: float,
+    first_stretches: int,
+    most_legs: int,
+    work: Real,
+    total: Real,
+) -> tuple[float, float, int, bool]:
+    """Integral over angles from −half to half of all that one ray gives.
+
+    Returns the error, the width of all gaps, how many parts, and whether it came to an end.
+    """
+    for i in range(len(samples.counts)):
+        samples.counts[i] = 0
+    for i in range(first_stretches + 1):
+        if add_sample(k, tables, family, samples, half * (2.0 * i / first_stretches - 1.0)) == NO_ROOM:
+            return math.inf, 2.0 * half, 0, False
+        if i > 0:
+            samples.after[i - 1] = i
+    if samples.counts[ALL_LEGS] * 200 > most_legs:
+        return math.inf, 2.0 * half, 0, False
+    while True:
+        opened = open_gaps(samples, narrow)
+        if cut(k, tables, family, samples, ends, opened, narrow) == FULL:
+            return math.inf, 2.0 * half, 0, False
+        gaps = gather(samples, pieces)
+        if gaps > 0.5 * tolerance * 2.0 * half and narrow > narrowest:
+            narrow = max(0.1 * narrow, narrowest)
+            continue
+        error, parts, strays = integrate_pieces(
+            k, tables, family, samples, pieces, rule, 0.25 * tolerance, narrowest, most_legs, work, total
+        )
+        if strays == 0:
+            return error, gaps, parts, error < math.inf
+
+
+@called
+def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float, tree: np.uint64) -> bool:
+    """Whether the ray at an angle has a tree."""
+    many, found, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs, samples.stack)
+    return many != NO_ROOM and found == tree
+
+
+@called
+def moved_edge(
+    k: Precision,
+    tables: Tables,
+    family: Family,
+    samples: Samples,
+    tree: np.uint64,
+    edge: float,
+    middle: float,
+    limit: float,
+) -> float:
+    """Where the edge of a piece has gone in a scene that was changed a little; NaN where it is not found.
+
+    The search begins at the old edge and goes outwards while the tree is the piece's, up to ``limit``, or else inwards,
+    up to ``middle``; then the place is bisected as far as numbers go.
+    """
+    outwards = 1.0 if edge > middle else -1.0
+    inside = has_tree(k, tables, family, samples, edge, tree)
+    step = 1e-12
+    same, other = edge, edge
+    while True:
+        new = edge + (outwards if inside else -outwards) * step
+        if inside and (new - limit) * outwards >= 0.0:
+            return limit
+        if not inside and (new - middle) * outwards <= 0.0:
+            return math.nan
+        if has_tree(k, tables, family, samples, new, tree) != inside:
+            same, other = (same, new) if inside else (new, other)
+            break
+        same, other = (new, other) if inside else (same, new)
+        step *= 4.0
+    while True:
+        new = 0.5 * (same + other)
+        if new in (same, other):
+            return same
+        if has_tree(k, tables, family, samples, new, tree):
+            same = new
+        else:
+            other = new
+
+
+@called
+def integrate_again(
+    k: Precision,
+    tables: Tables,
+    family: Family,
+    samples: Samples,
+    pieces: Pieces,
+    many: int,
+    parts: int,
+    rule: Rule,
+    half: float,
+    work: Real,
+    total: Real,
+) -> tuple[float, bool]:
+    """Integral of a scene that was changed a little, over the same pieces, their edges moved to where they are now.
+
+    ``pieces`` are those of the scene before, and become those of this one. Every part keeps its share of its piece, so
+    that what the rule leaves out is the same to first order and drops out of differences. Returns the width of what
+    lies between the pieces, and whether all edges and all nodes were found where they belong.
+    """
+    for d in range(len(total)):
+        total[d] = 0.0
+    width, part, before, shift = 0.0, 0, -math.inf, 0.0
+    for piece in range(many):
+        low, high, tree = pieces.low[piece], pieces.high[piece], pieces.tree[piece]
+        middle, new_low, new_high = 0.5 * (low + high), low, high
+        if low - before > NEIGHBOURS:
+            shift = 0.0  # else the piece is sought where the one before it has gone: it may be narrower than that
+        if low > -half:
+            new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, -half)
+            shift = new_low - low
+        if high < half:
+            new_high = moved_edge(k, tables, family, samples, tree, high + shift, middle + shift, half)
+        if not new_low < new_high:
+            return math.inf, False
+        before, shift = high, new_high - high
+        width += new_high - new_low
+        stretch = (new_high - new_low) / (high - low)
+        while part < parts and pieces.part_of[part] == piece:
+            a = new_low + stretch * (pieces.part_low[part] - low)
+            b = new_low + stretch * (pieces.part_high[part] - low)
+            for node in range(len(rule.nodes)):
+                angle = 0.5 * (a + b) + 0.5 * (b - a) * rule.nodes[node]
+                found, tree_there, _ = trace_tree(k, tables, family, angle, work[node], samples.legs, samples.stack)
+                if found == NO_ROOM or tree_there != tree:
+                    return math.inf, False
+                for d in range(len(total)):
+                    total[d] += 0.5 * (b - a) * rule.kronrod[node] * work[node, d]
+            part += 1
+        pieces.low[piece], pieces.high[piece] = new_low, new_high
+    return 2.0 * half - width, True

@@ -1,0 +1,69 @@
+"""How the kernel is compiled: by numba, without the interpreter's lock, cached on disk.
+
+numba renews a cached function only when the file it stands in changes. The functions here call each other across files,
+so all of them carry one stamp: the newest change of any file that takes part.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar, cast
+
+import numba
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+COMPILED_IN = ("trace/tables.py", "trace/result.py", "curve/base.py", "scene/model.py")
+"""Other files whose constants the kernel takes over."""
+SOURCES = (*sorted(HERE.glob("*.py")), *(ROOT / name for name in COMPILED_IN))
+STAMP = (max(source.stat().st_mtime for source in SOURCES), sum(source.stat().st_size for source in SOURCES))
+OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract", "arcp", "nsz"},
+    "_nrt": False,
+}
+"""No reference is counted, so that passing tables to a function costs nothing; so nothing can be allocated either: room
+to work in is handed in. Division follows IEEE 754 (no branch for a zero divisor), and rounding may differ by fused
+operations and by multiplying with a reciprocal; infinities and NaN keep their meaning, parallel rays depend on it."""
+
+
+def compiled(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that becomes part of its callers: what a loop calls, so that it can do several at once."""
+    return _compiled(function, forceinline=True)
+
+
+def rounded(function: Callable[P, R]) -> Callable[P, R]:
+    """As `compiled`, with every operation rounded: the same arguments give the same number wherever it is asked for."""
+    return _compiled(function, forceinline=True, fastmath=False)
+
+
+def never_nan(function: Callable[P, R]) -> Callable[P, R]:
+    """As `compiled`, for numbers that are never NaN: a least or greatest one can be sought by several at once."""
+    return _compiled(function, forceinline=True, fastmath={"contract", "arcp", "nsz", "nnan", "reassoc"})
+
+
+def called(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a function that stands on its own: a large one, which would be compiled anew in each of its callers."""
+    return _compiled(function)
+
+
+def _compiled(function: Callable[P, R], **more: Any) -> Callable[P, R]:
+    """`numba.njit` with a cache on disk, keeping the types that a checker sees."""
+    return cast("Callable[P, R]", cached(partial(numba.njit, **(OPTIONS | more)), function))
+
+
+def cached(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
+    """What a decorator of numba's makes of a function, with a cache on disk."""
+    try:
+        dispatcher = decorator(function, cache=True)
+    except RuntimeError:  # nowhere to keep a cache: a read-only installation and no home folder
+        return decorator(function)
+    cache = getattr(dispatcher, "_cache", None)  # there is none where numba is told to compile nothing
+    index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
+    if index is not None:
+        index._source_stamp = STAMP
+    return dispatcher

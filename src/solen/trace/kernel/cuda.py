@@ -1,0 +1,359 @@
+"""The engine on a graphics card (CUDA): one thread per ray, with the functions that the processor runs.
+
+`follow` is the loop of `solen.trace.kernel.loop` for a single ray at a time; what a ray meets and what becomes of it
+there is decided by the same functions. They are compiled again for the card, from the same source.
+
+The same scene gives the same numbers to the last bit, whatever order the card works in: thread t of T follows the rays
+t, t + T, t + 2 T, …, and T depends on the scene alone; each thread adds up its own rays in a column of its own, and the
+columns are added in a fixed order. No two threads ever write to one place. Stretches of rays are not kept here.
+
+Import this module where it is used: it needs numba-cuda, which few have.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import cuda
+from numba.core import config
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from solen.trace.kernel.compiled import cached, called
+from solen.trace.kernel.hits import product
+from solen.trace.kernel.loop import (
+    CUT,
+    HITS,
+    LEG_WIDTH,
+    UNDEFINED,
+    Rows,
+    Rules,
+    Sums,
+    corner_step,
+    count_arrival,
+    count_monitors,
+    escape,
+    meet,
+    note_place,
+)
+from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.rows import Floats, Ints, Precision
+from solen.trace.kernel.surface import BRANCHES, ROULETTE, at_surface, drawn
+from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
+from solen.trace.tables import Tables
+
+CHUNK = 2**18
+"""Rays that go to the card at a time."""
+MOST_THREADS = 2**16
+BLOCK = 128
+"""Threads of a block: few, as each needs many registers."""
+FEWEST_BLOCKS = 128
+"""numba warns of fewer; those that find no work end at once."""
+ROOM_BYTES = 2**29
+"""Memory for columns and waiting branches; where they are long, fewer threads run."""
+ADDED = 256
+"""Columns that a thread adds up in the first of two rounds."""
+X, Z, DX, DZ, S, P, AT, OPTICAL = range(8)
+REGION, LAST, HIT = range(3)
+
+
+class Waiting(NamedTuple):
+    """Branches that wait, last in, first out; the last axis is the thread."""
+
+    state: Floats
+    """(depth, 8, T)"""
+    tags: Ints
+    """(depth, 3, T)"""
+
+
+@called
+def follow(  # noqa: C901  one loop, as that over blocks of rays
+    k: Precision,
+    tables: Tables,
+    columns: Sums,
+    waiting: Waiting,
+    rays: Rows,
+    rules: Rules,
+    thread: int,
+    threads: int,
+) -> None:
+    """Follow every ``threads``-th ray from ``thread`` on, and add up what becomes of it in the thread's column."""
+    sums = Sums(
+        columns.fate[:, thread],
+        columns.detected[:, thread],
+        columns.arrived[:, thread],
+        columns.optical[:, thread],
+        columns.position[:, :, thread],
+        columns.angle[:, :, thread],
+        columns.crossed[:, thread],
+        columns.crossings[:, thread],
+        columns.maps[:, thread],
+        columns.counts[:, thread],
+        columns.place[thread],
+        columns.legs,
+    )
+    state, tags = waiting.state, waiting.tags
+    met, has_monitors = 0, len(tables.monitor) > 0
+    for number in range(thread, len(rays.x), threads):
+        x, z, dx, dz = rays.x[number], rays.z[number], rays.dx[number], rays.dz[number]
+        s, p, colour = rays.s[number], rays.p[number], rays.colour[number]
+        least, at, optical = rules.min_weight * (s + p), k.zero, k.zero
+        region, last, hits, waits = -1, -1, 0, 0
+        while True:
+            goes_on, power = False, s + p
+            length, c, place = nearest(k, tables, x, z, dx, dz, last, at)
+            if c < 0:
+                loss, fate = escape(k, tables, rules, region, colour)
+                if has_monitors:
+                    count_monitors(tables, sums, x, z, dx, dz, math.inf, power, loss)
+                sums.fate[fate] += power
+            else:
+                px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate = meet(
+                    k, tables, rules, c, length, place, x, z, dx, dz, last, at, region, colour, hits, power, least
+                )
+                if corner:
+                    step = corner_step(k, x, z)
+                    x, z, last, at = x + step * dx, z + step * dz, c, place
+                    continue
+                met += 1
+                if undefined:
+                    note_place(sums, UNDEFINED, px, pz)
+                elif has_monitors:
+                    count_monitors(tables, sums, x, z, dx, dz, length, power, loss)
+                s, p = kept * s, kept * p
+                if loss > 0.0:
+                    sums.fate[ABSORBED] += power - (s + p)
+                    power = s + p
+                index = tables.refractive_index[colour, here]
+                optical += index * length
+                if fate != GOES_ON:
+                    sums.fate[fate] += power
+                    if fate == TRUNCATED and not undefined:
+                        note_place(sums, CUT, px, pz)
+                    if fate == DETECTED:
+                        count_arrival(k, tables, sums, c, px, pz, place, dx * nz - dz * nx, power, optical)
+                else:
+                    tx, tz, bx, bz, back_s, back_p = at_surface(
+                        k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz,
+                        index, tables.refractive_index[colour, there], s, p,
+                    )  # fmt: skip
+                    on_s, on_p = s - back_s, p - back_p
+                    on, back = on_s + on_p, back_s + back_p
+                    if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
+                        ray = rules.first + rules.step * number
+                        on_s, on_p, back_s, back_p, on, back = drawn(
+                            k, rules.seed, ray, hits, power, on_s, on_p, back_s, back_p
+                        )
+                    both = on >= least and back >= least
+                    goes_on = on >= least or back >= least
+                    goes_back = back <= on if both else back >= least  # of two parts the weaker goes first
+                    cut = (on if on < least else k.zero) + (back if back < least else k.zero)
+                    if both and waits == len(state):  # powers too small for their type to be halved
+                        both, cut = False, on if goes_back else back
+                    if cut > 0.0:
+                        sums.fate[TRUNCATED] += cut
+                        note_place(sums, CUT, px, pz)
+                    hits += 1
+                    if both:
+                        state[waits, X, thread], state[waits, Z, thread] = px, pz
+                        state[waits, DX, thread] = tx if goes_back else bx
+                        state[waits, DZ, thread] = tz if goes_back else bz
+                        state[waits, S, thread] = on_s if goes_back else back_s
+                        state[waits, P, thread] = on_p if goes_back else back_p
+                        state[waits, AT, thread], state[waits, OPTICAL, thread] = place, optical
+                        tags[waits, REGION, thread] = there if goes_back else here
+                        tags[waits, LAST, thread], tags[waits, HIT, thread] = c, hits
+                        waits += 1
+                    x, z, last, at = px, pz, c, place
+                    if goes_back:
+                        dx, dz, s, p, region = bx, bz, back_s, back_p, here
+                    else:
+                        dx, dz, s, p, region = tx, tz, on_s, on_p, there
+            if goes_on:
+                continue
+            if waits == 0:
+                break
+            waits -= 1
+            x, z = state[waits, X, thread], state[waits, Z, thread]
+            dx, dz = state[waits, DX, thread], state[waits, DZ, thread]
+            s, p = state[waits, S, thread], state[waits, P, thread]
+            at, optical = state[waits, AT, thread], state[waits, OPTICAL, thread]
+            region, last, hits = tags[waits, REGION, thread], tags[waits, LAST, thread], tags[waits, HIT, thread]
+    sums.counts[HITS] += met
+
+
+def _on_card(function: Any, made: dict[Any, Any]) -> Any:
+    """A compiled function as the card's own, and so all that it calls.
+
+    numba would convert them by itself where a kernel calls them, but with ``fastmath``, of which it knows there no more
+    than on or off: infinities and NaN would lose their meaning, and parallel rays depend on them.
+    """
+    if function not in made:
+        source = function.py_func
+        others = {name: source.__globals__.get(name) for name in source.__code__.co_names}
+        calls = {name: _on_card(other, made) for name, other in others.items() if isinstance(other, Dispatcher)}
+        copy = FunctionType(source.__code__, source.__globals__ | calls, source.__name__)
+        made[function] = cuda.jit(copy, device=True)
+    return made[function]
+
+
+def _product(a: float, b: float) -> float:
+    """A product that the card does not fuse with a sum; what it is there stands below."""
+    return a * b
+
+
+SIMULATED = bool(getattr(config, "ENABLE_CUDASIM", False))
+"""Whether numba imitates a card: then the processor's functions run, on the processor's arrays."""
+_follow: Callable[..., None] = follow
+_kernel: Callable[[Callable[..., None]], Any] = cuda.jit
+if not SIMULATED:
+    from numba.cuda.extending import overload
+
+    overload(_product)(
+        lambda a, b: (
+            (lambda a, b: cuda.libdevice.dmul_rn(a, b))
+            if cuda.types.float64 in (a, b)
+            else (lambda a, b: cuda.libdevice.fmul_rn(a, b))
+        )
+    )
+    _follow, _kernel = _on_card(follow, {product: _product}), partial(cached, partial(cuda.jit, lto=False))
+
+
+@_kernel
+def _trace(
+    k: Precision, tables: Tables, columns: Sums, waiting: Waiting, rays: Rows, rules: Rules, threads: int
+) -> None:
+    thread = cuda.grid(1)
+    if thread < threads:
+        _follow(k, tables, columns, waiting, rays, rules, thread, threads)
+
+
+@_kernel
+def _add(columns: Any, sums: Any) -> None:
+    """Add the columns of each row to a few, in order, and clear them."""
+    row, lane = divmod(cuda.grid(1), sums.shape[1])
+    if row < sums.shape[0]:
+        sums[row, lane] = 0
+        total = sums[row, lane]
+        for column in range(lane, columns.shape[1], sums.shape[1]):
+            total += columns[row, column]
+            columns[row, column] = 0
+        sums[row, lane] = total
+
+
+def available() -> bool:
+    """Whether there is a card, with its driver and a compiler for it."""
+    return bool(cuda.is_available())
+
+
+class Card:
+    """A graphics card with a scene on it.
+
+    Parameters
+    ----------
+    k, tables
+        The scene, in double or single precision.
+    like
+        Sums of the shapes wanted.
+    splitting, min_weight
+        How rays are followed; see `Rules`.
+    rays
+        The most that will be traced at a time.
+    """
+
+    def __init__(self, k: Precision, tables: Tables, like: Sums, splitting: int, min_weight: float, rays: int) -> None:
+        dtype = tables.shape.dtype
+        depth = 2 - math.floor(math.log2(min_weight)) if splitting == BRANCHES else 1
+        floats, ints = (sum(getattr(like, name).size for name in names) for names in (_FLOATS, _INTS))
+        bytes_each = 8 * (floats + ints + 4 * KEPT_PLACES) + depth * (8 * dtype.itemsize + 3 * 8)
+        most = min(MOST_THREADS, max(ROOM_BYTES // bytes_each, 1), max(rays, 1))
+        self._threads = 1 << math.floor(math.log2(most))
+        self._k, self._like = k, like
+        self._tables = Tables(*(_put(column) for column in tables))
+        self._waiting = Waiting(
+            _room((depth, 8, self._threads), dtype), _room((depth, 3, self._threads), np.dtype(np.int64))
+        )
+        self._floats = _room((floats, self._threads), np.dtype(np.float64))
+        self._ints = _room((ints, self._threads), np.dtype(np.int64))
+        self._columns = Sums(
+            **self._parts(self._floats, _FLOATS),
+            **self._parts(self._ints, _INTS),
+            place=_room((self._threads, *like.place.shape), np.dtype(np.float64)),
+            legs=_room((0, LEG_WIDTH), np.dtype(np.float64)),
+        )
+        self._added(self._floats)  # which clears them
+        self._added(self._ints)
+
+    def trace(self, rays: Rows, rules: Rules) -> Sums:
+        """Trace rays and add up what becomes of them."""
+        there = Rows(*(_put(column) for column in rays))
+        _trace[_blocks(self._threads), BLOCK](*self.arguments(), there, rules, self._threads)
+        place = self._places()
+        sums: dict[str, NDArray[Any]] = {}
+        for names, columns in ((_FLOATS, self._floats), (_INTS, self._ints)):
+            ends = np.cumsum([getattr(self._like, name).size for name in names])[:-1]
+            parts = zip(names, np.split(self._added(columns), ends), strict=True)
+            sums |= {name: part.reshape(getattr(self._like, name).shape) for name, part in parts}
+        return Sums(**sums, place=place, legs=self._like.legs)
+
+    def arguments(self) -> tuple[Precision, Tables, Sums, Waiting]:
+        """What the kernel is given whatever the rays."""
+        return self._k, self._tables, self._columns, self._waiting
+
+    def _parts(self, columns: Any, names: tuple[str, ...]) -> dict[str, Any]:
+        """The rows of each sum, in its shape."""
+        parts, first = {}, 0
+        for name in names:
+            like = getattr(self._like, name)
+            shape = (*like.shape, self._threads)
+            parts[name] = columns[first : first + like.size].reshape(shape) if like.size else _room(shape, like.dtype)
+            first += like.size
+        return parts
+
+    def _added(self, columns: Any) -> NDArray[Any]:
+        """Sum of all columns, which are cleared."""
+        while True:
+            rows, lanes = columns.shape[0], -(-columns.shape[1] // ADDED)
+            sums = _room((rows, lanes), columns.dtype)
+            _add[_blocks(rows * lanes), BLOCK](columns, sums)
+            if lanes == 1:
+                return _got(sums)[:, 0]
+            columns = sums
+
+    def _places(self) -> NDArray[np.float64]:
+        """First places of both kinds, thread by thread."""
+        place = np.full(self._like.place.shape, math.nan)
+        many = _got(self._columns.counts)
+        for kind, count in enumerate((UNDEFINED, CUT)):
+            known = 0
+            for thread in np.flatnonzero(many[count])[:KEPT_PLACES]:
+                mine = _got(self._columns.place[int(thread)])[kind, : many[count, thread]]
+                new = mine[: KEPT_PLACES - known]
+                place[kind, known : known + len(new)] = new
+                known += len(new)
+                if known == KEPT_PLACES:
+                    break
+        return place
+
+
+_FLOATS = ("fate", "detected", "optical", "position", "angle", "crossed", "maps")
+_INTS = ("arrived", "crossings", "counts")
+
+
+def _blocks(threads: int) -> int:
+    return max(-(-threads // BLOCK), 1 if SIMULATED else FEWEST_BLOCKS)
+
+
+def _room(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:
+    return np.zeros(shape, dtype) if SIMULATED else cuda.device_array(shape, dtype)
+
+
+def _put(column: NDArray[Any]) -> Any:
+    return column if SIMULATED else cuda.to_device(np.ascontiguousarray(column))
+
+
+def _got(column: Any) -> NDArray[Any]:
+    return np.array(column) if SIMULATED else np.asarray(column.copy_to_host())

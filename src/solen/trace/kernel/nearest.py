@@ -1,0 +1,199 @@
+"""The nearest interface ahead of one ray: all of them in turn, or through a grid where there are many."""
+
+import math
+
+from solen.trace.kernel.compiled import compiled
+from solen.trace.kernel.hits import (
+    arc_hit,
+    conic_hit,
+    cubic_beside,
+    cubic_hit,
+    cubic_tangent,
+    oval_hit,
+    segment_hit,
+)
+from solen.trace.kernel.rows import (
+    ARC,
+    CONIC,
+    CUBIC,
+    OVAL,
+    SEGMENT,
+    Cubic,
+    Floats,
+    Ints,
+    Precision,
+    arc_row,
+    conic_row,
+    cubic_row,
+    oval_row,
+    segment_row,
+)
+from solen.trace.tables import Tables
+
+
+@compiled
+def curve_hit(
+    k: Precision,
+    kind: Ints,
+    shape: Floats,
+    before: Ints,
+    c: int,
+    x: float,
+    z: float,
+    dx: float,
+    dz: float,
+    last: int,
+    at: float,
+) -> tuple[float, float]:
+    """Distance to curve ``c`` and the parameter there (of cubic pieces alone); the ray stands on ``last`` at ``at``."""
+    leaving = c == last
+    if kind[c] == SEGMENT:
+        return segment_hit(k, segment_row(shape, c), x, z, dx, dz, leaving), k.zero
+    if kind[c] == CONIC:
+        return conic_hit(k, conic_row(shape, c), x, z, dx, dz, leaving), k.zero
+    if kind[c] == ARC:
+        return arc_hit(k, arc_row(shape, c), x, z, dx, dz, leaving), k.zero
+    if kind[c] == OVAL:
+        return oval_hit(k, oval_row(shape, c), x, z, dx, dz, leaving), k.zero
+    q = cubic_row(shape, c)
+    if leaving:
+        return cubic_hit(k, q, x, z, dx, dz, True, at, k.zero)
+    if last >= 0 and kind[last] == CUBIC and (before[c] == last or before[last] == c):
+        forwards = before[c] == last
+        if (at >= 1.0 if forwards else at <= 0.0) or on_joint(
+            k, q, forwards, x, z
+        ):  # it stands on the joint of the two
+            return cubic_hit(k, q, x, z, dx, dz, True, k.zero if forwards else k.one, k.zero)
+        beside = cubic_beside(k, cubic_row(shape, last), x, z, dx, dz, at)
+        return cubic_hit(k, q, x, z, dx, dz, False, k.zero, beside)
+    return cubic_hit(k, q, x, z, dx, dz, False, k.zero, k.zero)
+
+
+@compiled
+def on_joint(k: Precision, q: Cubic, first: bool, x: float, z: float) -> bool:
+    """Whether a point is the first or the last one of a piece but for rounding."""
+    away = abs(x - q.x0) + abs(z - q.z0) if first else abs(x - q.x3) + abs(z - q.z3)
+    size = abs(x) + abs(z) + abs(q.x3 - q.x0) + abs(q.z3 - q.z0)
+    return bool(away <= (k.three + k.one) * k.rounding * size)
+
+
+@compiled
+def normal_at(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float, at: float) -> tuple[float, float]:
+    """Left unit normal at a point of curve ``c``; ``at`` is the parameter there on a cubic piece."""
+    if kind == SEGMENT:
+        return -shape[c, 3], shape[c, 2]
+    if kind == CONIC:
+        q = conic_row(shape, c)
+        wx, wz = x - q.vx, z - q.vz
+        r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
+        across, inwards = -q.c * r, k.one - q.b * w
+        nx, nz, side = across * q.lx - inwards * q.lz, across * q.lz + inwards * q.lx, q.side
+    elif kind == ARC:
+        a = arc_row(shape, c)
+        nx, nz, side = a.cx - x, a.cz - z, a.side
+    elif kind == OVAL:
+        o = oval_row(shape, c)
+        ax, az, bx, bz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
+        f1, f2 = o.n1 / math.sqrt(ax * ax + az * az), o.n2 / math.sqrt(bx * bx + bz * bz)
+        nx, nz, side = f1 * ax + f2 * bx, f1 * az + f2 * bz, o.side
+    else:
+        cubic = cubic_row(shape, c)
+        tx, tz = cubic_tangent(k, cubic, at)
+        nx, nz, side = -tz, tx, k.one
+    scale = side / math.sqrt(nx * nx + nz * nz)
+    return scale * nx, scale * nz
+
+
+@compiled
+def place_on(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float, at: float) -> float:
+    """How far along its interface, from 0 at the start to 1 at the end, a point of curve ``c`` is."""
+    if kind == SEGMENT:
+        s = segment_row(shape, c)
+        return ((x - s.ax) * s.ux + (z - s.az) * s.uz) / s.length
+    if kind == CONIC:
+        q = conic_row(shape, c)
+        share = ((x - q.vx) * q.lx + (z - q.vz) * q.lz - q.low) / (q.high - q.low)
+        return share if q.side > 0.0 else k.one - share
+    if kind == ARC:
+        a = arc_row(shape, c)
+        px, pz = x - a.cx, z - a.cz
+        from_middle = math.atan2(a.mx * pz - a.mz * px, a.mx * px + a.mz * pz)
+        quarter = math.asin(min(a.end / a.radius, k.one))
+        half = quarter if a.at_most_half == 1.0 else math.pi - quarter
+        return k.half * (k.one + a.side * from_middle / half)
+    if kind == OVAL:
+        o = oval_row(shape, c)
+        px, pz = x - o.x1, z - o.z1
+        share = math.atan2(o.rx * pz - o.rz * px, o.rx * px + o.rz * pz) / math.atan2(
+            o.rx * o.lz - o.rz * o.lx, o.rx * o.lx + o.rz * o.lz
+        )
+        return share if o.side > 0.0 else k.one - share
+    piece = cubic_row(shape, c)
+    return piece.first + at * (piece.last - piece.first)
+
+
+@compiled
+def nearest(
+    k: Precision, tables: Tables, x: float, z: float, dx: float, dz: float, last: int, at: float
+) -> tuple[float, int, float]:
+    """Distance to the nearest curve ahead of a ray (infinity for none), which one (−1), and the parameter there."""
+    if len(tables.grid_item) > 0:
+        return nearest_by_grid(k, tables, x, z, dx, dz, last, at)
+    best, found, place = k.none, -1, k.zero
+    for c in range(len(tables.kind)):
+        t, u = curve_hit(k, tables.kind, tables.shape, tables.before, c, x, z, dx, dz, last, at)
+        if t < best:
+            best, found, place = t, c, u
+    return best, found, place
+
+
+@compiled
+def nearest_by_grid(
+    k: Precision, tables: Tables, x: float, z: float, dx: float, dz: float, last: int, at: float
+) -> tuple[float, int, float]:
+    """As `nearest`, through the cells of the grid that the ray crosses, in order (Amanatides & Woo, 1987)."""
+    low, cell, many = tables.grid_low, tables.grid_cell, tables.grid_many
+    best, found, place = k.none, -1, k.zero
+    enters, exits = k.zero, k.none
+    for axis in range(2):
+        o, d = (x, dx) if axis == 0 else (z, dz)
+        first, second = (low[axis] - o) / d, (low[axis] + cell[axis] * many[axis] - o) / d
+        if d == 0.0:
+            if o < low[axis] or o > low[axis] + cell[axis] * many[axis]:
+                return best, found, place
+        else:
+            enters, exits = max(enters, min(first, second)), min(exits, max(first, second))
+    if enters > exits:
+        return best, found, place
+    i = min(max(int((x + enters * dx - low[0]) / cell[0]), 0), many[0] - 1)
+    j = min(max(int((z + enters * dz - low[1]) / cell[1]), 0), many[1] - 1)
+    right, up = dx > 0.0, dz > 0.0
+    while True:
+        tx = (low[0] + cell[0] * (i + 1 if right else i) - x) / dx if dx != 0.0 else k.none
+        tz = (low[1] + cell[1] * (j + 1 if up else j) - z) / dz if dz != 0.0 else k.none
+        here = i * many[1] + j
+        for item in range(tables.grid_first[here], tables.grid_first[here + 1]):
+            c = tables.grid_item[item]
+            t, u = curve_hit(k, tables.kind, tables.shape, tables.before, c, x, z, dx, dz, last, at)
+            if t < best:
+                best, found, place = t, c, u
+        if best <= min(tx, tz) - k.margin:
+            return best, found, place
+        if tx < tz:
+            i += 1 if right else -1
+            if i < 0 or i >= many[0]:
+                return best, found, place
+        else:
+            j += 1 if up else -1
+            if j < 0 or j >= many[1]:
+                return best, found, place
+
+
+@compiled
+def other_side(
+    k: Precision, tables: Tables, last: int, at: float, c: int, x: float, z: float, dx: float, dz: float
+) -> bool:
+    """Whether curve ``c`` lies on the other side of the curve a ray stands on than the ray goes to."""
+    nx, nz = normal_at(k, tables.kind[last], tables.shape, last, x, z, at)
+    towards = (tables.middle[c, 0] - x) * nx + (tables.middle[c, 1] - z) * nz
+    return bool(towards * (dx * nx + dz * nz) < 0.0)

@@ -1,0 +1,196 @@
+"""What the numbers in the tables mean: rows of the table of curves by name, kinds, behaviours, constants.
+
+`solen.trace.tables` writes them, the rest of this folder reads them.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import END_TOLERANCE_MM, ROUNDING, SMALL
+from solen.scene.model import BEHAVIOURS
+from solen.trace.kernel.compiled import compiled
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.int64]
+
+SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
+REFRACTING, MIRROR, ABSORBING, RECEIVER = range(len(BEHAVIOURS))
+
+
+class Precision(NamedTuple):
+    """Constants in the precision that is computed in: arithmetic with literals would be done in double precision."""
+
+    zero: float
+    half: float
+    one: float
+    three: float
+    none: float  # infinity: no hit
+    nan: float
+    end: float  # how far curves reach beyond their ends, mm
+    corner: float  # how far a ray in a corner is carried on, mm
+    margin: float  # what tests that only spare work leave undecided, mm
+    small: float
+    rounding: float
+
+    @classmethod
+    def of(cls, dtype: type[np.floating]) -> "Precision":
+        """Constants of double or of single precision."""
+        double = dtype is np.float64
+        lengths = (END_TOLERANCE_MM, 2 * END_TOLERANCE_MM, 1e-9) if double else (1e-5, 2e-5, 1e-3)
+        rest = (SMALL, ROUNDING if double else 2.0**-22)
+        in_it: Callable[[float], Any] = dtype  # its numbers stand where a float does
+        return cls(*(in_it(value) for value in (0.0, 0.5, 1.0, 3.0, np.inf, np.nan, *lengths, *rest)))
+
+
+class Segment(NamedTuple):
+    """From (ax, az) along the unit vector (ux, uz)."""
+
+    ax: float
+    az: float
+    ux: float
+    uz: float
+    length: float
+
+
+class Arc(NamedTuple):
+    """About (cx, cz); (mx, mz) points to its middle, its ends lie ``end`` from that axis."""
+
+    cx: float
+    cz: float
+    radius: float
+    mx: float
+    mz: float
+    end: float
+    side: float
+    at_most_half: float
+
+
+class Conic(NamedTuple):
+    """c r² − 2 w + b w² = 0 about the vertex, r along the unit vector (lx, lz), w to its left; r from low to high."""
+
+    vx: float
+    vz: float
+    lx: float
+    lz: float
+    c: float
+    b: float
+    low: float
+    high: float
+    side: float
+
+
+class Oval(NamedTuple):
+    """Front of a Cartesian oval."""
+
+    x1: float  # focus F1
+    z1: float
+    x2: float  # focus F2
+    z2: float
+    n1: float
+    n2: float
+    s1: float  # from F1 to the vertex
+    s2: float  # from the vertex to F2
+    vx: float  # vertex
+    vz: float
+    wx: float  # axis
+    wz: float
+    side: float
+    circle: float  # radius about F2 that holds the oval
+    rx: float  # ray from F1 to the end on the right
+    rz: float
+    lx: float  # and to the one on the left
+    lz: float
+    ax: float  # hull: the left end, two corners of tangents, the right end
+    az: float
+    bx: float
+    bz: float
+    cx: float
+    cz: float
+    dx: float
+    dz: float
+    ux: float  # unit vector along the chord, from left to right
+    uz: float
+    p0: float  # the fitted conic r² = p0 + p1 w + p2 w²
+    p1: float
+    p2: float
+
+
+class Cubic(NamedTuple):
+    """Cubic Bézier piece without inflection that turns little.
+
+    At an end of the whole curve ``before`` or ``after`` is the parameter per mm, elsewhere 0.
+    """
+
+    x0: float
+    z0: float
+    x1: float
+    z1: float
+    x2: float
+    z2: float
+    x3: float
+    z3: float
+    before: float
+    after: float
+    first: float  # parameter on the whole curve at its start
+    last: float  # and at its end
+
+
+@compiled
+def segment_row(shape: Floats, c: int) -> Segment:
+    """Row of a segment."""
+    return Segment(shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4])
+
+
+@compiled
+def arc_row(shape: Floats, c: int) -> Arc:
+    """Row of an arc."""
+    return Arc(shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7])
+
+
+@compiled
+def conic_row(shape: Floats, c: int) -> Conic:
+    """Row of a conic."""
+    return Conic(
+        shape[c, 0],
+        shape[c, 1],
+        shape[c, 2],
+        shape[c, 3],
+        shape[c, 4],
+        shape[c, 5],
+        shape[c, 6],
+        shape[c, 7],
+        shape[c, 8],
+    )
+
+
+@compiled
+def oval_row(shape: Floats, c: int) -> Oval:
+    """Row of an oval."""
+    return Oval(
+        shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
+        shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11], shape[c, 12], shape[c, 13], shape[c, 14], shape[c, 15],
+        shape[c, 16], shape[c, 17], shape[c, 18], shape[c, 19], shape[c, 20], shape[c, 21], shape[c, 22], shape[c, 23],
+        shape[c, 24], shape[c, 25], shape[c, 26], shape[c, 27], shape[c, 28], shape[c, 29], shape[c, 30],
+    )  # fmt: skip
+
+
+@compiled
+def cubic_row(shape: Floats, c: int) -> Cubic:
+    """Row of a cubic piece."""
+    return Cubic(
+        shape[c, 0],
+        shape[c, 1],
+        shape[c, 2],
+        shape[c, 3],
+        shape[c, 4],
+        shape[c, 5],
+        shape[c, 6],
+        shape[c, 7],
+        shape[c, 8],
+        shape[c, 9],
+        shape[c, 10],
+        shape[c, 11],
+    )

@@ -1,0 +1,176 @@
+"""Many scenes in one call: the positions of a motion, the variants of a design, each with few rays.
+
+Their tables and rays are laid one after the other and traced by one compiled call per thread, without Python between
+them; a scene's numbers are those that `solen.trace.trace` finds for it, to the last bit.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_count
+from solen.scene import Scene
+from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
+from solen.trace.kernel import batch, loop
+from solen.trace.kernel.block import BLOCK
+from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
+from solen.trace.sums import empty, result
+from solen.trace.tables import Tables
+
+Task = tuple[int, Chunk]
+RECEIVERS, MONITORS = ("detected", "arrived", "optical"), ("crossed", "crossings")
+ROWS = ("fate", "counts", "place")
+
+
+def trace_many(
+    scenes: Sequence[Scene],
+    mode: Mode = "count",
+    limits: Limits | None = None,
+    *,
+    seed: int = 0,
+    precision: Digits = "double",
+    threads: int | None = None,
+) -> list[Trace]:
+    """Trace every ray of every source of every scene by its own regular rays.
+
+    Parameters and errors are those of `solen.trace.trace`. All rays are held in memory at once, and in single precision
+    the results do not state its error: for few rays in many scenes.
+    """
+    check_mode(mode)
+    check_choice("precision", precision, tuple(DTYPES))
+    check_count("seed", seed, 0)
+    threads = (os.cpu_count() or 1) if threads is None else threads
+    check_count("threads", threads, 1)
+    if not scenes:
+        return []
+    jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], "fan", seed) for scene in scenes]
+    tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
+    batched = _Batch(jobs, tasks)
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(lambda ends: batched.trace(*ends), pairwise(batched.shares(threads))))
+    return batched.results()
+
+
+class _Batch:
+    """Tables, rays and sums of all scenes, one after the other."""
+
+    def __init__(self, jobs: list[Job], tasks: list[Task]) -> None:
+        self.jobs, self.tasks = jobs, tasks
+        self.tables, self.starts = _joined([job.tables for job in jobs])
+        rays = [rows_of(jobs[i], chunk) for i, chunk in tasks]
+        self.rays = loop.Rows(*(np.concatenate(column) for column in zip(*rays, strict=True)))
+        receivers = [len(jobs[i].scene.receivers) for i, _ in tasks]
+        monitors = [len(jobs[i].scene.monitors) for i, _ in tasks]
+        bins = [int(jobs[i].tables.bins.sum()) for i, _ in tasks]
+        self.where = batch.Tasks(
+            scene=np.array([i for i, _ in tasks], dtype=np.int64),
+            first=np.array([chunk.first for _, chunk in tasks], dtype=np.int64),
+            step=np.array([chunk.step for _, chunk in tasks], dtype=np.int64),
+            ray=_starts(len(chunk.launch) for _, chunk in tasks),
+            receiver=_starts(receivers),
+            monitor=_starts(monitors),
+            bin=_starts(bins),
+        )
+        self.sums = loop.Sums(
+            fate=np.zeros((len(tasks), 5)),
+            detected=np.zeros(sum(receivers)),
+            arrived=np.zeros(sum(receivers), dtype=np.int64),
+            optical=np.zeros(sum(receivers)),
+            position=np.zeros((0, 0)),
+            angle=np.zeros((0, 0)),
+            crossed=np.zeros(sum(monitors)),
+            crossings=np.zeros(sum(monitors), dtype=np.int64),
+            maps=np.zeros(sum(bins)),
+            counts=np.zeros((len(tasks), 4), dtype=np.int64),
+            place=np.full((len(tasks), 2, KEPT_PLACES, 2), np.nan),
+            legs=np.empty((0, loop.LEG_WIDTH)),
+        )
+
+    def shares(self, threads: int) -> list[int]:
+        """Where the tasks are divided, so that every thread has about as many rays."""
+        rays = self.where.ray
+        inner = np.searchsorted(rays, np.arange(1, threads) * rays[-1] / threads)
+        return [0, *(int(task) for task in inner), len(self.tasks)]
+
+    def trace(self, begin: int, stop: int) -> None:
+        """Trace some of the tasks, with more room where it is not enough."""
+        most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
+        job, waiting = self.jobs[0], 64 * BLOCK
+        rules = rules_of(job, self.tasks[0][1])
+        dtype = job.tables.shape.dtype.type
+        while not batch.trace_tasks(
+            job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
+            loop.room(most, dtype, waiting), begin, stop,
+        ):  # fmt: skip
+            waiting *= 2
+            self._clear(begin, stop)
+
+    def _clear(self, begin: int, stop: int) -> None:
+        """Forget what some of the tasks have added up."""
+        for name in loop.Sums._fields:
+            column = self._part(name, begin, stop)
+            column[...] = np.nan if name == "place" else 0
+
+    def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
+        """What belongs to some of the tasks in one of the sums."""
+        where: dict[str, NDArray[np.int64]] = {
+            **dict.fromkeys(RECEIVERS, self.where.receiver),
+            **dict.fromkeys(MONITORS, self.where.monitor),
+            "maps": self.where.bin,
+        }
+        column: NDArray[Any] = getattr(self.sums, name)
+        if name in ROWS:
+            return column[begin:stop]
+        return column[where[name][begin] : where[name][stop]] if name in where else column
+
+    def _of_task(self, task: int) -> loop.Sums:
+        """Sums of one task alone."""
+        parts = {name: self._part(name, task, task + 1) for name in loop.Sums._fields}
+        for name in ROWS:
+            parts[name] = parts[name][0]
+        receivers = len(self.jobs[self.tasks[task][0]].scene.receivers)
+        return loop.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
+
+    def results(self) -> list[Trace]:
+        """Results scene by scene."""
+        parts: list[list[list[loop.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
+        rays = [np.zeros((len(job.scene.sources), job.groups), dtype=np.int64) for job in self.jobs]
+        for task, (i, chunk) in enumerate(self.tasks):
+            while len(parts[i][chunk.source]) < chunk.group:  # a group without rays has no task
+                parts[i][chunk.source].append(empty(self.jobs[i]))
+            parts[i][chunk.source].append(self._of_task(task))
+            rays[i][chunk.source, chunk.group] += len(chunk.launch)
+        for job, sources in zip(self.jobs, parts, strict=True):
+            for groups in sources:
+                groups.extend(empty(job) for _ in range(job.groups - len(groups)))
+        return [result(job, *found, None) for job, found in zip(self.jobs, zip(parts, rays, strict=True), strict=True)]
+
+
+def _starts(many: Iterable[int]) -> NDArray[np.int64]:
+    """Where each of so many begins, and where the last ends."""
+    return np.cumsum([0, *many], dtype=np.int64)
+
+
+def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
+    """Tables one after the other, and where the rows of each begin."""
+    regions = max(one.refractive_index.shape[1] for one in tables)
+
+    def column(name: str) -> NDArray[Any]:
+        parts: list[NDArray[Any]] = [getattr(one, name) for one in tables]
+        if name in {"refractive_index", "absorption"}:
+            parts = [np.pad(part, ((0, 0), (0, regions - part.shape[1]))) for part in parts]
+        return np.concatenate(parts)
+
+    starts = batch.Starts(
+        piece=_starts(len(one.kind) for one in tables),
+        wavelength=_starts(len(one.refractive_index) for one in tables),
+        monitor=_starts(len(one.bins) for one in tables),
+        cell=_starts(len(one.grid_first) for one in tables),
+        item=_starts(len(one.grid_item) for one in tables),
+    )
+    return Tables(**{name: column(name) for name in Tables._fields}), starts
