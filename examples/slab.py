@@ -19,9 +19,10 @@ def slab() -> Scene:
     left, right = -WIDE_MM, WIDE_MM
     front = Segment((left, 0.0), (right, 0.0))  # walked to the right: +z, the glass, is on its left
     back = Segment((right, THICKNESS_MM), (left, THICKNESS_MM))
+    ends = (Segment(front.b, back.a), Segment(back.b, front.a))  # far away, but media must be closed
     return Scene(
         regions=(Region("air", 1.0), Region("glass", INDEX, ABSORPTION_PER_MM)),
-        interfaces=(Interface("front", front, "glass", "air"), Interface("back", back, "glass", "air")),
+        interfaces=tuple(Interface(f"side-{i}", side, "glass", "air") for i, side in enumerate((front, back, *ends))),
         sources=(Beam((-1.0, -10.0), (1.0, -10.0), direction_deg=0.0, rays=9),),
         monitors=(
             Monitor("before", (left, -5.0), (right, -5.0)),  # its left is +z as well: power towards +z is positive

@@ -115,9 +115,15 @@ def trace(
     no_lens: Annotated[bool, Parameter(negative=())] = False,
     rays: str | None = None,
     mode: str | None = None,
+    sampling: str = "fan",
+    seed: str | None = None,
+    tolerance: float | None = None,
+    precision: str | None = None,
+    histogram: str | None = None,
     set_: Set = None,
     paths: Annotated[bool, Parameter(negative=())] = False,
     figure: Path | None = None,
+    netcdf: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Trace a design at one angle of its motion.
@@ -133,23 +139,92 @@ def trace(
     rays
         Number of rays, in place of emitter.rays.
     mode
-        count (refraction or total reflection) or power (Fresnel, both branches), in place of trace.mode.
+        count (refraction or total reflection), power (Fresnel, both branches) or roulette (Fresnel, one branch drawn),
+        in place of trace.mode.
+    sampling
+        fan (regular rays), sobol (independent samples) or adaptive (integration over the launch angle).
+    seed
+        Of sobol and of roulette: a whole number; the same one gives the same result.
+    tolerance
+        Of adaptive: what no power shall be off by, as a share of the emitted power; 1e-6 by default.
+    precision
+        double, or single with its error stated.
+    histogram
+        Number of bins, for the power at each receiver by place and by angle of incidence.
     paths
-        With --json: add the ways of all rays.
+        With --json or --netcdf: add the ways of all rays.
     figure
         Draw the rays into this .svg, .png or .pdf.
+    netcdf
+        Write everything that was found to this .nc file.
     """
     from solen import pipeline
 
-    if paths and not as_json:
-        raise SpecError("--paths", limit="is written as JSON", remedy="add --json")
+    if paths and not (as_json or netcdf):
+        raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
+    if sampling == "adaptive" and rays is not None:
+        limit = "has no meaning with --sampling adaptive"
+        raise SpecError("--rays", value=rays, limit=limit, remedy="leave one of them out")
+    how = pipeline.Sampling(sampling, seed, tolerance, precision, histogram)
     chosen = {"lens.shape": "none" if no_lens else None, "emitter.rays": rays, "trace.mode": mode}
     assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
-    found = pipeline.trace_design(file, assignments, angle_deg=angle_deg, paths=paths, figure=figure)
+    found = pipeline.trace_design(
+        file, assignments, angle_deg=angle_deg, sampling=how, paths=paths, figure=figure, netcdf=netcdf
+    )
     _show(found, as_json, lambda: _trace_lines(found))
 
 
-@app.command(sort_key=6)
+@app.command(name="convergence", sort_key=6)
+def convergence_(
+    file: Path,
+    /,
+    *,
+    angle_deg: float = 0.0,
+    mode: str = "power",
+    set_: Set = None,
+    figure: Path | None = None,
+    as_json: Json = False,
+) -> None:
+    """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right.
+    mode
+        count, power or roulette.
+    figure
+        Draw error and stated uncertainty against rays into this .svg, .png or .pdf.
+    """
+    from solen import pipeline
+
+    found = pipeline.convergence_of(file, set_ or (), angle_deg=angle_deg, mode=mode, figure=figure)
+    _show(found, as_json, lambda: _convergence_lines(found))
+
+
+@app.command(sort_key=7)
+def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None, as_json: Json = False) -> None:
+    """Show how the readings change with the numbers of the design, per unit of each, the steepest contrast first.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    keys
+        Numbers of the design, as in body.arm_width_mm; by default all that the light depends on.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right.
+    """
+    from solen import pipeline
+
+    with _progress("differentiating") as progress:
+        found = pipeline.sensitivity(file, keys, set_ or (), angle_deg=angle_deg, progress=progress)
+    _show(found, as_json, lambda: _sensitivity_lines(found))
+
+
+@app.command(sort_key=8)
 def run(file: Path, /, *, out: Path, set_: Set = None, as_json: Json = False) -> None:
     """Do the whole chain: lens, body, response with and without lens, figures, tables, report.
 
@@ -223,14 +298,54 @@ def _text(value: Any) -> str:
 
 
 def _trace_lines(found: dict[str, Any]) -> list[str]:
-    lines = [f"{found['name']} at {found['angle_deg']:g} deg, {found['rays']} rays, mode {found['mode']}"]
-    lines += [f"  {name:9} {one['power']:.6f}  ({one['rays']} rays)" for name, one in found["detectors"].items()]
+    method = "" if found["method"] == "fan" else f", {found['method']}"
+    lines = [f"{found['name']} at {found['angle_deg']:g} deg, {found['rays']} rays, mode {found['mode']}{method}"]
+    for name, one in found["detectors"].items():
+        u = "" if one["u"] is None else f" ± {one['u']:.1e}"
+        lines.append(f"  {name:9} {one['power']:.6f}{u}  ({one['rays']} rays)")
     lines += [f"  {name:9} {power:.6f}" for name, power in found["ledger"].items()]
-    if found["undefined"]:
+    if found["single_error"] is not None:
+        lines.append(f"single precision is off by at most {found['single_error']:.1e} where it was compared")
+    if not found["reached"]:
+        lines.append(f"the tolerance was not reached: {found['why']}")
+    if found["undefined_at_mm"]:
         lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
-    if "figure" in found:
-        lines.append(f"figure: {found['figure']}")
-    return lines
+    return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
+
+
+def _convergence_lines(found: dict[str, Any]) -> list[str]:
+    reference = found["reference"]
+    by = f"{reference['method']} with {reference['rays']} rays, u {_short(reference['u'])}"
+    lines = [f"{found['name']} at {found['angle_deg']:g} deg, mode {found['mode']}: error against {by}"]
+    for series in found["series"]:
+        rows = zip(series["rays"], series["error"], series["u"], strict=True)
+        lines += [f"  {series['method']:8} {rays:8} rays  error {_short(e)}  u {_short(u)}" for rays, e, u in rows]
+    return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
+
+
+def _sensitivity_lines(found: dict[str, Any]) -> list[str]:
+    rows = found["sensitivities"]
+    width = max((len(row["key"]) for row in rows), default=0)
+    lines = [
+        f"{found['name']} at {found['angle_deg']:g} deg: change per unit of each number",
+        f"  {'':{width}}  {'value':>9}  {'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}",
+    ]
+    for row in rows:
+        start = f"  {row['key']:{width}}  {row['value']:9.6g}"
+        if row["why"]:
+            lines.append(f"{start}  {row['why']}")
+            continue
+        slopes = "".join(f"  {_slope(row[name])}" for name in ("right", "left", "contrast"))
+        lines.append(f"{start}{slopes}  {_short(row['u_contrast']):>9}")
+    return lines + [f"left out: {key}: {why}" for key, why in found["skipped"].items()]
+
+
+def _short(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1e}"
+
+
+def _slope(value: float | None) -> str:
+    return f"{'none' if value is None else f'{value:+.6g}':>12}"
 
 
 def _run_lines(found: dict[str, Any]) -> list[str]:

@@ -9,10 +9,13 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from solen.errors import OutputError, SolenError
+
+Content = bytes | Callable[[Path], object]
+"""What a file holds: its bytes, or what writes them to a path, as a library does that writes files by itself."""
 
 
 def read_text(path: Path, error: type[SolenError]) -> str:
@@ -65,8 +68,11 @@ def write_bytes(path: Path, data: bytes) -> Path:
     return write_all({path: data})[0]
 
 
-def write_all(contents: Mapping[Path, bytes]) -> list[Path]:
-    """Write several files: all under temporary names first, then all renamed, one right after the other."""
+def write_all(contents: Mapping[Path, Content]) -> list[Path]:
+    """Write several files: all under temporary names first, then all renamed, one right after the other.
+
+    `OutputError` where one of them cannot be written; then none is.
+    """
     ready: dict[Path, tuple[Path, Path]] = {}
     path = Path()
     try:
@@ -104,12 +110,17 @@ def _target(path: Path) -> Path:
     return target
 
 
-def _write_new(path: Path, data: bytes, like: Path) -> None:
+def _write_new(path: Path, data: Content, like: Path) -> None:
     """Write a file that must not exist yet, with the permissions of ``like`` where that exists."""
     with path.open("xb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
+        if isinstance(data, bytes):
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    if not isinstance(data, bytes):
+        data(path)
+        with path.open("rb+") as file:
+            os.fsync(file.fileno())
     if like.exists():
         shutil.copymode(like, path)
 

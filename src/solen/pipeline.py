@@ -9,23 +9,67 @@ import csv
 import io
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from solen import files
 from solen.errors import OutputError, SpecError
 from solen.report import results as numbers
-from solen.sensor import Sensor, study
-from solen.spec import Design, json_schema, load, parse_assignment, template, template_names, with_values
+from solen.sensor import OPTICAL_KEYS, TOLERANCE, Sensitivity, Sensor, TraceOptions, study
+from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
+from solen.trace import Detected, Series, Slope, Trace, convergence
 from solen.trace import Path as Way
-from solen.trace import Trace
+from solen.trace.dataset import check_installed, writer
 
 DESIGN_NAME = "sensor.toml"
 MOST_PATHS = 100_000
 """Rays whose ways are written out at most."""
 FIGURE_KINDS = (".svg", ".png", ".pdf")
+MOST_BINS = 10_000
+"""Bins of a histogram at most."""
+LARGEST_SEED = 2**63 - 1
 
 Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How `trace_design` chooses and follows rays, as said on the command line; None is what was not said."""
+
+    method: str = "fan"
+    seed: str | None = None
+    tolerance: float | None = None
+    precision: str | None = None
+    histogram: str | None = None
+
+    def options(self, mode: str) -> TraceOptions:
+        """What `Sensor.trace` is told; `SpecError` for what is wrong, or has no effect in this mode."""
+        if self.tolerance is not None:
+            raise SpecError("--tolerance", value=self.tolerance, limit="is of --sampling adaptive", remedy="add that")
+        sampling: Literal["fan", "sobol"] = "sobol" if self.method == "sobol" else "fan"
+        precision: Literal["double", "single"] = "single" if self.precision == "single" else "double"
+        if self.seed is not None and sampling == "fan" and mode != "roulette":
+            limit = f"nothing is drawn in mode {mode} with a fan"
+            raise SpecError("--seed", value=self.seed, limit=limit, remedy="add --sampling sobol or --mode roulette")
+        found = TraceOptions(sampling=sampling, precision=precision)
+        if self.seed is not None:
+            found["seed"] = _whole("--seed", self.seed, 0, LARGEST_SEED)
+        if self.histogram is not None:
+            found["position_bins"] = found["angle_bins"] = _whole("--histogram", self.histogram, 1, MOST_BINS)
+        return found
+
+    def check(self) -> None:
+        """`SpecError` for a choice that there is not, or one that adaptive integration does not have."""
+        _check_choice("--sampling", self.method, ("fan", "sobol", "adaptive"))
+        _check_choice("--precision", self.precision or "double", ("double", "single"))
+        if self.method != "adaptive":
+            return
+        others = {"--seed": self.seed, "--precision": self.precision, "--histogram": self.histogram}
+        for name, value in others.items():
+            if value is not None:
+                limit = "has no meaning with --sampling adaptive"
+                raise SpecError(name, value=value, limit=limit, remedy="leave one of them out")
 
 
 def open_design(path: Path, assignments: Sequence[str] = ()) -> Design:
@@ -92,22 +136,93 @@ def trace_design(
     assignments: Sequence[str] = (),
     *,
     angle_deg: float = 0.0,
+    sampling: Sampling | None = None,
     paths: bool = False,
     figure: Path | None = None,
+    netcdf: Path | None = None,
 ) -> dict[str, Any]:
     """Trace a design at one angle."""
-    if not (math.isfinite(angle_deg) and abs(angle_deg) < 90.0):
-        raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
-    if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
-        raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
+    sampling = sampling or Sampling()
+    _check_angle(angle_deg)
+    _check_figure(figure)
+    sampling.check()
+    if netcdf is not None:
+        _check_netcdf(netcdf)
     design = open_design(path, assignments)
+    if paths and sampling.method == "adaptive":
+        raise SpecError("--paths", limit="has no meaning with --sampling adaptive", remedy="leave one of them out")
     if paths and design.emitter.rays > MOST_PATHS:
         raise SpecError("--paths", value=f"{design.emitter.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
     sensor = Sensor.of(design)
-    result = sensor.trace(angle_deg, legs=paths)
+    if sampling.method == "adaptive":
+        tolerance = TOLERANCE if sampling.tolerance is None else sampling.tolerance
+        result = sensor.integrate(angle_deg, design.trace.mode, tolerance)
+    else:
+        options = sampling.options(design.trace.mode)
+        options["legs"] = paths
+        result = sensor.trace(angle_deg, **options)
+    contents: dict[Path, files.Content] = {}
     if figure is not None:
-        _draw(sensor, angle_deg, figure)
-    return _traced(sensor, angle_deg, result) | ({"figure": str(figure)} if figure else {})
+        contents[figure] = _drawn(sensor, angle_deg, figure.suffix.lower())
+    if netcdf is not None:
+        contents[netcdf] = writer(result, _attributes(sensor, angle_deg))
+    files.write_all(contents)
+    where = {"figure": figure, "netcdf": netcdf}
+    return _traced(sensor, angle_deg, result) | {name: str(file) for name, file in where.items() if file is not None}
+
+
+def convergence_of(
+    path: Path,
+    assignments: Sequence[str] = (),
+    *,
+    angle_deg: float = 0.0,
+    mode: str = "power",
+    figure: Path | None = None,
+) -> dict[str, Any]:
+    """Error against rays of a design at one angle, for each way to choose the rays."""
+    _check_angle(angle_deg)
+    _check_figure(figure)
+    design = with_values(open_design(path, assignments), {"trace.mode": mode})
+    found = convergence(Sensor.of(design).scene(angle_deg), design.trace.mode)
+    if figure is not None:
+        from solen.report import figures
+
+        drawn = figures.encoded(figures.convergence_figure(found), figure.suffix.lower(), "convergence")
+        files.write_bytes(figure, drawn)
+    reference = found.reference
+    return {
+        "name": design.name,
+        "angle_deg": angle_deg,
+        "mode": found.mode,
+        "reference": {
+            "method": reference.method,
+            "rays": reference.rays,
+            "u": numbers.number(reference.u),
+            "detectors": {name: reference.detectors[name].power for name in sorted(reference.detectors)},
+        },
+        "series": [_series(series) for series in found.series],
+    } | ({"figure": str(figure)} if figure else {})
+
+
+def sensitivity(
+    path: Path,
+    keys: Sequence[str] = (),
+    assignments: Sequence[str] = (),
+    *,
+    angle_deg: float = 0.0,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Derivatives of a design's readings at one angle with respect to its numbers."""
+    _check_angle(angle_deg)
+    sensor = Sensor.of(open_design(path, assignments))
+    rows = sensor.sensitivity(keys or None, angle_deg, progress)
+    skipped = {} if keys else {key: sensor.inert(key) for key in OPTICAL_KEYS if sensor.inert(key)}
+    return {
+        "name": sensor.design.name,
+        "angle_deg": angle_deg,
+        "sensitivities": [_sensitivity(row) for row in rows],
+        "skipped": skipped,
+    }
 
 
 def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progress | None = None) -> dict[str, Any]:
@@ -137,18 +252,56 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
     }
 
 
+def _check_angle(angle_deg: float) -> None:
+    if not (math.isfinite(angle_deg) and abs(angle_deg) < 90.0):
+        raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
+
+
+def _check_figure(figure: Path | None) -> None:
+    if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
+        raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
+
+
+def _check_netcdf(target: Path) -> None:
+    if target.suffix.lower() != ".nc":
+        raise OutputError(str(target), limit="a netCDF file ends in .nc", remedy="rename it")
+    check_installed()
+
+
+def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
+
+
+def _whole(name: str, text: str, least: int, most: int) -> int:
+    """Number of a text of digits."""
+    value = int(text) if text.isdecimal() and len(text) < 30 else -1
+    if not least <= value <= most:
+        raise SpecError(name, value=text, limit=f"must be a whole number from {least} to {most}")
+    return value
+
+
+def _attributes(sensor: Sensor, angle_deg: float) -> dict[str, str | float]:
+    """What a file says of the design that was traced."""
+    return {
+        "name": sensor.design.name,
+        "angle_deg": angle_deg,
+        "design": dumps(sensor.design),
+        "interfaces": ", ".join(interface.name for interface in sensor.scene(angle_deg).interfaces),
+    }
+
+
 def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
-    ledger = result.ledger
+    ledger, scene = result.ledger, sensor.scene(angle_deg)
+    faces = {name: [i.name for i in scene.interfaces if i.receiver == name] for name in scene.receivers}
     found: dict[str, Any] = {
         "name": sensor.design.name,
         "angle_deg": angle_deg,
         "lens": sensor.design.lens.shape,
         "mode": result.mode,
+        "method": result.method,
         "rays": result.rays,
-        "detectors": {
-            name: {"power": result.detectors[name].power, "rays": result.detectors[name].rays}
-            for name in sorted(result.detectors)
-        },
+        "detectors": {name: _detected(result.detectors[name], faces[name]) for name in sorted(result.detectors)},
         "ledger": {
             "detected": ledger.detected,
             "escaped": ledger.escaped,
@@ -158,11 +311,45 @@ def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
         "hits": result.hits,
         "undefined": result.undefined,
         "undefined_at_mm": [list(place) for place in result.undefined_at],
+        "truncated": result.truncated,
+        "truncated_at_mm": [list(place) for place in result.truncated_at],
+        "single_error": result.single_error,
+        "pieces": result.pieces,
+        "reached": result.reached,
+        "why": result.why or None,
     }
     if result.legs is not None:
-        faces = [interface.name for interface in sensor.scene(angle_deg).interfaces]
-        found["paths"] = [_way(way, faces) for way in result.paths()]
+        found["paths"] = [_way(way, [interface.name for interface in scene.interfaces]) for way in result.paths()]
     return found
+
+
+def _detected(reading: Detected, faces: Sequence[str]) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "power": reading.power,
+        "u": numbers.number(reading.u),
+        "rays": reading.rays,
+        "optical_path_mm": numbers.number(reading.optical_path_mm),
+    }
+    if reading.angle.size:
+        found["position"] = {face: row.tolist() for face, row in zip(faces, reading.position, strict=True)}
+        found["angle"] = reading.angle.tolist()
+    return found
+
+
+def _series(series: Series) -> dict[str, Any]:
+    return {
+        "method": series.method,
+        "rays": series.rays.tolist(),
+        "error": [numbers.number(value) for value in series.error],
+        "u": [numbers.number(value) for value in series.u],
+    }
+
+
+def _sensitivity(row: Sensitivity) -> dict[str, Any]:
+    slopes: dict[str, Slope] = {"right": row.right, "left": row.left, "contrast": row.contrast}
+    values = {name: numbers.number(slope.value) for name, slope in slopes.items()}
+    uncertainties = {f"u_{name}": numbers.number(slope.u) for name, slope in slopes.items()}
+    return {"key": row.key, "value": row.value, **values, **uncertainties, "why": row.why or None}
 
 
 def _way(way: Way, faces: list[str]) -> dict[str, Any]:
@@ -178,9 +365,9 @@ def _way(way: Way, faces: list[str]) -> dict[str, Any]:
     }
 
 
-def _draw(sensor: Sensor, angle_deg: float, target: Path) -> None:
+def _drawn(sensor: Sensor, angle_deg: float, suffix: str) -> bytes:
     from solen.report import figures
 
     shown = min(sensor.design.emitter.rays, figures.SHOWN_RAYS)
     view = figures.sensor_view(sensor, angle_deg, shown, sensor.design.trace.mode)
-    files.write_bytes(target, figures.encoded(figures.rays_figure([view]), target.suffix.lower(), "rays"))
+    return figures.encoded(figures.rays_figure([view]), suffix, "rays")

@@ -20,10 +20,16 @@ from solen.lens import OvalLens
 from solen.plane import along
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, Sensor
-from solen.trace import Mode, Path, Trace
+from solen.trace import Convergence, Mode, Path, Trace
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 COLOURS = {"right": RIGHT, "left": LEFT}
+METHODS = {
+    "fan": ("fan", INK, "o"),
+    "sobol": ("Sobol' samples", "#CC79A7", "s"),
+    "adaptive": ("adaptive", "#009E73", "^"),
+}
+"""Name, colour and marker of each way to choose rays."""
 SHOWN_RAYS = 100
 """Rays drawn in a picture at most: more make it a blot."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
@@ -94,6 +100,30 @@ def response_figure(lens: Case | None, flat: Case | None) -> Figure:
     return figure
 
 
+def convergence_figure(found: Convergence) -> Figure:
+    """Error against rays for each way to choose them, with the uncertainty that each states dashed, both logarithmic.
+
+    An uncertainty of 0 has no place there; the legend says how many are not drawn.
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.4, 4.2), layout="constrained")
+        axes = figure.add_subplot(xscale="log", yscale="log")
+        for series in found.series:
+            name, colour, marker = METHODS[series.method]
+            axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
+            nil = int(np.sum(series.u == 0.0))
+            told = f"{name}: stated u" + (f" ({nil} of {len(series.u)} are 0)" if nil else "")
+            axes.plot(series.rays, _positive(series.u), "--", color=colour, lw=1.2, label=told)
+        reference = found.reference
+        if reference.u > 0.0:
+            axes.axhline(reference.u, color=LOST, lw=1.2, ls=":", label="reference: stated u")
+        name = METHODS[reference.method][0]
+        axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
+        axes.set_title(f"mode {found.mode}; errors against {name} with {reference.rays:,} rays", fontsize=9)
+        figure.legend(fontsize=8, loc="outside right upper")
+    return figure
+
+
 def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
     """Rays in the body, one panel a view; ``zoom`` shows only that many mm about the lens's edges.
 
@@ -113,6 +143,11 @@ def sensor_view(
     lens = "" if sensor.has_lens else "no lens, "
     title = f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
     return title, sensor.body(angle_deg), sensor.scene(angle_deg, rays), sensor.trace(angle_deg, mode, rays, legs=True)
+
+
+def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The values, NaN where they are not above 0."""
+    return np.where(values > 0.0, values, np.nan)
 
 
 def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:

@@ -1,0 +1,110 @@
+"""How fast solen's engine is beside other tracers that a user could take: same scenes, same machine, one run.
+
+Run with ``python -m benchmarks.beside_others`` in the project's folder; ``--markdown`` prints a table for the
+documentation. A tracer that is not installed is named with the way to install it. All trace in counting mode, as
+`benchmarks.cases` says; the detected share and the interactions of a ray show that they compute the same thing.
+
+Each figure is the best of several runs, compilation left out; pvtrace runs once, with a hundred rays, so its share goes
+in steps of 0.01. solen's curves are exact, the others' geometry is a mesh within 1e-5 mm of them or a box.
+"""
+
+import argparse
+import os
+import platform
+from functools import partial
+from typing import Literal
+
+import numba
+
+import solen
+from benchmarks import with_mitsuba, with_pvtrace
+from benchmarks.cases import Case, Row, Tool, paper_case, slab_case
+from benchmarks.tracing import RAYS, best_s
+from solen.trace import trace
+
+HEADER = ("scene", "tracer", "geometry", "rays", "rays/s", "interactions/s", "per ray", "detected", "lost")
+TEXT_COLUMNS = 3
+
+
+def solen_versions() -> str:
+    """Versions of solen and what compiles it, and the machine's cores."""
+    python = f"Python {platform.python_version()} on {os.cpu_count()} cores"
+    return f"solen {solen.__version__}, numba {numba.__version__}, {python}"
+
+
+def solen_rows(case: Case, rays: int) -> list[Row]:
+    """The engine on one thread and on all; on all also in single precision."""
+    scene, cores = case.make(rays), os.cpu_count() or 1
+    settings: list[tuple[str, int, Literal["double", "single"]]] = [
+        ("solen, 1 thread", 1, "double"),
+        ("solen", cores, "double"),
+        ("solen", cores, "single"),
+    ]
+    rows = []
+    for tool, threads, precision in settings:
+        run = partial(trace, scene, threads=threads, precision=precision)
+        found = run()
+        geometry = "float64 exact" if precision == "double" else "float32 exact"
+        seconds = best_s(run)
+        rows.append(Row(case.name, tool, geometry, rays, seconds, found.hits, found.ledger.detected, found.undefined))
+    return rows
+
+
+TOOLS = (Tool("solen", lambda: None, solen_versions, solen_rows), with_mitsuba.TOOL, with_pvtrace.TOOL)
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """A row as text, in the order of `HEADER`."""
+    return (
+        row.case,
+        row.tool,
+        row.geometry,
+        f"{row.rays}",
+        f"{row.rays / row.seconds:.3g}",
+        f"{row.hits / row.seconds:.3g}",
+        f"{row.hits / row.rays:.3f}",
+        f"{row.detected:.4f}",
+        f"{row.lost}",
+    )
+
+
+def plain(rows: list[tuple[str, ...]]) -> str:
+    """A table of aligned columns."""
+    widths = [max(len(row[column]) for row in (HEADER, *rows)) for column in range(len(HEADER))]
+    lines = []
+    for row in (HEADER, *rows):
+        padded = [
+            text.ljust(width) if column < TEXT_COLUMNS else text.rjust(width)
+            for column, (text, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  ".join(padded).rstrip())
+    return "\n".join(lines)
+
+
+def markdown(rows: list[tuple[str, ...]]) -> str:
+    """A table for the documentation."""
+    rule = ["---" if column < TEXT_COLUMNS else "--:" for column in range(len(HEADER))]
+    return "\n".join("| " + " | ".join(row) + " |" for row in (HEADER, rule, *rows))
+
+
+def main() -> None:
+    """Print the table, then the versions."""
+    parser = argparse.ArgumentParser(description="Time solen's engine beside other tracers.")
+    parser.add_argument("--rays", type=int, default=RAYS, help=f"rays of the fast tracers (default {RAYS})")
+    parser.add_argument("--markdown", action="store_true", help="print a Markdown table")
+    options = parser.parse_args()
+    why = {tool.name: tool.missing() for tool in TOOLS}
+    tools = [tool for tool in TOOLS if why[tool.name] is None]
+    rows = [
+        cells(row) for case in (paper_case(), slab_case()) for tool in tools for row in tool.measure(case, options.rays)
+    ]
+    print(markdown(rows) if options.markdown else plain(rows))
+    print()
+    print("; ".join(tool.versions() for tool in tools) + ".")
+    for name, reason in why.items():
+        if reason is not None:
+            print(f"{name} left out: {reason}")
+
+
+if __name__ == "__main__":
+    main()

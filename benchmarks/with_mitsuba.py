@@ -1,0 +1,161 @@
+"""The cases in Mitsuba 3: the outline as the walls of a prism, and a loop of our own over ``Scene.ray_intersect``.
+
+Dr.Jit records the loop once and LLVM compiles it into one kernel that follows a whole wavefront of rays; Embree finds
+the hits. Coordinates are 32-bit floats, as in every LLVM variant of Mitsuba's published builds, and a ray starts a
+little off the face that it left (``spawn_ray``).
+
+Neighbouring rays of a fan go nearly the same way. Embree can be told so, which lets it search for a whole packet at
+once; Mitsuba leaves that off unless asked, so both are measured.
+"""
+
+from functools import partial
+from importlib.util import find_spec
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.cases import INDEX, Case, Outline, Row, Tool
+from benchmarks.tracing import best_s
+from solen.scene import Fan
+
+VARIANT = "llvm_ad_rgb"
+OLDEST = (3, 6)
+"""Its Dr.Jit is the first with ``while_loop``."""
+MOST_HITS = 10_000
+HALF_DEPTH_MM = 1.0
+
+HOW = 'pip install "mitsuba>=3.6", and LLVM\'s shared library (tried with 15 and 19; Debian: libllvm19)'
+
+
+class Prism(NamedTuple):
+    """A Mitsuba scene whose triangles from number ``first_receiver`` on are receivers."""
+
+    scene: Any
+    first_receiver: int
+
+
+class Found(NamedTuple):
+    """Sums over all rays."""
+
+    hits: int
+    detected: int
+    lost: int
+
+
+def missing() -> str | None:
+    """Why Mitsuba cannot run here."""
+    if find_spec("mitsuba") is None:
+        return HOW
+    import mitsuba as mi
+
+    if tuple(int(part) for part in mi.__version__.split(".")[:2]) < OLDEST:
+        return f"this is {mi.__version__}; {HOW}"
+    try:
+        mi.set_variant(VARIANT)
+    except ImportError:
+        return f"LLVM's shared library was not found: {HOW}, or name its file in DRJIT_LIBLLVM_PATH"
+    return None
+
+
+def versions() -> str:
+    """Versions of Mitsuba and what it runs on."""
+    import drjit as dr
+    import mitsuba as mi
+
+    llvm = ".".join(str(part) for part in dr.detail.llvm_version())
+    return f"Mitsuba {mi.__version__} ({VARIANT}), Dr.Jit {dr.__version__}, LLVM {llvm}"
+
+
+def measure(case: Case, rays: int) -> list[Row]:
+    """Rows of a case, without packets and with them."""
+    made, fan = prism(case.outline), case.fan(rays)
+    rows = []
+    for how, coherent in (("", False), (", packets", True)):
+        found = trace(made, fan, coherent=coherent, watch=True)
+        run = partial(trace, made, fan, coherent=coherent)
+        run()  # compiles the kernel
+        seconds = best_s(run)
+        share = found.detected / rays
+        rows.append(Row(case.name, f"Mitsuba{how}", "float32 mesh", rays, seconds, found.hits, share, found.lost))
+    return rows
+
+
+def prism(outline: Outline) -> Prism:
+    """Two triangles for each piece of the outline, receivers last; their normals point out of the body."""
+    import mitsuba as mi
+
+    order = np.argsort(outline.receiver, kind="stable")
+    start, end = outline.start[order], outline.end[order]
+    vertices = np.empty((len(start), 4, 3), dtype=np.float32)
+    vertices[:, (0, 3), :2], vertices[:, (1, 2), :2] = start[:, None], end[:, None]
+    vertices[:, :2, 2], vertices[:, 2:, 2] = -HALF_DEPTH_MM, HALF_DEPTH_MM
+    faces = 4 * np.arange(len(start), dtype=np.uint32)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+    mesh = mi.Mesh("walls", 4 * len(start), 2 * len(start))
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = mi.Float(vertices.ravel())
+    values["faces"] = mi.UInt32(faces.ravel())
+    values.update()
+    scene = mi.load_dict({"type": "scene", "walls": mesh})
+    return Prism(scene, 2 * int(np.count_nonzero(~outline.receiver)))
+
+
+def trace(made: Prism, fan: Fan, *, coherent: bool, watch: bool = False) -> Found:
+    """Follow every ray of a fan to its end; with ``watch``, which costs half as much again, lost rays are counted."""
+    import drjit as dr
+    import mitsuba as mi
+
+    def going_on(ray: Any, going: Any, *_: Any) -> Any:  # noqa: ARG001  the loop hands over its whole state
+        return going
+
+    def step(ray: Any, going: Any, inside: Any, hits: Any, detected: Any, lost: Any) -> tuple[Any, ...]:
+        """One meeting with a face."""
+        hit = made.scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent, going)
+        met = going & hit.is_valid()
+        cos = dr.dot(ray.d, hit.n)
+        defined = met & ((cos > 0) == inside)
+        receiver = defined & (hit.prim_index >= made.first_receiver)
+        direction, total = _bent(ray.d, hit.n, cos)
+        hits = dr.select(met, hits + 1, hits)
+        if watch:
+            lost |= (met & ~defined) | (going & ~met & inside)
+        goes_on = defined & ~receiver & (hits < MOST_HITS)
+        inside_next = inside ^ (goes_on & ~total)
+        return hit.spawn_ray(direction), goes_on, inside_next, hits, detected | (receiver & inside), lost
+
+    no = mi.Bool(False)
+    state = (_launched(fan), mi.Bool(True), no, mi.UInt32(0), no, no)
+    _, _, _, hits, detected, lost = dr.while_loop(state, going_on, step, mode="symbolic")
+    sums = dr.sum(hits), dr.count(detected), dr.count(lost)
+    dr.eval(*sums)
+    return Found(*(int(total[0]) for total in sums))
+
+
+def _launched(fan: Fan) -> Any:
+    """Rays of a fan in the plane y = 0 of Mitsuba's (x, z, y)."""
+    import drjit as dr
+    import mitsuba as mi
+
+    share = (mi.Float64(dr.arange(mi.UInt32, fan.rays)) + 0.5) / fan.rays - 0.5
+    sine, cosine = dr.sincos(mi.Float(np.radians(fan.axis_deg) + np.radians(fan.cone_deg) * share))
+    return mi.Ray3f(mi.Point3f(*fan.point, 0.0), mi.Vector3f(-sine, cosine, 0.0))
+
+
+def _bent(direction: Any, normal: Any, cos: Any) -> tuple[Any, Any]:
+    """Direction behind the face, or before it where the reflection is total; and whether it is.
+
+    ``cos`` is the direction's along the outward normal: positive for a ray in the body.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    ratio = dr.select(cos > 0, mi.Float(INDEX), mi.Float(1.0 / INDEX))
+    cos2 = 1.0 - ratio * ratio * (1.0 - cos * cos)
+    total = cos2 <= 0
+    root = dr.sqrt(dr.select(total, 0.0, cos2))  # LLVM 15 cannot compile dr.safe_sqrt
+    through = dr.copysign(root, cos) - ratio * cos
+    bent = dr.select(total, 1.0, ratio) * direction + dr.select(total, -2.0 * cos, through) * normal
+    bent.z = 0.0
+    return dr.normalize(bent), total
+
+
+TOOL = Tool("Mitsuba 3", missing, versions, measure)

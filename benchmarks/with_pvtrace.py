@@ -1,0 +1,170 @@
+"""The cases in pvtrace 2: its own box for the slab, a closed prism for the sensor, its ``follow`` for the rays.
+
+pvtrace is plain Python, one ray at a time; it gets a hundred. Its surfaces draw by lot between Fresnel reflection and
+refraction, so here a surface of ours does what solen's counting mode does: it refracts or totally reflects, and lets a
+ray through a receiver as it is, from where it goes on to the wall of pvtrace's world.
+"""
+
+import logging
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from importlib.metadata import version
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.cases import INDEX, Case, Outline, Row, Tool
+
+RAYS = 100
+DEPTH_MM, WORLD_MM = 10.0, 1000.0
+ON_IT_MM = 1e-9
+HOW = 'pip install "pvtrace>=2.1,<3" pandas (which it needs and does not ask for)'
+
+
+class CountingSurface:
+    """What `solen.interface` does at a face; ``receivers`` (N, 2, 2) are pieces (start, end) in the body's frame."""
+
+    def __init__(self, receivers: NDArray[np.float64]) -> None:
+        self.receivers = receivers
+        self.arrived = 0
+
+    def is_reflected(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> bool:  # noqa: ARG002
+        """Whether the reflection is total."""
+        cos, _, ratio = self._met(ray, geometry)
+        return not self._at_receiver(ray, cos) and ratio * ratio * (1.0 - cos * cos) >= 1.0
+
+    def reflect(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
+        """The ray after a total reflection."""
+        cos, normal, _ = self._met(ray, geometry)
+        return _turned(ray, np.asarray(ray.direction) - 2.0 * cos * normal)
+
+    def transmit(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
+        """The ray behind the face."""
+        cos, normal, ratio = self._met(ray, geometry)
+        if self._at_receiver(ray, cos):
+            self.arrived += 1
+            return replace(ray)
+        through = math.copysign(math.sqrt(1.0 - ratio * ratio * (1.0 - cos * cos)), cos)
+        return _turned(ray, ratio * np.asarray(ray.direction) + (through - ratio * cos) * normal)
+
+    def _met(self, ray: Any, geometry: Any) -> tuple[float, NDArray[np.float64], float]:
+        """Cosine to the outward normal, that normal, and the ratio of the indices."""
+        normal = np.asarray(geometry.normal(ray.position))
+        cos = float(normal @ np.asarray(ray.direction))
+        return cos, normal, INDEX if cos > 0.0 else 1.0 / INDEX
+
+    def _at_receiver(self, ray: Any, cos: float) -> bool:
+        start, end = self.receivers[:, 0], self.receivers[:, 1]
+        at = np.array([ray.position[0], ray.position[2]])
+        ways = np.linalg.norm(at - start, axis=1) + np.linalg.norm(at - end, axis=1)
+        return cos > 0.0 and bool(np.any(ways - np.linalg.norm(end - start, axis=1) < ON_IT_MM))
+
+
+def missing() -> str | None:
+    """Why pvtrace cannot run here."""
+    if find_spec("pvtrace") is None or find_spec("pandas") is None:
+        return HOW
+    found = version("pvtrace")
+    return None if found.startswith("2.") else f"this is {found}, and only 2 is known here; {HOW}"
+
+
+def versions() -> str:
+    """Versions of pvtrace and what finds its hits."""
+    return f"pvtrace {version('pvtrace')}, trimesh {version('trimesh')}"
+
+
+def measure(case: Case, rays: int) -> list[Row]:
+    """One row, of a few rays whatever is asked for."""
+    rays = min(rays, RAYS)
+    with _old_numpy():
+        scene, surface = _scene(case)
+        launched = list(_launched(case, rays))
+        _follow(scene, launched[:2])  # builds the search trees
+        surface.arrived = 0
+        begun = time.perf_counter()
+        hits, lost = _follow(scene, launched)
+        seconds = time.perf_counter() - begun
+    geometry = "float64 mesh" if case.box_mm is None else "float64 box"
+    return [Row(case.name, "pvtrace", geometry, rays, seconds, hits, surface.arrived / rays, lost)]
+
+
+@contextmanager
+def _old_numpy() -> Iterator[None]:
+    """Lend numpy the names that it dropped in 1.24, which pvtrace asks for; keep pvtrace from logging all it does."""
+    logging.getLogger().addHandler(logging.NullHandler())  # with a handler there, it does not set up its own
+    lent = {name: kind for name, kind in (("float", float), ("int", int)) if name not in vars(np)}
+    for name, kind in lent.items():
+        setattr(np, name, kind)
+    try:
+        yield
+    finally:
+        for name in lent:
+            delattr(np, name)
+
+
+def _scene(case: Case) -> tuple[Any, CountingSurface]:
+    """A body in air inside a spherical world, and the body's surface; x and z are solen's."""
+    import pvtrace
+
+    air = pvtrace.Material(refractive_index=1.0)
+    world = pvtrace.Node(name="world", geometry=pvtrace.Sphere(radius=WORLD_MM, material=air))
+    outline = case.outline
+    mesh = None if case.box_mm else _closed(outline)
+    center = np.asarray(mesh.center_mass if mesh is not None else (0.0, 0.0, (case.box_mm or (0.0, 0.0))[1] / 2))
+    pieces = np.stack([outline.start, outline.end], axis=1)[outline.receiver]
+    surface = CountingSurface(pieces - center[[0, 2]])
+    material = pvtrace.Material(refractive_index=INDEX, surface=surface)
+    if case.box_mm:
+        geometry = pvtrace.Box((case.box_mm[0], DEPTH_MM, case.box_mm[1]), material=material)
+    else:
+        geometry = pvtrace.Mesh(mesh, material=material)  # moves its centre of mass to the origin
+    pvtrace.Node(name="body", geometry=geometry, parent=world, location=tuple(center))
+    return pvtrace.Scene(world), surface
+
+
+def _closed(outline: Outline) -> Any:
+    """Closed prism of the outline about y = 0."""
+    import shapely
+    import trimesh
+
+    mesh = trimesh.creation.extrude_polygon(shapely.Polygon(outline.start), DEPTH_MM)
+    mesh.apply_translation((0.0, 0.0, -DEPTH_MM / 2))
+    mesh.apply_transform(np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float))
+    return mesh
+
+
+def _launched(case: Case, rays: int) -> Iterator[Any]:
+    import pvtrace
+
+    launch = case.fan(rays).launch()
+    for x, z, dx, dz in zip(launch.x_mm, launch.z_mm, launch.dx, launch.dz, strict=True):
+        yield pvtrace.Ray(position=(x, 0.0, z), direction=(dx, 0.0, dz), wavelength=550.0)
+
+
+def _follow(scene: Any, rays: list[Any]) -> tuple[int, int]:
+    """Faces met by all rays, and how many rays did not reach the world's wall."""
+    from pvtrace import Event
+    from pvtrace.algorithm import photon_tracer
+
+    hits = lost = 0
+    for ray in rays:
+        try:
+            _, events = zip(*photon_tracer.follow(scene, ray), strict=True)
+        except Exception:  # whatever it trips over, that ray is lost
+            lost += 1
+            continue
+        lost += events[-1] is not Event.EXIT
+        hits += sum(event in {Event.REFLECT, Event.TRANSMIT} for event in events)
+    return hits, lost
+
+
+def _turned(ray: Any, direction: NDArray[np.float64]) -> Any:
+    return replace(ray, direction=tuple(direction.tolist()))
+
+
+TOOL = Tool("pvtrace", missing, versions, measure)
