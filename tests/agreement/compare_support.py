@@ -6,7 +6,8 @@ three times, as launched and with every launch turned by ±1e-13 rad. A stretch 
 references have it, ending on the same interface with the same fate and, to 1e-9 mm, at the same place, and so have
 every stretch before it. All others are *left out*, and counted. On what is compared, the engine must have the same
 stretch, on the same interface, with the same fate, ending within 1e-9 mm; where nothing is left out it must have no
-stretch more. How far the powers deviate, as a share of the stretch's power, is told to the caller.
+stretch more. How far the powers deviate, as a share of the stretch's power, and how far the optical paths do, is told
+to the caller.
 """
 
 import dataclasses
@@ -16,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.scene import Rays, Scene
+from solen.scene import Scene
+from solen.scene.model import Line, Placed, Source
 from solen.trace import Trace
 
 TURN_RAD = 1e-13
@@ -32,6 +34,7 @@ class Stretch:
     fate: int
     end: tuple[float, float]
     power: tuple[float, float]
+    optical_path_mm: float
 
     def near(self, other: "Stretch") -> bool:
         """Same interface, fate and, within the tolerance, end."""
@@ -47,20 +50,34 @@ class Comparison:
     left_out: int
     deviation_mm: float
     deviation_power: float
+    deviation_optical_mm: float
+
+
+@dataclass(frozen=True)
+class Turned(Source):
+    """Another source with every ray turned where it starts."""
+
+    source: Source
+    angle_rad: float
+    rays: int
+    power: float
+    s_share: float
+    spectrum: tuple[Line, ...]
+
+    @property
+    def shape_dimensions(self) -> int:
+        return self.source.shape_dimensions
+
+    def place(self, u: NDArray[np.float64]) -> Placed:
+        x, z, dx, dz = self.source.place(u)
+        c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
+        return x, z, c * dx - s * dz, s * dx + c * dz
 
 
 def turned(scene: Scene, angle_rad: float) -> Scene:
     """The scene with every ray's launch turned by a small angle."""
-    c, s = math.cos(angle_rad), math.sin(angle_rad)
-    sources = []
-    for source in scene.sources:
-        launch = source.launch()
-        origins = tuple(zip(launch.x_mm.tolist(), launch.z_mm.tolist(), strict=True))
-        directions = zip(
-            (c * launch.dx - s * launch.dz).tolist(), (s * launch.dx + c * launch.dz).tolist(), strict=True
-        )
-        sources.append(Rays(origins, tuple(directions), source.power, source.s_share))
-    return dataclasses.replace(scene, sources=tuple(sources))
+    sources = tuple(Turned(s, angle_rad, s.rays, s.power, s.s_share, s.spectrum) for s in scene.sources)
+    return dataclasses.replace(scene, sources=sources)
 
 
 def stretches(trace: Trace) -> dict[Key, Stretch]:
@@ -81,7 +98,7 @@ def compared(truth: Trace, others: tuple[Trace, ...], engine: Trace) -> Comparis
     reference, fast = stretches(truth), stretches(engine)
     turned_ones = [stretches(other) for other in others]
     kept: set[Key] = set()
-    deviation_mm = deviation_power = 0.0
+    deviation_mm = deviation_power = deviation_optical = 0.0
     for key, stretch in reference.items():  # parents come before their children
         if not _follows(key, kept) or not all(key in other and stretch.near(other[key]) for other in turned_ones):
             continue
@@ -90,16 +107,18 @@ def compared(truth: Trace, others: tuple[Trace, ...], engine: Trace) -> Comparis
         assert stretch.near(fast[key]), f"stretch {key}: reference {stretch}, engine {fast[key]}"
         deviation_mm = max(deviation_mm, math.dist(stretch.end, fast[key].end))
         deviation_power = max(deviation_power, *_deviation(stretch.power, fast[key].power))
+        deviation_optical = max(deviation_optical, abs(stretch.optical_path_mm - fast[key].optical_path_mm))
     left_out = len(reference) - len(kept)
     assert left_out or len(fast) == len(reference), "the engine has stretches that the reference has not"
-    return Comparison(len(reference), left_out, deviation_mm, deviation_power)
+    return Comparison(len(reference), left_out, deviation_mm, deviation_power, deviation_optical)
 
 
 def _stretch(leg: np.void) -> Stretch:
     length = float(leg["length_mm"])
     x, z, dx, dz = (float(leg[name]) for name in ("x_mm", "z_mm", "dx", "dz"))
     end = (x + length * dx, z + length * dz) if math.isfinite(length) else (dx, dz)
-    return Stretch(int(leg["interface"]), int(leg["fate"]), end, (float(leg["power_s"]), float(leg["power_p"])))
+    power = (float(leg["power_s"]), float(leg["power_p"]))
+    return Stretch(int(leg["interface"]), int(leg["fate"]), end, power, float(leg["optical_path_mm"]))
 
 
 def _follows(key: Key, kept: set[Key]) -> bool:

@@ -1,25 +1,32 @@
 """Random scenes with a seed: closed bodies of every curve, nested ones, mirrors, walls, receivers, monitors, sources.
 
-Bodies stand in the cells of a grid, so that none cross: star-shaped polygons with straight, circular and parabolic
-sides (some with a smaller body of another index within), circles, and lens bodies with a Cartesian oval in front.
+Bodies stand in the cells of a grid, so that none cross: star-shaped polygons with straight and curved sides (some with
+a smaller body of another index within), circles, and lens bodies with a Cartesian oval in front. `random_scene` keeps
+to straight, circular and parabolic sides and to light of one wavelength; `motley_scene` has every curve that there is,
+among them smooth outlines and outlines with corners of one spline, lenses between two conics, and, in every other
+scene, media with dispersion under sources with spectra.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
+from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.lens.optics import tangency
-from solen.plane import Point, Rigid, along, left_of, minus, unit
-from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene
-from solen.scene.model import Behaviour, Source
+from solen.material.dispersion import Cauchy
+from solen.plane import Point, Rigid, along, heading, left_of, minus, unit
+from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
+from solen.scene.model import Behaviour, Line, Source
 
 CELL_MM = 12.0
 RECEIVERS = ("a", "b", "c")
 BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver")
 SHARES = (0.76, 0.08, 0.06, 0.10)
+SIDES = ("segment", "arc", "parabola")
+EVERY_SIDE = (*SIDES, "conic", "bezier", "spline")
+LINES_NM = (450.0, 550.0, 633.0, 850.0)
 
 
 @dataclass
@@ -30,12 +37,15 @@ class Builder:
     interfaces: list[Interface] = field(default_factory=list)
     regions: list[Region] = field(default_factory=lambda: [Region("air", 1.0)])
     corners: list[Point] = field(default_factory=list)
+    sides: tuple[str, ...] = SIDES
+    disperses: bool = False
 
     def region(self) -> str:
         """Name of a new medium."""
         name = f"medium-{len(self.regions)}"
         loss = float(self.rng.choice([0.0, 0.002, 0.03]))
-        self.regions.append(Region(name, float(self.rng.uniform(1.2, 1.9)), loss))
+        index = float(self.rng.uniform(1.2, 1.9))
+        self.regions.append(Region(name, Cauchy(A=index, B_um2=0.01) if self.disperses else index, loss))
         return name
 
     def add(self, curve: Curve, inside: str, outside: str, behaviour: Behaviour | None = None) -> None:
@@ -53,18 +63,49 @@ def random_behaviour(rng: np.random.Generator) -> Behaviour:
     return BEHAVIOURS[int(rng.choice(len(BEHAVIOURS), p=SHARES))]
 
 
-def side(rng: np.random.Generator, a: Point, b: Point) -> Curve:
-    """A straight, circular or parabolic side from a to b, bulging by at most 8 % of its length."""
-    kind = rng.choice(["segment", "arc", "parabola"])
+def side(rng: np.random.Generator, a: Point, b: Point, kinds: tuple[str, ...] = SIDES) -> Curve:
+    """A side from a to b, bulging by at most 8 % of its length."""
+    kind = rng.choice(list(kinds))
     if kind == "segment":
         return Segment(a, b)
     chord = minus(b, a)
     length, axis = math.hypot(*chord), unit(chord)
+    if kind == "conic":
+        return conic_side(rng, a, b)
+    if kind in {"bezier", "spline"}:
+        few = 2 if kind == "bezier" else int(rng.integers(1, 6))
+        shares = np.arange(1, few + 1) / (few + 1)
+        offsets = rng.uniform(-0.08, 0.08, few) * min(1.0, 3.0 / few)
+        inner = [
+            along(along(a, axis, length * share), left_of(axis), length * offset)
+            for share, offset in zip(shares.tolist(), offsets.tolist(), strict=True)
+        ]
+        return Bezier(a, inner[0], inner[1], b) if kind == "bezier" else Spline.through([a, *inner, b])
     sag = float(rng.choice([-1, 1]) * rng.uniform(0.01, 0.08)) * length
     middle = along(along(a, axis, length / 2), left_of(axis), sag)
     if kind == "arc":
         return Arc.through(a, middle, b)
     return Parabola(middle, axis, sag / (length / 2) ** 2, -length / 2, length / 2)
+
+
+def conic_side(rng: np.random.Generator, a: Point, b: Point) -> Conic:
+    """Any part of any conic that bulges by at most 8 %, turned, shifted and scaled to lie between a and b."""
+    while True:
+        bend, constant = float(rng.choice([-1, 1])), float(rng.choice([rng.uniform(-4, 2), -1.0, 0.0]))
+        middle, half = float(rng.uniform(-0.6, 0.6)), float(rng.uniform(0.05, 0.4))
+        if abs(middle) + half < 0.9 / math.sqrt(max(1.0 + constant, 1.0)):
+            curve = Conic((0.0, 0.0), (0.0, 1.0), bend, constant, middle - half, middle + half)
+            start, end = curve.start, curve.end
+            u = (curve.points(np.linspace(0, 1, 41)) - np.asarray(start)) @ np.asarray(left_of(unit(minus(end, start))))
+            scale = math.dist(a, b) / math.dist(start, end)
+            if np.max(np.abs(u)) * scale < 0.08 * math.dist(a, b):
+                break
+    (cx, cz), (gx, gz) = unit(minus(end, start)), unit(minus(b, a))
+    turn = Rigid(cx * gx + cz * gz, cx * gz - cz * gx)
+    x, z = turn.vector((scale * start[0], scale * start[1]))
+    vertex = (a[0] - x, a[1] - z)
+    axis = unit(turn.vector((0.0, 1.0)))
+    return Conic(vertex, axis, bend / scale, constant, (middle - half) * scale, (middle + half) * scale)
 
 
 def polygon(rng: np.random.Generator, center: Point, radius_mm: float) -> list[Point]:
@@ -84,7 +125,7 @@ def add_polygon(build: Builder, center: Point, radius_mm: float, outside: str) -
     corners = polygon(build.rng, center, radius_mm)
     build.corners.extend(corners)
     for a, b in pairwise([*corners, corners[0]]):
-        build.add(side(build.rng, a, b), inside, outside)
+        build.add(side(build.rng, a, b, build.sides), inside, outside)
     return inside
 
 
@@ -98,7 +139,7 @@ def add_circle(build: Builder, center: Point, radius_mm: float, outside: str) ->
 def add_lens(build: Builder, center: Point, radius_mm: float, outside: str) -> str:
     """An oval front, two flared parabolic sides and a straight back, turned at random: a cousin of the Y's stem."""
     inside = build.region()
-    n2 = build.regions[-1].index
+    n2 = build.regions[-1].index_at(LINES_NM[0])
     image_mm = float(build.rng.uniform(8, 25))
     edge_deg = float(build.rng.uniform(0.4, 0.9)) * min(25.0, tangency(1.0, n2, 2.0, image_mm)[0])
     front = CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, n2, 2.0, image_mm, edge_deg, -edge_deg)
@@ -114,6 +155,59 @@ def add_lens(build: Builder, center: Point, radius_mm: float, outside: str) -> s
         build.corners.append(placed.start)
         build.add(placed, inside, outside, "refracting" if curve is front else None)
     return inside
+
+
+def add_outline(build: Builder, center: Point, radius_mm: float, outside: str) -> str:
+    """One closed spline: smooth, or of the curved sides of a polygon, with its corners."""
+    inside = build.region()
+    corners = polygon(build.rng, center, radius_mm)
+    if build.rng.random() < 0.5:
+        curve = Spline.through(np.asarray(center) + 0.85 * (np.asarray(corners) - np.asarray(center)), closed=True)
+    else:
+        ends = zip(corners, [*corners[1:], corners[0]], strict=True)
+        sides = [side(build.rng, a, b, ("bezier",)) for a, b in ends]
+        controls = [control for curve in sides if isinstance(curve, Bezier) for control in curve.controls]
+        curve = Spline((controls[0][0], *(point for control in controls for point in control[1:])))
+        build.corners.extend(corners)
+    build.add(curve, inside, outside)
+    return inside
+
+
+def add_conic_lens(build: Builder, center: Point, radius_mm: float, outside: str) -> str:
+    """A lens between two conics, convex or concave, with an edge or straight flanks."""
+    inside, rng = build.region(), build.rng
+    height = float(rng.uniform(0.5, 0.8)) * radius_mm
+    faces = []
+    for way in (1.0, -1.0):
+        constant = float(rng.choice([rng.uniform(-5, 1), -1.0, 0.0]))
+        bend = float(rng.uniform(0.05, 0.8)) / (height * math.sqrt(max(1.0 + constant, 1.0)))
+        bend *= float(rng.choice([1.0, 1.0, -0.5]))
+        faces.append(Conic((0.0, 0.0), (0.0, way), bend, constant, -height, height))
+    sags = [float(face.sag_mm(np.array(height))) for face in faces]
+    flank = float(rng.choice([0.0, 0.3])) * radius_mm if sum(sags) > 0.5 else 0.5 * radius_mm
+    thickness = sags[0] + flank + sags[1]
+    front, back = (replace(face, vertex=(0.0, z)) for face, z in zip(faces, (0.0, thickness), strict=True))
+    outline: list[Curve] = [front, back]
+    if flank > 0.0:
+        outline = [front, Segment(front.end, back.start), back, Segment(back.end, front.start)]
+    turn = Rigid.about((0.0, 0.5 * thickness), float(rng.uniform(0, 360)))
+    shift = Rigid(shift=(center[0], center[1] - 0.5 * thickness))
+    for curve in outline:
+        placed = curve.moved(turn).moved(shift)
+        build.corners.append(placed.start)
+        build.add(placed, inside, outside)
+    return inside
+
+
+def add_motley(build: Builder, center: Point) -> None:
+    """A body of any kind in its cell, perhaps with another one within."""
+    kinds = (add_polygon, add_outline, add_conic_lens, add_lens, add_circle)
+    kind = kinds[int(build.rng.choice(len(kinds), p=[0.4, 0.25, 0.15, 0.1, 0.1]))]
+    radius_mm = float(build.rng.uniform(3.5, 5.0))
+    inside = kind(build, center, radius_mm, "air")
+    if kind in {add_polygon, add_circle, add_outline} and build.rng.random() < 0.5:
+        within = (add_outline, add_polygon, add_circle)[int(build.rng.integers(3))]
+        within(build, center, 0.35 * radius_mm, inside)
 
 
 def add_body(build: Builder, center: Point) -> None:
@@ -139,7 +233,7 @@ def add_walls(build: Builder) -> None:
     for a, b in pairwise([*box, box[0]]):
         if build.rng.random() < 0.6:
             behaviour = BEHAVIOURS[int(build.rng.integers(1, 4))]
-            build.add(side(build.rng, a, b), "air", "air", behaviour)
+            build.add(side(build.rng, a, b, build.sides), "air", "air", behaviour)
 
 
 def sources(build: Builder, rays: int, nearest_corner_mm: float) -> tuple[Source, ...]:
@@ -186,3 +280,74 @@ def random_scene(seed: int, rays: int, nearest_corner_mm: float = 1e-8) -> Scene
         monitors,
         f"random {seed}",
     )
+
+
+def motley_scene(seed: int, rays: int, nearest_corner_mm: float = 1e-8) -> Scene:
+    """Scene of that number with every kind of curve, ``rays`` rays from each of its five sources."""
+    rng = np.random.default_rng(seed)
+    build = Builder(rng, sides=EVERY_SIDE, disperses=bool(seed % 2))
+    add_motley(build, (0.0, 0.0))
+    add_polygon(build, (-CELL_MM, CELL_MM), 4.0, "air")
+    for x, z in ((1, 0), (1, 1), (0, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)):
+        if rng.random() < 0.35:
+            add_motley(build, (x * CELL_MM, z * CELL_MM))
+    add_walls(build)
+    chip = Chip((6.1, -6.3), 0.8, float(rng.uniform(0, 360)), 200.0, rays, 0.7, float(rng.uniform(0, 1)))
+    everything = (*sources(build, rays, nearest_corner_mm), chip)
+    if build.disperses:
+        everything = tuple(replace(source, spectrum=_spectrum(rng)) for source in everything)  # type: ignore[type-var]
+    heights = rng.uniform(-15, 15, (2, 2)).tolist()
+    monitors = tuple(
+        Monitor(f"m{i}", (-20.0, a), (20.0, b), bins)
+        for i, ((a, b), bins) in enumerate(zip(heights, (0, 50), strict=True))
+    )
+    return Scene(tuple(build.regions), tuple(build.interfaces), everything, monitors, f"motley {seed}")
+
+
+def _spectrum(rng: np.random.Generator) -> tuple[Line, ...]:
+    """One to three lines."""
+    lines = rng.choice(len(LINES_NM), int(rng.integers(1, 4)), replace=False)
+    return tuple((LINES_NM[int(i)], float(rng.uniform(0.2, 1.0))) for i in sorted(lines))
+
+
+def one_body(seed: int, rays: int) -> Scene:
+    """A refracting body of mixed curves in a ring that receives all; half of the rays start inside, half outside."""
+    rng = np.random.default_rng(seed)
+    build = Builder(rng, sides=EVERY_SIDE)
+    add = (add_polygon, add_polygon, add_outline, add_conic_lens)[int(rng.integers(4))]
+    inside = add(build, (0.0, 0.0), 5.0, "air")
+    build.regions[-1] = Region(inside, float(rng.uniform(1.3, 1.7)))
+    body = tuple(replace(face, behaviour="refracting", receiver=None) for face in build.interfaces)
+    turn_deg = float(rng.uniform(0, 360))
+    outside = along((0.0, 0.0), heading(turn_deg), -7.0)
+    sources = (Fan((0.01, 0.02), 0.0, 360.0, rays // 2), Fan(outside, turn_deg, 90.0, rays - rays // 2))
+    return Scene(tuple(build.regions), (*body, *curtains(0.2, inside), ring()), sources, name=f"body {seed}")
+
+
+def curtains(inner_mm: float, inside: str) -> tuple[Interface, ...]:
+    """Circles that change nothing, but a ray that has passed one knows its medium, and slips nowhere unnoticed."""
+    inner, outer = (Arc.circle((0.0, 0.0), radius_mm) for radius_mm in (inner_mm, 6.5))
+    return Interface("inner curtain", inner, inside, inside), Interface("outer curtain", outer, "air", "air")
+
+
+def ring() -> Interface:
+    """A receiver round everything."""
+    return Interface("ring", Arc.circle((0.0, 0.0), 8.0), "air", "air", "receiver", "ring")
+
+
+def many_bodies(seed: int, along_x: int, along_z: int, rays: int) -> Scene:
+    """Small bodies of every kind in a field of so many cells, and a source among them."""
+    rng = np.random.default_rng(seed)
+    build = Builder(rng, sides=EVERY_SIDE)
+    for i in range(along_x):
+        for j in range(along_z):
+            add_motley(build, (i * CELL_MM, j * CELL_MM))
+    low, high = (-0.6 * CELL_MM, -0.6 * CELL_MM), ((along_x - 0.4) * CELL_MM, (along_z - 0.4) * CELL_MM)
+    frame = [low, (high[0], low[1]), high, (low[0], high[1])]
+    ends = zip(frame, [*frame[1:], frame[0]], strict=True)
+    frames = tuple(
+        Interface(f"f{i}", Segment(a, b), "air", "air", "receiver", "frame") for i, (a, b) in enumerate(ends)
+    )
+    start = ((along_x // 2 - 0.5) * CELL_MM, (along_z // 2 - 0.5) * CELL_MM)
+    fans = (Fan(start, 0.0, 360.0, rays - rays // 2), Fan(along(low, (1.0, 1.0), 0.1), -45.0, 89.0, rays // 2))
+    return Scene(tuple(build.regions), (*build.interfaces, *frames), fans, name=f"bodies {seed}")

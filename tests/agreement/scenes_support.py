@@ -6,7 +6,7 @@ import math
 from solen.curve import Arc, Curve, Segment
 from solen.plane import Point, Rigid
 from solen.scene import Interface, Monitor, Rays, Region, Scene
-from solen.scene.model import Source
+from solen.scene.model import Behaviour, Source
 from solen.trace import Limits, Path, Trace, trace
 
 FINE = Limits(min_weight=1e-15, max_hits=1000)
@@ -19,11 +19,17 @@ def glass(index: float, absorption_per_mm: float = 0.0) -> Region:
 
 
 def slab(source: Source, index: float, thickness_mm: float, absorption_per_mm: float = 0.0) -> Scene:
-    """A slab from z = 0 up to its thickness, 2 m wide, with a monitor behind it."""
-    front = Segment((-1000.0, 0.0), (1000.0, 0.0))
-    back = Segment((-1000.0, thickness_mm), (1000.0, thickness_mm))
+    """A slab from z = 0 up to its thickness, 2 m wide and black at its ends, with a monitor behind it."""
+    corners = [(-1000.0, 0.0), (1000.0, 0.0), (1000.0, thickness_mm), (-1000.0, thickness_mm)]
+    sides: dict[str, Behaviour] = {
+        "front": "refracting",
+        "right": "absorbing",
+        "back": "refracting",
+        "left": "absorbing",
+    }
     behind = Monitor("behind", (-1000.0, thickness_mm + 1.0), (1000.0, thickness_mm + 1.0))
-    interfaces = (Interface("front", front, "glass", "air"), Interface("back", back, "air", "glass"))
+    ends = zip(sides.items(), corners, [*corners[1:], corners[0]], strict=True)
+    interfaces = tuple(Interface(name, Segment(a, b), "glass", "air", kind) for (name, kind), a, b in ends)
     return Scene((AIR, glass(index, absorption_per_mm)), interfaces, (source,), (behind,))
 
 

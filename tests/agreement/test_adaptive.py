@@ -44,7 +44,7 @@ def test_a_slab_passes_the_closed_form() -> None:
     """½ Σ (1 − R)/(1 + R) over s and p, averaged over the fan by quadrature: all that enters is guided, lossless."""
     found = integrate(slab(5.0), tolerance=1e-5, limits=Limits(min_weight=1e-6), most_legs=10**7)
     assert found.reached
-    assert found.detectors["screen"] == pytest.approx(closed_form(), abs=1e-5)
+    assert found.detectors["screen"].power == pytest.approx(closed_form(), abs=1e-5)
     assert closed_form() == pytest.approx(0.925572, abs=5e-7)
 
 
@@ -52,8 +52,9 @@ def test_a_slab_passes_the_closed_form() -> None:
 @pytest.mark.parametrize(("gap_mm", "share"), [(None, 0.925572), (0.1, 0.914264)])
 def test_a_long_slab_passes_the_closed_form(gap_mm: float | None, share: float) -> None:
     found = integrate(slab(100.0, gap_mm), tolerance=1e-5, most_legs=10**8)
-    print(f"\n  slab of 100 x 5 mm, receiver {gap_mm} mm behind it: {found.detectors['screen']:.6f}, asked {share}")
-    assert found.detectors["screen"] == pytest.approx(share, abs=1e-5)
+    power = found.detectors["screen"].power
+    print(f"\n  slab of 100 x 5 mm, receiver {gap_mm} mm behind it: {power:.6f}, asked {share}")
+    assert power == pytest.approx(share, abs=1e-5)
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
@@ -70,7 +71,7 @@ def test_the_sensor_agrees_with_a_dense_fan(mode: Mode, angle_deg: float, shape:
         mode,
     )
     for name, reading in dense.detectors.items():
-        assert found.detectors[name] == pytest.approx(reading.power, abs=20.0 / rays)
+        assert found.detectors[name].power == pytest.approx(reading.power, abs=20.0 / rays)
     assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
     assert abs(found.ledger.truncated) <= 1e-6
 
@@ -79,8 +80,9 @@ def test_the_accepted_share_is_the_edge_angle() -> None:
     """The oval takes everything up to atan(2/(z(2) + 1)); both halves are equal at rest."""
     found = integrate(sensor(0.0), "count", 1e-9)
     edge_deg = math.degrees(math.atan2(2.0, 1.0 + 1.8108521422303))
-    assert sum(found.detectors.values()) == pytest.approx(edge_deg / 60.0, abs=1e-9)
-    assert found.detectors["left"] == pytest.approx(found.detectors["right"], abs=1e-9)
+    right, left = found.detectors["right"].power, found.detectors["left"].power
+    assert right + left == pytest.approx(edge_deg / 60.0, abs=1e-9)
+    assert left == pytest.approx(right, abs=1e-9)
 
 
 @pytest.mark.parametrize("size_mm", [1e-2, 1e-4, 1e-6])
@@ -91,7 +93,7 @@ def test_a_sliver_between_two_rays_is_found(size_mm: float) -> None:
     found = integrate(Scene((AIR,), (disc, wall), (Fan((0.0, 0.0), 0.0, 90.0, 1),)), "count", 1e-9)
     shade = 2.0 * math.degrees(math.asin(size_mm / 2 / math.hypot(0.123, 10.0))) / 90.0
     assert found.reached
-    assert 1.0 - found.detectors["wall"] == pytest.approx(shade, abs=1e-9)
+    assert 1.0 - found.detectors["wall"].power == pytest.approx(shade, abs=1e-9)
 
 
 @pytest.mark.parametrize("height_mm", [2e-6, 1e-4, 5e-4])
@@ -104,7 +106,7 @@ def test_a_receiver_close_to_a_concave_mirror_is_found(height_mm: float) -> None
     receiver = Interface("dot", Segment(high, low), "air", "air", "receiver", "dot")
     found = integrate(Scene((AIR,), (mirror, receiver), (Fan((0.0, 0.0), 0.0, 60.0, 1),)), "count", 1e-8)
     seen = [math.degrees(math.atan2(x * near + side * height_mm, z * near)) for side in (-1, 1)]
-    assert found.detectors["dot"] == pytest.approx((seen[1] - seen[0]) / 60.0, abs=2e-8)
+    assert found.detectors["dot"].power == pytest.approx((seen[1] - seen[0]) / 60.0, abs=2e-8)
 
 
 @pytest.mark.parametrize("mode", ["count", "power"])
@@ -115,11 +117,13 @@ def test_random_scenes_agree_with_a_dense_fan_within_the_bound(mode: Mode) -> No
         base = random_scene(seed, 1)
         scene = Scene(base.regions, base.interfaces, (Fan((0.31, 0.17), 20.0, 40.0, 20_000),))
         found = integrate(scene, mode, 1e-4, limits, most_legs=60_000)
-        assert found.reached == (found.u <= 1e-4)
         assert found.reached or "rays" in found.why
         for name, reading in trace(scene, mode, limits).detectors.items():
-            assert found.detectors[name] == pytest.approx(reading.power, abs=found.u + 5e-3), seed
-        bounds.append(found.u)
+            assert found.detectors[name].power == pytest.approx(reading.power, abs=found.u + 5e-3), seed
+        if found.detectors:  # without a receiver there is no power to be off
+            assert found.reached == (found.u <= 1e-4)
+            bounds.append(found.u)
+    assert len(bounds) >= 4
     assert mode == "power" or min(bounds) < 0.1  # a bound that is always large would be no use
 
 

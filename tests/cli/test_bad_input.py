@@ -5,17 +5,27 @@ import stat
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from solen import pipeline
 from solen.cli import _run
 from solen.spec import template
+from solen.trace import convergence
 
 GOOD = template()
 HEAD = 'schema = 1\nname = "x"\n'
-FILE_COMMANDS = ["check", "lens", "trace", "run"]
-OUTPUT_OPTION = {"check": [], "lens": ["--csv", "lens.csv"], "trace": ["--figure", "rays.svg"], "run": ["--out", "out"]}
+FILE_COMMANDS = ["check", "lens", "trace", "convergence", "sensitivity", "run"]
+OUTPUT_OPTION = {
+    "check": [],
+    "lens": ["--csv", "lens.csv"],
+    "trace": ["--figure", "rays.svg", "--netcdf", "rays.nc"],
+    "convergence": ["--figure", "convergence.svg"],
+    "sensitivity": [],
+    "run": ["--out", "out"],
+}
 
 
 def command(name: str, file: Path | str) -> list[str]:
@@ -140,7 +150,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "pivot of one number": ({"motion.pivot": "[1.0]"}, "motion.pivot"),
     "gap without air": ({"receivers.gap_mm": "0.5"}, "receivers.gap_mm"),
     "air without gap": ({"receivers.coupling": '"air-gap"'}, "receivers.gap_mm"),
-    "bad mode": ({"trace.mode": '"bogus"'}, "'count' or 'power'"),
+    "bad mode": ({"trace.mode": '"bogus"'}, "'count', 'power' or 'roulette'"),
     "two lines of name": ({"name": '"a\\nb"'}, "one line"),
 }
 BODIES: dict[str, tuple[dict[str, str], str]] = {
@@ -223,11 +233,36 @@ def test_an_unknown_option(refused: Refusal, name: str) -> None:
     assert "--bogus" in refused(name, *file, *out, "--bogus")
 
 
-@pytest.mark.parametrize("name", ["new", "schema", *FILE_COMMANDS])
+@pytest.mark.parametrize("name", ["new", "schema", *(name for name in FILE_COMMANDS if name != "sensitivity")])
 def test_one_argument_too_many(refused: Refusal, name: str) -> None:
     file = [] if name == "schema" else ["x"]
     out = ["--out", "out"] if name == "run" else []
     assert "extra" in refused(name, *file, "extra", *out)
+
+
+ADAPTIVE = ["--sampling", "adaptive"]
+GAP = ["--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5"]
+SAMPLINGS = [
+    (["--sampling", "bogus"], "--sampling = 'bogus'; must be one of fan, sobol, adaptive"),
+    (["--sampling", ""], "--sampling = ''"),
+    (["--seed", "1"], "--seed = '1'; nothing is drawn in mode count with a fan; add --sampling sobol"),
+    (["--seed", "1", "--mode", "power"], "nothing is drawn in mode power with a fan"),
+    *((["--sampling", "sobol", "--seed", seed], f"--seed = '{seed}'; must be a whole number from 0") for seed in
+      ("-1", "1.5", "1e3", "x", "", "²", "9223372036854775808", "9" * 40)),
+    (["--tolerance", "1e-6"], "--tolerance = 1e-06; is of --sampling adaptive; add that"),
+    (["--sampling", "sobol", "--tolerance", "1e-6"], "is of --sampling adaptive"),
+    *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
+    ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
+    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration knows count and power"),
+    *(([*ADAPTIVE, *more], f"{more[0]}{{}}; has no meaning with --sampling adaptive".format(
+        f" = '{more[1]}'" if len(more) > 1 and more[1][0].isalnum() else "")) for more in
+      (["--seed", "1"], ["--precision", "single"], ["--histogram", "4"], ["--rays", "50"], ["--paths", "--json"])),
+    (["--precision", "half"], "--precision = 'half'; must be one of double, single"),
+    *((["--histogram", bins], f"--histogram = '{bins}'; must be a whole number from 1 to 10000") for bins in
+      ("0", "-1", "1.5", "ten", "10001")),
+    (["--netcdf", "x.cdf"], "x.cdf; a netCDF file ends in .nc; rename it"),
+    (["--netcdf", "x"], "a netCDF file ends in .nc"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -244,8 +279,8 @@ def test_one_argument_too_many(refused: Refusal, name: str) -> None:
         (["trace", "sensor.toml", "--angle-deg", "200"], "--angle-deg = 200.0; must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "-90"], "must be between -90 and 90"),
         (["trace", "sensor.toml", "--angle-deg", "three"], '--angle-deg: unable to convert "three"'),
-        (["trace", "sensor.toml", "--mode", "bogus"], "trace.mode = 'bogus'; must be 'count' or 'power'"),
-        (["trace", "sensor.toml", "--mode", ""], "'count' or 'power'"),
+        (["trace", "sensor.toml", "--mode", "bogus"], "trace.mode = 'bogus'; must be 'count', 'power' or 'roulette'"),
+        (["trace", "sensor.toml", "--mode", ""], "'count', 'power' or 'roulette'"),
         (["trace", "sensor.toml", "--rays", "0"], "emitter.rays = 0; must be at least 1"),
         (["trace", "sensor.toml", "--rays", "-1"], "emitter.rays = -1; must be at least 1"),
         (["trace", "sensor.toml", "--rays", "many"], "emitter.rays = 'many'; must be a whole number"),
@@ -253,11 +288,23 @@ def test_one_argument_too_many(refused: Refusal, name: str) -> None:
         (["trace", "sensor.toml", "--rays", "1.5"], "emitter.rays = 1.5; must be a whole number"),
         (["trace", "sensor.toml", "--rays", ""], "emitter.rays = ''; must be a whole number"),
         (["trace", "sensor.toml", "--rays"], "--rays"),
-        (["trace", "sensor.toml", "--paths"], "--paths; is written as JSON; add --json"),
+        (["trace", "sensor.toml", "--paths"], "--paths; is written as JSON or netCDF; add --json"),
         (["trace", "sensor.toml", "--rays", "2000000000"], "at most 1000000000"),
         (["trace", "sensor.toml", "--paths", "--json", "--rays", "100001"], "at most 100000"),
         (["trace", "sensor.toml", "--figure", "rays.jpg"], ".svg, .png, .pdf"),
         (["trace", "sensor.toml", "--figure", "rays"], ".svg, .png, .pdf"),
+        *((["trace", "sensor.toml", *arguments], word) for arguments, word in SAMPLINGS),
+        (["convergence", "sensor.toml", "--mode", "bogus"], "must be 'count', 'power' or 'roulette'"),
+        (["convergence", "sensor.toml", "--angle-deg", "inf"], "--angle-deg = inf"),
+        (["convergence", "sensor.toml", "--figure", "x.jpg"], ".svg, .png, .pdf"),
+        (["sensitivity", "sensor.toml", "--angle-deg", "90"], "--angle-deg = 90.0"),
+        (["sensitivity", "sensor.toml", "bogus"], "bogus; unknown key"),
+        (["sensitivity", "sensor.toml", "lens.bogus"], "lens.bogus; unknown key"),
+        (["sensitivity", "sensor.toml", "emitter.rays"], "emitter.rays = 100; must be a real number"),
+        (["sensitivity", "sensor.toml", "lens.shape"], "must be a real number"),
+        (["sensitivity", "sensor.toml", "lens.design_index"], "follows from the material's index; leave it out"),
+        (["sensitivity", "sensor.toml", "lens.focus_mm", "receivers.gap_mm"], "has no air gap; leave it out"),
+        (["sensitivity", "sensor.toml", *GAP], "the integral must reach 1e-09; try another angle"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "0"], "--tolerance-mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "nan"], "--tolerance-mm"),
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "fine"], "--tolerance-mm"),
@@ -286,22 +333,42 @@ OUTPUTS = {
     "under a file": "sensor.toml/x.svg",
     "in a folder that is not": "nowhere/x.svg",
     "a folder": "folder.svg",
-    "too long a name": "x" * 252 + ".svg",
+    "too long a name": "x" * 253 + ".svg",
 }
+WRITING = [["lens", "--csv"], ["trace", "--figure"], ["convergence", "--figure"], ["trace", "--netcdf"]]
 
 
-@pytest.mark.parametrize("option", [["lens", "--csv"], ["trace", "--figure"]], ids=" ".join)
+@pytest.mark.parametrize("option", WRITING, ids=" ".join)
 @pytest.mark.parametrize("case", OUTPUTS)
-def test_a_file_that_cannot_be_written(refused: Refusal, option: list[str], case: str) -> None:
-    (refused.folder / "folder.svg").mkdir()
+def test_a_file_that_cannot_be_written(
+    refused: Refusal, option: list[str], case: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "convergence", partial(convergence, most_rays=16))
     name, flag = option
+    target = OUTPUTS[case].replace(".svg", ".nc" if flag == "--netcdf" else ".svg")
+    for folder in ("folder.svg", "folder.nc"):
+        (refused.folder / folder).mkdir()
     before = snapshot(refused.folder)
-    code = _run([name, "sensor.toml", flag, OUTPUTS[case]])
+    code = _run([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
     assert (code, printed.out) == (2, "")
     assert "cannot be written" in printed.err
     assert len(printed.err.splitlines()) == 1
     assert snapshot(refused.folder) == before
+
+
+def test_of_two_files_none_is_written_where_one_cannot_be(refused: Refusal) -> None:
+    for figure, netcdf in (("rays.svg", "nowhere/rays.nc"), ("nowhere/rays.svg", "rays.nc")):
+        assert "cannot be written" in refused("trace", "sensor.toml", "--figure", figure, "--netcdf", netcdf)
+
+
+@pytest.mark.parametrize("missing", ["xarray", "h5netcdf", "h5py"])
+def test_a_missing_extra_is_told_with_its_remedy(
+    refused: Refusal, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    told = refused("trace", "sensor.toml", "--netcdf", "rays.nc")
+    assert f"netCDF; needs {missing}, which is not installed; pip install" in told
 
 
 @pytest.mark.parametrize("table", ["", ".", "/"])

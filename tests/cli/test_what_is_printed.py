@@ -4,18 +4,22 @@ import json
 import os
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+import xarray as xr
 
 import solen
 from solen import pipeline
 from solen.cli import _run
 from solen.report import html
-from solen.spec import template
+from solen.spec import loads, template
+from solen.trace import convergence
 
 STEP = ("--set", "motion.step_deg=6")
+HELPED = ("trace", "convergence", "sensitivity", "run")
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +68,8 @@ def test_every_command_prints_one_json_object(told: Told, design: str, tmp_path:
     assert told.json("check", design, "--json")["angles"] == 25
     assert told.json("lens", design, "--json")["focus_mm"] == 20.0
     assert told.json("trace", design, "--json")["rays"] == 100
+    assert told.json("convergence", design, "--json")["reference"]["method"] == "adaptive"
+    assert told.json("sensitivity", design, "body.arm_width_mm", "--json")["skipped"] == {}
     found = told.json("run", design, "--out", str(tmp_path / "out"), *STEP, "--json")
     assert found["summary"]["lens"]["to_deg"] == 3.0
     assert all(Path(name).is_file() for name in found["files"])
@@ -82,7 +88,7 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
     found = told.json("trace", design, "--angle-deg", "-1", "--rays", "50", "--mode", mode, "--json")
     assert set(found["detectors"]) == {"left", "right"}
     for detector in found["detectors"].values():
-        assert set(detector) == {"power", "rays"}
+        assert set(detector) == {"power", "u", "rays", "optical_path_mm"}
         assert isinstance(detector["rays"], int)
     assert set(found["ledger"]) == {"detected", "escaped", "absorbed", "truncated"}
     assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-12)
@@ -90,10 +96,157 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
     assert "paths" not in found
 
 
+TRACED = {
+    *("name", "angle_deg", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
+    *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why"),
+}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["--mode", "roulette", "--seed", "3"],
+        ["--sampling", "sobol", "--mode", "power"],
+        ["--sampling", "sobol", "--seed", "9223372036854775807"],
+        ["--sampling", "adaptive", "--tolerance", "1e-3", "--mode", "power"],
+        ["--sampling", "adaptive"],
+        ["--sampling", "adaptive", "--tolerance", "1e-12", "--mode", "power"],
+        ["--precision", "single", "--mode", "power"],
+        ["--rays", "1"],
+    ],
+    ids=" ".join,
+)
+def test_every_way_to_trace_has_the_same_keys(told: Told, design: str, arguments: list[str]) -> None:
+    found = told.json("trace", design, "--angle-deg", "0.2", *arguments, "--json")
+    assert set(found) == TRACED
+    assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-7 if "single" in arguments else 1e-12)
+    assert (found["single_error"] is None) == ("single" not in arguments)
+    assert (found["pieces"] > 0) == ("adaptive" in arguments)
+    assert (found["why"] is None) == found["reached"]
+    lines = told.lines("trace", design, "--angle-deg", "0.2", *arguments)
+    assert lines[0].startswith(f"SOLen 860 nm at 0.2 deg, {found['rays']} rays, mode {found['mode']}")
+    assert any("single precision" in line for line in lines) == ("single" in arguments)
+    assert any("tolerance was not reached" in line for line in lines) == (not found["reached"])
+
+
+def test_an_uncertainty_that_is_not_known_is_null(told: Told, design: str) -> None:
+    found = told.json("trace", design, "--rays", "1", "--json")
+    assert [one["u"] for one in found["detectors"].values()] == [None, None]
+
+
+def test_a_tolerance_is_what_the_uncertainty_stays_below(told: Told, design: str) -> None:
+    how = ("--sampling", "adaptive", "--mode", "power", "--angle-deg", "0.2", "--json")
+    loose, tight, plain = (told.json("trace", design, *how, *more) for more in
+                           (("--tolerance", "1e-2"), ("--tolerance", "1e-9"), ()))  # fmt: skip
+    for found, tolerance in ((loose, 1e-2), (tight, 1e-9), (plain, 1e-6)):
+        assert found["method"] == "adaptive"
+        assert found["reached"]
+        for side in ("right", "left"):
+            assert found["detectors"][side]["u"] <= tolerance
+            off = abs(found["detectors"][side]["power"] - tight["detectors"][side]["power"])
+            assert off <= found["detectors"][side]["u"] + 1e-9
+    assert loose["rays"] < plain["rays"] < tight["rays"]
+
+
+@pytest.mark.parametrize("mode", ["count", "power", "roulette"])
+def test_a_seed_makes_the_sample(told: Told, design: str, mode: str) -> None:
+    how = ("--mode", mode, "--sampling", "sobol", "--rays", "200", "--angle-deg", "0.2", "--json")
+    one, same, other = (told.json("trace", design, *how, "--seed", seed) for seed in ("1", "1", "2"))
+    assert one == same
+    assert one["detectors"] != other["detectors"]
+    assert one["rays"] == 256
+    assert all(detector["u"] > 0.0 for detector in one["detectors"].values())
+
+
+def test_a_histogram_adds_up_to_the_power(told: Told, design: str) -> None:
+    found = told.json("trace", design, "--rays", "500", "--mode", "power", "--histogram", "7", "--json")
+    for side, detector in found["detectors"].items():
+        assert set(detector) == {"power", "u", "rays", "optical_path_mm", "position", "angle"}
+        assert list(detector["position"]) == [f"receiver-{side}"]
+        assert len(detector["angle"]) == len(detector["position"][f"receiver-{side}"]) == 7
+        assert sum(detector["angle"]) == pytest.approx(detector["power"], abs=1e-12)
+        assert sum(detector["position"][f"receiver-{side}"]) == pytest.approx(detector["power"], abs=1e-12)
+
+
+def test_a_netcdf_file_holds_what_was_traced_and_the_design(told: Told, design: str, tmp_path: Path) -> None:
+    target = tmp_path / "a trace.nc"
+    how = ("--angle-deg", "0.2", "--mode", "power", "--histogram", "5", "--paths", "--netcdf", str(target))
+    found = told.json("trace", design, *how, "--json")
+    assert found["netcdf"] == str(target)
+    held = xr.load_dataset(target, engine="h5netcdf")
+    assert (held.attrs["name"], held.attrs["angle_deg"], held.attrs["simulated"]) == ("SOLen 860 nm", 0.2, 1)
+    assert loads(held.attrs["design"]).trace.mode == "power"
+    for side, detector in found["detectors"].items():
+        assert float(held["power"].sel(receiver=side)) == detector["power"]
+        assert list(held["power_by_angle"].sel(receiver=side).values) == detector["angle"]
+    faces = held.attrs["interfaces"].split(", ")
+    first = held.isel(leg=0)
+    assert found["paths"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
+    assert found["paths"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
+    first_bytes = target.read_bytes()
+    assert told.lines("trace", design, *how)[-1] == f"netcdf: {target}"
+    assert target.read_bytes() == first_bytes
+
+
+def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
+    told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "convergence", partial(convergence, most_rays=64))
+    figure = tmp_path / "convergence.svg"
+    how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
+    found, lines = told.json(*how, "--json"), told.lines(*how)
+    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "figure"}
+    assert (found["mode"], found["angle_deg"], found["figure"]) == ("power", 0.2, str(figure))
+    assert set(found["reference"]["detectors"]) == {"left", "right"}
+    assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]
+    assert found["series"][0]["rays"] == [16, 32, 64]
+    rows = [line.split() for line in lines[1:-1]]
+    assert [row[0] for row in rows] == [series["method"] for series in found["series"] for _ in series["rays"]]
+    assert [int(row[1]) for row in rows] == [rays for series in found["series"] for rays in series["rays"]]
+    errors = [error for series in found["series"] for error in series["error"]]
+    assert [float(row[4]) for row in rows] == pytest.approx(errors, rel=0.06)
+    assert lines[-1] == f"figure: {figure}"
+    assert figure.read_bytes().startswith(b"<?xml")
+    assert told.json("convergence", design, "--mode", "count", "--json")["mode"] == "count"
+
+
+def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str) -> None:
+    how = ("sensitivity", design, "--angle-deg", "0.2")
+    found, lines = told.json(*how, "--json"), told.lines(*how)
+    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped"}
+    rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
+    for row in found["sensitivities"]:
+        assert set(row) == {
+            "key", "value", "right", "left", "contrast", "u_right", "u_left", "u_contrast", "why"
+        }  # fmt: skip
+        shown = rows[row["key"]]
+        assert float(shown[0]) == pytest.approx(row["value"], rel=1e-5)
+        if row["why"] is None:
+            wanted = [row["right"], row["left"], row["contrast"]]
+            assert [float(text) for text in shown[1:4]] == pytest.approx(wanted, rel=1e-5)
+        else:
+            assert row["contrast"] is row["u_contrast"] is None
+            assert row["why"].split() == shown[1:]
+    assert [line for line in lines if line.startswith("left out: ")] == [
+        f"left out: {key}: {why}" for key, why in found["skipped"].items()
+    ]
+    two = told.json(*how, "body.arm_width_mm", "lens.focus_mm", "--json")
+    by_key = {row["key"]: row for row in found["sensitivities"]}
+    assert two["sensitivities"] == [by_key["body.arm_width_mm"], by_key["lens.focus_mm"]]
+
+
+def test_in_the_dark_there_is_no_contrast_to_change(told: Told, design: str) -> None:
+    dark = ("--set", "material.absorption_per_mm=1000.0")
+    (row,) = told.json("sensitivity", design, "body.arm_width_mm", *dark, "--json")["sensitivities"]
+    assert (row["right"], row["contrast"], row["why"]) == (0.0, None, None)
+    assert "none" in told.lines("sensitivity", design, "body.arm_width_mm", *dark)[2]
+
+
 def test_the_paper_s_numbers_come_out_of_the_command(told: Told, design: str) -> None:
     found = told.json("trace", design, "--angle-deg", "-3", "--rays", "100000", "--json")
     assert found["detectors"]["right"]["power"] == pytest.approx(0.5905, abs=0.003)
-    assert found["detectors"]["left"] == {"power": 0.0, "rays": 0}
+    assert found["detectors"]["left"] == {"power": 0.0, "u": 1e-5, "rays": 0, "optical_path_mm": None}
     assert found["detectors"]["right"]["rays"] == round(found["detectors"]["right"]["power"] * 100_000)
     rest = told.json("trace", design, "--rays", "100000", "--json")["detectors"]
     assert rest["left"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
@@ -134,6 +287,7 @@ def test_paths_of_a_ray_straight_ahead_warn_of_nothing(told: Told, design: str) 
     [
         (["emitter.rays=40"], ("rays",), 40),
         (["trace.mode=power"], ("mode",), "power"),
+        (["trace.mode=roulette"], ("mode",), "roulette"),
         (['trace.mode="power"'], ("mode",), "power"),
         (["name=A name of words"], ("name",), "A name of words"),
         (['name="5"'], ("name",), "5"),
@@ -213,7 +367,7 @@ def test_a_resin_file_lies_beside_its_design(told: Told, tmp_path: Path, monkeyp
     assert told.json("check", "designs/sensor.toml", "--json")["material"]["index"] == 1.5
 
 
-@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"], ["trace", "--help"], ["run", "--help"]], ids=str)
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["-h"], *([name, "--help"] for name in HELPED)], ids=str)
 def test_help_ends_well(told: Told, arguments: list[str]) -> None:
     assert any("Usage: solen" in line for line in told.lines(*arguments))
 

@@ -24,6 +24,36 @@ def test_what_is_written_is_read_back(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_a_library_writes_by_itself_under_a_temporary_name(tmp_path: Path) -> None:
+    target, seen = tmp_path / "out.txt", []
+    target.write_text("old", encoding="utf-8")
+
+    def by_itself(path: Path) -> None:
+        seen.append(path)
+        assert target.read_text(encoding="utf-8") == "old"
+        path.write_text("new", encoding="utf-8")
+
+    assert files.write_all({target: by_itself, tmp_path / "other": b"x"}) == [target, tmp_path / "other"]
+    assert target.read_text(encoding="utf-8") == "new"
+    assert (seen[0].parent, seen[0].name) != (target.parent, target.name)
+    assert sorted(tmp_path.iterdir()) == [tmp_path / "other", target]
+
+
+def test_a_library_that_fails_leaves_every_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "out.txt"
+    target.write_text("old", encoding="utf-8")
+
+    def fails(path: Path) -> None:
+        path.write_text("half", encoding="utf-8")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OutputError, match="No space left on device") as refusal:
+        files.write_all({target: b"new", tmp_path / "library": fails})
+    assert "library" in told(refusal.value)
+    assert target.read_text(encoding="utf-8") == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
 @pytest.mark.parametrize("failing", ["pathlib.Path.replace", "shutil.copymode", "os.fsync", "pathlib.Path.open"])
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str

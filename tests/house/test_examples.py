@@ -161,27 +161,59 @@ def test_wrong_index_responds_as_the_readable_tracer_says(index: float) -> None:
         assert (right - left) / (right + left) == pytest.approx(contrast, abs=few_rays)
 
 
-def right_share(turn_deg: float, offset: float) -> float:
-    """Share of the entering rays right of the axis at the crotch, ray by ray, with lens and emitter turned."""
-    n, turn, base, crotch = 1.44, math.radians(turn_deg), oval_z(HALF_WIDTH_MM, 1.44), 17.820492
-    sides = []
-    for angle in np.radians(np.linspace(-44.95, 44.95, 900)):
+CROTCH_MM = 17.820492
 
-        def beyond(r: float, angle: float = angle) -> float:
-            x, z = offset + r * math.sin(angle), r * math.cos(angle) - DISTANCE_MM
-            return math.hypot(z + DISTANCE_MM, x) + n * math.hypot(FOCUS_MM - z, x) - DISTANCE_MM - n * FOCUS_MM
 
-        near = next((0.1 * k for k in range(8, 60) if beyond(0.1 * k) < 0), None)
-        if near is None:
-            continue
-        r = brentq(beyond, 0.5, near, xtol=1e-14)
+def at_the_crotch(angle: float, turn_deg: float, offset: float = 0.0, crotch: float = CROTCH_MM) -> float | None:
+    """Where the emitter's ray passes the crotch's height, with lens and emitter turned; None beside the lens."""
+    n, turn, base = 1.44, math.radians(turn_deg), oval_z(HALF_WIDTH_MM, 1.44)
+
+    def beyond(r: float) -> float:
         x, z = offset + r * math.sin(angle), r * math.cos(angle) - DISTANCE_MM
-        if abs(x) > HALF_WIDTH_MM:
-            continue
-        inside = refracted_angle(angle, normal_angle(x, n), n) - turn
-        x, z = x * math.cos(turn) - (z - base) * math.sin(turn), base + x * math.sin(turn) + (z - base) * math.cos(turn)
-        sides.append(x + (crotch - z) * math.tan(inside) > 0)
-    return float(np.mean(sides))
+        return math.hypot(z + DISTANCE_MM, x) + n * math.hypot(FOCUS_MM - z, x) - DISTANCE_MM - n * FOCUS_MM
+
+    near = next((0.1 * k for k in range(8, 60) if beyond(0.1 * k) < 0), None)
+    if near is None:
+        return None
+    r = brentq(beyond, 0.5, near, xtol=1e-14)
+    x, z = offset + r * math.sin(angle), r * math.cos(angle) - DISTANCE_MM
+    if abs(x) > HALF_WIDTH_MM:
+        return None
+    inside = refracted_angle(angle, normal_angle(x, n), n) - turn
+    x, z = x * math.cos(turn) - (z - base) * math.sin(turn), base + x * math.sin(turn) + (z - base) * math.cos(turn)
+    return x + (crotch - z) * math.tan(inside)
+
+
+def right_share(turn_deg: float, offset: float) -> float:
+    """Share of the entering rays right of the axis at the crotch, ray by ray."""
+    angles = np.radians(np.linspace(-44.95, 44.95, 900))
+    places = [at_the_crotch(angle, turn_deg, offset) for angle in angles]
+    return float(np.mean([place > 0 for place in places if place is not None]))
+
+
+def test_sensitivity_to_the_arms_width_is_that_of_the_ray_to_the_crotch() -> None:
+    """Wider arms raise the crotch by 1/sin of their angle, and the light beside one ray goes to the other arm.
+
+    The crotch's ray is found by bracketing, and its change with the crotch is a finite difference. All light that
+    enters is received, so the other arm gets what the one loses.
+    """
+    turn_deg, step_mm, n = 0.2, 0.01, 1.44
+
+    def ray_to(crotch: float) -> float:
+        def place(angle: float) -> float:
+            x = at_the_crotch(angle, turn_deg, 0.0, crotch)
+            assert x is not None
+            return x
+
+        return brentq(place, 0.1, 0.55, xtol=1e-13)
+
+    low, high = ray_to(CROTCH_MM - step_mm), ray_to(CROTCH_MM + step_mm)
+    ray = (low + high) / 2
+    x = brentq(lambda x: math.atan2(x, oval_z(x, n) + DISTANCE_MM) - ray, 0.0, HALF_WIDTH_MM)
+    per_mm_of_crotch = (high - low) / (2 * step_mm) * transmitted(x, n) / math.radians(120.0)
+    arm = math.atan(2 * 0.004 * 16.2)
+    contrast_per_mm = -2 * per_mm_of_crotch / math.sin(arm) / entering(n)
+    assert result("sensitivity")["body.arm_width_mm"] == pytest.approx(contrast_per_mm, rel=1e-5)
 
 
 @pytest.mark.parametrize("offset_mm", [-0.01, 0.0, 0.01, 0.02])

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-HEAVY = ["matplotlib", "numba", "scipy", "shapely"]
+HEAVY = ["h5py", "matplotlib", "numba", "pandas", "scipy", "shapely", "xarray"]
 PROBE = f"""
 import sys
 from solen.cli import main

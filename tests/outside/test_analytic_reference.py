@@ -36,7 +36,8 @@ def half_space(n: float, source: Source, *, from_glass: bool = False) -> Scene:
     """A flat surface at z = 0, glass above it or (``from_glass``) below; a monitor beyond it."""
     sides = ("air", "glass") if from_glass else ("glass", "air")
     surface = Interface("surface", Segment((-1e3, 0.0), (1e3, 0.0)), *sides)
-    return Scene((AIR, Region("glass", n)), (surface,), (source,), (Monitor("beyond", (-1e3, 1e-3), (1e3, 1e-3)),))
+    beyond = Monitor("beyond", (-1e3, 1e-3), (1e3, 1e-3))
+    return Scene((AIR, Region("glass", n)), (surface,), (source,), (beyond,), open_media=True)
 
 
 def bisected(low: float, high: float, is_low: Callable[[float], bool]) -> float:
@@ -113,10 +114,8 @@ def back_focus(n: float) -> float:
 
 
 def slab(n: float, source: Source) -> Scene:
-    faces = (
-        Interface("front", Segment((-1e3, 0.0), (1e3, 0.0)), "glass", "air"),
-        Interface("back", Segment((-1e3, 1.0), (1e3, 1.0)), "air", "glass"),
-    )
+    corners = [(-1e3, 0.0), (1e3, 0.0), (1e3, 1.0), (-1e3, 1.0)]
+    faces = tuple(Interface(f"face-{i}", Segment(corners[i - 1], corners[i]), "glass", "air") for i in range(4))
     return Scene((AIR, Region("glass", n)), faces, (source,), (Monitor("behind", (-1e3, 2.0), (1e3, 2.0)),))
 
 

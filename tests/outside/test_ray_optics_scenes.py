@@ -229,6 +229,6 @@ def test_a_prism_of_colours(outside: Path) -> None:
     for wavelength_nm in range(380, 701):
         index = 1.5 + plane["cauchyB"] / (wavelength_nm * 1e-3) ** 2
         surface = Interface("plane", Segment(far[0], far[1]), "glass", "air")
-        scene = Scene((AIR, Region("glass", index)), (surface,), (source,), peer.monitors())
+        scene = Scene((AIR, Region("glass", index)), (surface,), (source,), peer.monitors(), open_media=True)
         read += peer.reading(scene, trace(scene, "power"))
     np.testing.assert_allclose(read, peer.recorded, rtol=1e-9, atol=1e-12)

@@ -1,33 +1,51 @@
-"""Sources: where their rays stand, that powers add up, and that chunks are the whole."""
+"""Sources: where their rays stand, what they carry, and that any of them launched alone are those of the whole."""
 
+import dataclasses
 import math
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import stats
 
-from solen.scene import Beam, Fan, Launch, Rays, Source
+from solen.plane import heading
+from solen.scene import Beam, Chip, Fan, Launch, Rays, Source
 from solen.scene.json import SOURCES
 
 EVERY: dict[type[Source], Source] = {
     Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, 2.5, 0.3),
+    Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, 2.5, 0.3),
     Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, 0.7, 1.0),
     Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), 3.0, 0.0),
 }
 every_source = pytest.mark.parametrize("source", EVERY.values(), ids=lambda source: type(source).__name__)
 
 
-def columns(launch: Launch) -> list[np.ndarray[tuple[int, ...], np.dtype[np.float64]]]:
-    return [launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p]
+SPECTRUM = ((850.0, 1.0), (620.0, 2.5), (940.0, 0.5))
+COLOURED = [dataclasses.replace(source, spectrum=SPECTRUM) for source in EVERY.values()]  # type: ignore[type-var]
+every_coloured = pytest.mark.parametrize(
+    "source", [*EVERY.values(), *COLOURED], ids=lambda source: f"{type(source).__name__}-{len(source.spectrum)}"
+)
+
+
+def columns(launch: Launch) -> list[NDArray[np.float64] | NDArray[np.int64]]:
+    return [getattr(launch, field.name) for field in dataclasses.fields(launch)]
+
+
+def angles_deg(launch: Launch) -> NDArray[np.float64]:
+    """Directions, counter-clockwise from +z."""
+    return np.degrees(np.arctan2(-launch.dx, launch.dz))
 
 
 def test_every_source_is_here() -> None:
     assert set(EVERY) == set(SOURCES.values())
 
 
-@every_source
+@every_coloured
 def test_powers_add_up_and_directions_are_unit(source: Source) -> None:
     launch = source.launch()
     assert len(launch) == source.rays
@@ -37,13 +55,40 @@ def test_powers_add_up_and_directions_are_unit(source: Source) -> None:
     assert np.hypot(launch.dx, launch.dz) == pytest.approx(1.0, abs=1e-15)
 
 
-@every_source
+@every_coloured
 @given(cuts=st.lists(st.integers(0, 57), max_size=5))
 def test_chunks_are_the_whole(source: Source, cuts: list[int]) -> None:
     ends = sorted({0, source.rays, *(min(cut, source.rays) for cut in cuts)})
-    chunks = [source.launch(start, stop) for start, stop in pairwise(ends)]
+    chunks = [source.launch(np.arange(start, stop, dtype=float)) for start, stop in pairwise(ends)]
     for i, whole in enumerate(columns(source.launch())):
         assert np.array_equal(np.concatenate([columns(chunk)[i] for chunk in chunks]), whole)
+
+
+@every_coloured
+@given(numbers=st.lists(st.integers(0, 56), max_size=20))
+def test_rays_by_number_are_those_of_the_whole(source: Source, numbers: list[int]) -> None:
+    chosen = np.array([number % source.rays for number in numbers], dtype=int)
+    alone = source.launch(chosen.astype(float))
+    for column, whole in zip(columns(alone), columns(source.launch()), strict=True):
+        assert np.array_equal(column, whole[chosen])
+
+
+@every_coloured
+def test_rays_by_number_are_rays_at_points_of_the_lattice(source: Source) -> None:
+    """The first coordinate is the midpoint rule whatever the others are, so colours leave a fan where it was."""
+    u = source.lattice(np.arange(source.rays, dtype=float))
+    assert u.shape == (source.rays, source.dimensions)
+    assert np.all((u >= 0.0) & (u < 1.0))
+    assert u[:, 0] == pytest.approx((np.arange(source.rays) + 0.5) / source.rays, abs=1e-15)
+    for column, whole in zip(columns(source.launch_at(u, source.rays)), columns(source.launch()), strict=True):
+        assert np.array_equal(column, whole)
+
+
+@every_coloured
+def test_a_ray_has_the_share_of_one_of_so_many(source: Source) -> None:
+    launch = source.launch_at(np.full((3, source.dimensions), 0.25), 500)
+    assert launch.power_s + launch.power_p == pytest.approx([source.power / 500] * 3, rel=1e-15)
+    assert launch.power_s == pytest.approx([source.s_share * source.power / 500] * 3, rel=1e-15)
 
 
 def test_a_fan_stands_in_the_middle_of_equal_shares_from_right_to_left() -> None:
@@ -76,5 +121,114 @@ def test_a_beam_is_parallel_and_evenly_spaced() -> None:
 
 
 def test_single_rays_keep_their_order_and_are_made_unit() -> None:
-    launch = EVERY[Rays].launch(1, 2)
+    launch = EVERY[Rays].launch(np.array([1.0]))
+    assert len(launch) == 1
     assert (launch.x_mm[0], launch.z_mm[0], launch.dx[0], launch.dz[0]) == pytest.approx((1.0, 2.0, 0.6, 0.8))
+
+
+def test_single_rays_are_drawn_evenly() -> None:
+    """Points of the cube, in place of numbers, choose among them in equal shares."""
+    source = EVERY[Rays]
+    launch = source.launch_at(np.linspace(0.0, 1.0, 3000, endpoint=False)[:, None], 3000)
+    assert [int(np.sum(launch.x_mm == x)) for x in (0.0, 1.0, 3.0)] == [1000] * 3
+
+
+def test_a_chip_is_a_line_across_its_axis_from_right_to_left() -> None:
+    """Corners of the square of angle and place: seen along the axis, both run from right to left."""
+    corners = np.array([[0.0, 0.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [0.5, 0.5]])
+    launch = Chip((1.0, 2.0), 0.6, 0.0, 80.0, 1).launch_at(corners, 5)
+    assert launch.x_mm == pytest.approx([1.3, 0.7, 1.3, 0.7, 1.0], abs=1e-15)
+    assert launch.z_mm == pytest.approx(2.0, abs=1e-15)
+    assert angles_deg(launch) == pytest.approx([-40.0, -40.0, 40.0, 40.0, 0.0], abs=1e-12)
+
+
+@given(axis=st.floats(-360, 360), width=st.floats(0, 10), cone=st.floats(0, 360))
+def test_a_chip_turns_with_its_axis(axis: float, width: float, cone: float) -> None:
+    launch = Chip((0.3, -0.7), width, axis, cone, 37).launch()
+    (ux, uz), (nx, nz) = heading(axis), heading(axis + 90.0)
+    x, z = launch.x_mm - 0.3, launch.z_mm + 0.7
+    assert x * ux + z * uz == pytest.approx(0.0, abs=1e-14)
+    assert np.all(np.abs(x * nx + z * nz) <= width / 2 + 1e-14)
+    off = np.degrees(np.arctan2(launch.dx * nx + launch.dz * nz, launch.dx * ux + launch.dz * uz))
+    assert np.all(np.abs(off) <= cone / 2 + 1e-9)
+
+
+def test_a_chip_without_width_is_a_fan() -> None:
+    fan = Fan((0.3, -0.7), 11.0, 77.0, 41, 2.0, 0.1)
+    chip = Chip(fan.point, 0.0, fan.axis_deg, fan.cone_deg, fan.rays, fan.power, fan.s_share)
+    for column, same in zip(columns(chip.launch()), columns(fan.launch()), strict=True):
+        assert np.array_equal(column, same)
+
+
+@pytest.mark.parametrize("rays", [1000, 4096, 30_000])
+def test_a_chip_is_even_over_angle_and_place_together(rays: int) -> None:
+    """A corner of the square of angle and place has its share of the rays but for a few of them.
+
+    A lattice of the golden ratio leaves about ln(N)/4 of them over; of independent rays it would be about √N.
+    """
+    launch = Chip((0.0, 0.0), 2.0, 0.0, 90.0, rays).launch()
+    shares = np.column_stack([(angles_deg(launch) + 45.0) / 90.0, (1.0 - launch.x_mm) / 2.0])
+    for column in shares.T:
+        assert stats.kstest(column, "uniform").statistic <= 4.0 / rays
+    for a in np.linspace(0.1, 1.0, 10):
+        for b in np.linspace(0.1, 1.0, 10):
+            assert np.mean((shares[:, 0] < a) & (shares[:, 1] < b)) == pytest.approx(a * b, abs=4.0 / rays)
+
+
+def test_a_chip_averages_as_its_integral_does() -> None:
+    """cos θ e^x over width 1.2 and ±50°: the product of 2 sin(50°)/100° and of 2 sinh(0.6)/1.2."""
+    launch = Chip((0.0, 0.0), 1.2, 0.0, 100.0, 2**14).launch()
+    exact = 2.0 * math.sin(math.radians(50.0)) / math.radians(100.0) * 2.0 * math.sinh(0.6) / 1.2
+    assert np.mean(launch.dz * np.exp(launch.x_mm)) == pytest.approx(exact, abs=2.0 / 2**14)  # two rays of 2^14
+
+
+def alone(source: Source, **values: object) -> Source:
+    """The source with some other values."""
+    return dataclasses.replace(source, **values)  # type: ignore[type-var]  # all sources are dataclasses
+
+
+@every_source
+def test_lines_are_drawn_by_their_weights(source: Source) -> None:
+    """Of N points that are even in their last coordinate each line has its share, to one ray at each of its ends."""
+    coloured = alone(source, spectrum=SPECTRUM)
+    assert coloured.dimensions == source.dimensions + 1
+    u = np.full((4000, coloured.dimensions), 0.5)
+    u[:, -1] = (np.arange(4000) + 0.5) / 4000
+    line = coloured.launch_at(u, 4000).line
+    assert line.dtype == np.int64
+    assert np.all(np.diff(line) >= 0)
+    assert np.bincount(line).tolist() == [1000, 2500, 500]
+
+
+@every_source
+def test_one_line_or_none_takes_no_number(source: Source) -> None:
+    for spectrum in ((), ((860.0, 7.0),)):
+        other = alone(source, spectrum=spectrum)
+        assert other.dimensions == source.dimensions
+        assert not np.any(other.launch().line)
+        for column, same in zip(columns(other.launch()), columns(source.launch()), strict=True):
+            assert np.array_equal(column, same)
+
+
+@pytest.mark.parametrize(
+    ("many", "share"),
+    [
+        (
+            lambda rays: Fan((0.0, 0.0), 0.0, 90.0, rays, spectrum=SPECTRUM),
+            lambda launch: angles_deg(launch) / 90.0 + 0.5,
+        ),
+        (lambda rays: Beam((0.0, 0.0), (1.0, 0.0), 0.0, rays, spectrum=SPECTRUM), lambda launch: launch.x_mm),
+        (lambda rays: Chip((0.5, 0.0), 1.0, 0.0, 90.0, rays, spectrum=SPECTRUM), lambda launch: 1.0 - launch.x_mm),
+    ],
+    ids=["fan", "beam", "chip"],
+)
+def test_every_line_has_its_share_everywhere(
+    many: Callable[[int], Source], share: Callable[[Launch], NDArray[np.float64]]
+) -> None:
+    """Colour and place are independent: of any part of the source each line has its weight, but for a few rays."""
+    rays = 8192
+    launch = many(rays).launch()
+    for which, (_, weight) in enumerate(SPECTRUM):
+        for part in np.linspace(0.05, 1.0, 20):
+            found = np.mean((launch.line == which) & (share(launch) < part))
+            assert found == pytest.approx(weight / 4.0 * part, abs=6.0 / rays)

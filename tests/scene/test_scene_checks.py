@@ -1,24 +1,31 @@
 """A scene is checked when it is made: what does not fit is named in one line."""
 
+import dataclasses
 import math
 from typing import Any
 
 import pytest
 
 from solen.curve import Segment
-from solen.errors import DesignError
-from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.errors import DataError, DesignError
+from solen.material import Cauchy, Dispersion, Sellmeier, Tabulated
+from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene, Source
 from solen.scene.json import SOURCES
 from solen.trace import trace
 
 AIR, GLASS = Region("air", 1.0), Region("glass", 1.5)
 FACE = Interface("face", Segment((-1.0, 0.0), (1.0, 0.0)), "glass", "air")
+PRISM = (
+    FACE,
+    Interface("right", Segment((1.0, 0.0), (0.0, 1.0)), "glass", "air"),
+    Interface("left", Segment((0.0, 1.0), (-1.0, 0.0)), "glass", "air"),
+)
 FAN = Fan((0.0, -1.0), 0.0, 60.0, 10)
 EYE = Interface("eye", Segment((-1.0, 5.0), (1.0, 5.0)), "air", "air", "receiver", "eye")
 
 
 def scene(**parts: Any) -> Scene:
-    return Scene(**{"regions": (AIR, GLASS), "interfaces": (FACE,), "sources": (FAN,)} | parts)
+    return Scene(**{"regions": (AIR, GLASS), "interfaces": PRISM, "sources": (FAN,)} | parts)
 
 
 def refused(**parts: Any) -> str:
@@ -31,7 +38,7 @@ def refused(**parts: Any) -> str:
 
 def test_a_sound_scene_says_what_it_holds() -> None:
     double = Interface("eye-2", Segment((2.0, 5.0), (3.0, 5.0)), "air", "air", "receiver", "eye")
-    made = scene(interfaces=(EYE, FACE, double), sources=(FAN, Fan((0.0, 0.0), 0.0, 10.0, 5, power=2.5)))
+    made = scene(interfaces=(EYE, *PRISM, double), sources=(FAN, Fan((0.0, 0.0), 0.0, 10.0, 5, power=2.5)))
     assert made.receivers == ("eye",)
     assert made.rays == 15
     assert made.emitted == 3.5
@@ -103,6 +110,19 @@ REFUSED: list[tuple[str, Source]] = [
     ("a ray from no number", Rays(((0.0, math.nan),), ((0.0, 1.0),))),
     ("a ray towards no number", Rays(((0.0, 0.0),), ((math.inf, 1.0),))),
     ("a ray from one number", Rays(((0.0,),), ((0.0, 1.0),))),  # type: ignore[arg-type]
+    ("a chip without rays", Chip((0.0, 0.0), 1.0, 0.0, 60.0, 0)),
+    ("a chip of half a ray", Chip((0.0, 0.0), 1.0, 0.0, 60.0, 2.5)),  # type: ignore[arg-type]
+    ("a chip without power", Chip((0.0, 0.0), 1.0, 0.0, 60.0, 3, power=0.0)),
+    ("a chip's share of s beyond 1", Chip((0.0, 0.0), 1.0, 0.0, 60.0, 3, s_share=1.5)),
+    ("a chip at no number", Chip((0.0, math.nan), 1.0, 0.0, 60.0, 3)),
+    ("a chip in space", Chip((0.0, 0.0, 0.0), 1.0, 0.0, 60.0, 3)),  # type: ignore[arg-type]
+    ("a chip narrower than nothing", Chip((0.0, 0.0), -1e-9, 0.0, 60.0, 3)),
+    ("a chip of no number's width", Chip((0.0, 0.0), math.nan, 0.0, 60.0, 3)),
+    ("a chip without end", Chip((0.0, 0.0), math.inf, 0.0, 60.0, 3)),
+    ("a chip towards no number", Chip((0.0, 0.0), 1.0, math.inf, 60.0, 3)),
+    ("a chip's cone below nothing", Chip((0.0, 0.0), 1.0, 0.0, -1.0, 3)),
+    ("a chip's cone beyond the full circle", Chip((0.0, 0.0), 1.0, 0.0, 361.0, 3)),
+    ("a chip's cone that is no number", Chip((0.0, 0.0), 1.0, 0.0, math.nan, 3)),
 ]
 
 
@@ -126,6 +146,10 @@ def test_sources_of_every_kind_are_among_the_refused() -> None:
         Beam((0.0, 0.0), (0.0, 0.0), 0.0, 2),  # all rays from one place: a thin beam
         Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, 1e300, 1.0),
         Rays(((0.0, 0.0), (0.0, 0.0)), ((0.0, 1e-300), (1e300, 0.0))),
+        Chip((0.0, 0.0), 0.0, 400.0, 0.0, 1),  # of no width: a fan
+        Chip((0.0, 0.0), 1e3, -90.0, 360.0, 5, 1e300, 1.0),
+        Chip((0.0, 0.0), 0.3, 0.0, 120.0, 5, spectrum=((860.0, 1e-300),)),
+        Fan((0.0, 0.0), 0.0, 60.0, 5, spectrum=((860.0, 1.0), (1e-3, 1e300), (860.0, 2.0))),
     ],
 )
 def test_a_sound_source_passes(source: Source) -> None:
@@ -181,3 +205,80 @@ def test_a_monitor_along_an_interface_is_refused_with_both_names(ends: Any) -> N
 )
 def test_a_monitor_beside_across_or_behind_an_interface_stands(ends: Any) -> None:
     assert scene(monitors=(Monitor("m", *ends),)).monitors[0].start == ends[0]
+
+
+@pytest.mark.parametrize(
+    ("spectrum", "words"),
+    [
+        (((0.0, 1.0),), "source spectrum = (0.0, 1.0); wavelengths and weights must be above 0"),
+        (((860.0, 0.0),), "source spectrum = (860.0, 0.0); wavelengths and weights must be above 0"),
+        (((860.0, 1.0), (-620.0, 1.0)), "source spectrum = (-620.0, 1.0)"),
+        (((860.0, -1.0),), "source spectrum = (860.0, -1.0)"),
+        (((860.0, math.nan),), "source spectrum = 'nan'; must be a finite number"),
+        (((math.inf, 1.0),), "source spectrum = 'inf'; must be a finite number"),
+        ((("red", 1.0),), "source spectrum = \"'red'\"; must be a finite number"),
+        ((860.0, 1.0), "source spectrum = '860.0'; must be pairs (wavelength in nm, weight)"),
+        (((860.0,),), "source spectrum = '(860.0,)'; must be pairs"),
+        (((860.0, 1.0, 2.0),), "source spectrum = '(860.0, 1.0, 2.0)'; must be pairs"),
+        (([860.0, 1.0],), "source spectrum = '[860.0, 1.0]'; must be pairs"),
+    ],
+)
+@pytest.mark.parametrize("kind", SOURCES)
+def test_a_spectrum_is_of_wavelengths_and_weights_above_0(kind: str, spectrum: Any, words: str) -> None:
+    sound: dict[str, Source] = {
+        "fan": FAN,
+        "chip": Chip((0.0, -1.0), 0.1, 0.0, 60.0, 10),
+        "beam": Beam((0.0, -1.0), (1.0, -1.0), 0.0, 10),
+        "rays": Rays(((0.0, -1.0),), ((0.0, 1.0),)),
+    }
+    wrong = dataclasses.replace(sound[kind], spectrum=spectrum)  # type: ignore[type-var]  # all are dataclasses
+    assert words in refused(sources=(wrong,))
+
+
+RED = dataclasses.replace(FAN, spectrum=((620.0, 1.0), (860.0, 2.0)))
+RESIN = Cauchy(A=1.5, B_um2=0.004)
+
+
+def test_a_scene_knows_its_wavelengths() -> None:
+    assert scene().wavelengths_nm == ()
+    other = dataclasses.replace(FAN, spectrum=((940.0, 3.0), (620.0, 1.0)))
+    assert scene(sources=(RED, other)).wavelengths_nm == (620.0, 860.0, 940.0)
+    assert scene(sources=(RED,)).wavelengths_nm == (620.0, 860.0)  # of numbers as indices too
+
+
+@pytest.mark.parametrize("sources", [(FAN, RED), (RED, FAN), (RED, FAN, RED)])
+def test_all_sources_have_a_spectrum_or_none_has(sources: tuple[Source, ...]) -> None:
+    line = refused(sources=sources)
+    assert (
+        f"source spectrum = 'missing in 1 of {len(sources)}'; all sources of a scene have a spectrum, or none" in line
+    )
+
+
+def test_an_index_that_depends_on_the_wavelength_needs_one() -> None:
+    line = refused(regions=(AIR, Region("glass", RESIN)))
+    assert "region glass = 'an index that depends on the wavelength'; every source must say what it emits" in line
+    assert "give the sources a spectrum, or the region a number" in line
+    assert scene(regions=(AIR, Region("glass", RESIN)), sources=(RED,)).regions[1].index == RESIN
+
+
+@pytest.mark.parametrize(
+    ("index", "words"),
+    [
+        (Cauchy(A=1.5, valid_nm=(700.0, 900.0)), "index at 620 nm; known from 700 to 900 nm only"),
+        (Tabulated(wavelength_nm=(500.0, 859.9), n=(1.6, 1.5)), "index at 860 nm; known from 500 to 859.9 nm only"),
+        (Cauchy(A=0.5), "index at 620 nm = 0.5; must be finite and at least 1"),
+        (Sellmeier(B=(1.0,), C_um2=(0.62**2,)), "index at 620 nm = nan; must be finite and at least 1"),
+    ],
+)
+def test_every_region_has_an_index_at_every_wavelength(index: Dispersion, words: str) -> None:
+    with pytest.raises(DataError) as refusal:
+        scene(regions=(AIR, Region("glass", index)), sources=(RED,))
+    assert words in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_region_has_its_index_at_a_wavelength() -> None:
+    assert Region("glass", 1.5).index_at(None) == Region("glass", 1.5).index_at(860.0) == 1.5
+    assert Region("glass", RESIN).index_at(500.0) == pytest.approx(1.5 + 0.004 / 0.25, abs=1e-15)
+    with pytest.raises(DesignError, match="region glass"):
+        Region("glass", RESIN).index_at(None)

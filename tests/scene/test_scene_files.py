@@ -1,5 +1,7 @@
 """Scenes as JSON: equal after reading back, and one line for what is not a scene."""
 
+import dataclasses
+import inspect
 import json
 import math
 from pathlib import Path
@@ -9,10 +11,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from solen import curve as curves
 from solen import scene as scenes
-from solen.curve import Arc, CartesianOval, Curve, Parabola, Segment
+from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DataError, DesignError, SolenError
-from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene
+from solen.material import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated
+from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
 from solen.scene.json import CURVES, SOURCES
 
 CURVES_HERE: tuple[Curve, ...] = (
@@ -20,11 +24,15 @@ CURVES_HERE: tuple[Curve, ...] = (
     Arc((0.5, 1.5), 2.0, -30.0, 275.0),
     Parabola((0.0, 1.0), (0.6, 0.8), -0.004, 3.0, -1.0),
     CartesianOval((0.0, 0.0), (0.0, 1.0), 1.0, 1.44, 1.0, 20.0, 35.0, -35.0),
+    Conic((0.0, 1.0), (0.6, 0.8), 0.5, -0.7, -1.5, 2.0),
+    Bezier((0.0, 0.0), (1.0, 1 / 3), (2.0, -0.5), (3.0, 0.0)),
+    Spline.through([(0.0, 0.0), (1.0, 0.3), (1.5, 1.7), (-0.2, 1.0)], closed=True),
 )
 SOURCES_HERE = (
     Fan((0.0, -1.0), 3.0, 120.0, 101, 0.25, 1.0),
     Beam((-1.0, -2.0), (1.0, -2.0), -5.0, 7, s_share=0.0),
     Rays(((0.0, 0.0), (1.0, 2.0)), ((0.0, 1.0), (3.0, 4.0)), power=2.0),
+    Chip((0.1, -1.0), 1 / 3, -3.0, 120.0, 101, 0.25, 1.0),
 )
 FULL = Scene(
     (Region("air", 1.0), Region("body", 1.44, 0.01)),
@@ -37,6 +45,7 @@ FULL = Scene(
     SOURCES_HERE,
     (Monitor("line", (0.0, 0.0), (1.0, 1.0), 8), Monitor("bare", (0.0, 1.0), (1.0, 1.0))),
     "everything",
+    open_media=True,
 )
 
 
@@ -55,7 +64,8 @@ def refused(text: str) -> str:
 def test_the_round_trip_covers_every_curve_and_every_source() -> None:
     assert {type(curve) for curve in CURVES_HERE} == set(CURVES.values())
     assert {type(source) for source in SOURCES_HERE} == set(SOURCES.values())
-    assert {cls for cls in Curve.__subclasses__() if cls.__module__ == "solen.curve"} == set(CURVES.values())
+    public = {value for value in vars(curves).values() if inspect.isclass(value) and issubclass(value, Curve)}
+    assert {cls for cls in public if not inspect.isabstract(cls)} == set(CURVES.values())
 
 
 def test_what_is_written_is_read_back_equal(tmp_path: Path) -> None:
@@ -85,7 +95,7 @@ def test_defaults_are_left_out_and_read_back() -> None:
     assert set(text["monitors"][0]) == {"name", "start", "end"}
     assert scenes.loads(json.dumps(text)) == plain
     bare = Scene(plain.regions, plain.interfaces, plain.sources)
-    assert "monitors" not in json.loads(scenes.dumps(bare))
+    assert not {"monitors", "open_media"} & set(json.loads(scenes.dumps(bare)))
     assert scenes.loads(scenes.dumps(bare)) == bare
 
 
@@ -97,6 +107,7 @@ def test_what_differs_from_its_default_is_written() -> None:
     assert text["sources"][1]["s_share"] == 0.0
     assert [text["interfaces"][-1][key] for key in ("behaviour", "receiver")] == ["receiver", "eye"]
     assert [monitor.get("bins") for monitor in text["monitors"]] == [8, None]
+    assert text["open_media"] is True
 
 
 def test_a_scene_without_monitors_and_name_is_read() -> None:
@@ -126,6 +137,8 @@ def test_another_schema_is_refused() -> None:
         ("interfaces", "curve", {"kind": "segment", "a": [0, 0]}),
         ("interfaces", "curve", {"kind": ["segment"], "a": [0, 0], "b": [1, 1]}),
         ("interfaces", "curve", {"kind": "segment", "a": [0, 0], "b": [1, 1], "c": [2, 2]}),
+        ("interfaces", "curve", {"kind": "spline", "control_points": "straight"}),
+        ("interfaces", "curve", {"kind": "spline", "control_points": [[0, 0], [1, 0], [2, 1], [3, 1, 2]]}),
         ("interfaces", "curve", None),
         ("sources", "kind", "sun"),
         ("sources", "rays", "many"),
@@ -139,11 +152,36 @@ def test_a_wrong_part_is_refused_in_one_line(part: str, key: str, value: object)
     assert "scene" in refused(json.dumps(wrong))
 
 
+@pytest.mark.parametrize("value", [1, 0, "true", None])
+def test_open_media_is_true_or_false(value: object) -> None:
+    assert "scene.json: open_media" in refused(json.dumps(data() | {"open_media": value}))
+
+
+def test_a_file_whose_media_are_open_is_refused_unless_it_says_so() -> None:
+    with pytest.raises(DesignError, match="not closed"):
+        scenes.loads(json.dumps(data() | {"open_media": False}))
+
+
 def test_an_unphysical_scene_is_refused_by_the_scene_itself() -> None:
     wrong = data()
     wrong["regions"][1]["index"] = 0.5
     with pytest.raises(DesignError, match="region body"):
         scenes.loads(json.dumps(wrong))
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [
+        {"kind": "spline", "control_points": [[0, 0], [1, 0], [2, 1], [3, 1], [4, 0]]},
+        {"kind": "bezier", "a": [0, 0], "control_a": [0, 0], "control_b": [1, 1], "b": [2, 1]},
+        {"kind": "conic", "vertex": [0, 0], "axis": [0, 1], "curvature_per_mm": 1, "conic_constant": 0}
+        | {"from_mm": -1, "to_mm": 0.5},
+    ],
+)
+def test_a_curve_that_cannot_be_built_is_refused_by_the_curve_itself(curve: dict[str, Any]) -> None:
+    wrong = data()
+    wrong["interfaces"][0]["curve"] = curve
+    assert refused(json.dumps(wrong)).startswith(curve["kind"])
 
 
 def test_files_that_cannot_be_read_are_told(tmp_path: Path) -> None:
@@ -206,3 +244,100 @@ def test_what_cannot_be_written_is_told(curve: Curve) -> None:
     with pytest.raises(DesignError, match="Bent; JSON knows segment, arc, parabola, cartesian-oval") as refusal:
         scenes.dumps(scene)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+INDICES: tuple[Dispersion, ...] = (
+    Constant(n=1.44, u_n=0.002, valid_nm=(400.0, 1000.0)),
+    Tabulated(
+        wavelength_nm=(400.0, 500.0, 1000.0),
+        n=(1.6, 1 / 0.7, 1.4),
+        covariance=((1e-6, 0, 0), (0, 2e-6, 0), (0, 0, 1e-6)),
+    ),
+    Cauchy(A=1.5, B_um2=0.004, covariance=((1e-6, 1e-9, 0.0), (1e-9, 1e-8, 0.0), (0.0, 0.0, 0.0))),
+    Sellmeier(B=(1.1, 0.2), C_um2=(0.01, 1 / 90), valid_nm=(400.0, 1000.0)),
+)
+SPECTRUM = ((860.0, 1.0), (1850.0 / 3.0, 0.1 + 0.2))
+COLOURFUL = Scene(
+    (Region("air", 1.0), *(Region(f"resin-{i}", index, 0.01 * i) for i, index in enumerate(INDICES))),
+    (Interface("face", CURVES_HERE[0], "air", "air"),),
+    tuple(dataclasses.replace(source, spectrum=SPECTRUM) for source in SOURCES_HERE),
+)
+
+
+def test_the_round_trip_covers_every_dispersion() -> None:
+    assert {type(index) for index in INDICES} == set(KINDS.values())
+
+
+def test_spectra_and_dispersions_are_read_back_equal() -> None:
+    again = scenes.loads(scenes.dumps(COLOURFUL))
+    assert again == COLOURFUL
+    assert scenes.dumps(again) == scenes.dumps(COLOURFUL)
+    for before, after in zip(COLOURFUL.regions, again.regions, strict=True):
+        assert [after.index_at(nm) for nm in again.wavelengths_nm] == [
+            before.index_at(nm) for nm in COLOURFUL.wavelengths_nm
+        ]
+        if isinstance(before.index, Dispersion):
+            assert isinstance(after.index, Dispersion)
+            assert after.index.u_index(860.0) == before.index.u_index(860.0)
+
+
+def test_dispersions_and_spectra_are_written_to_be_read() -> None:
+    text = json.loads(scenes.dumps(COLOURFUL))
+    assert text["regions"][0] == {"name": "air", "index": 1.0}
+    assert text["regions"][4]["index"] == {
+        "kind": "sellmeier",
+        "B": [1.1, 0.2],
+        "C_um2": [0.01, 1 / 90],
+        "valid_nm": [400.0, 1000.0],
+    }
+    assert [source["spectrum"] for source in text["sources"]] == [[list(line) for line in SPECTRUM]] * len(SOURCES_HERE)
+    assert "spectrum" not in data()["sources"][0]
+
+
+@pytest.mark.parametrize(
+    ("index", "words"),
+    [
+        ({"A": 1.5}, "scene.json: regions[0]: index: kind; must be one of number, table, cauchy, sellmeier"),
+        ({"kind": "abbe", "A": 1.5}, "index: kind = 'abbe'; must be one of"),
+        ({"kind": ["cauchy"], "A": 1.5}, "index: kind = "),
+        ({"kind": "cauchy"}, "scene.json: regions[0]: index: "),
+        ({"kind": "cauchy", "A": "high"}, "scene.json: regions[0]: index: "),
+        ({"kind": "cauchy", "A": 1.5, "D": 1.0}, "scene.json: regions[0]: index: "),
+        ({"kind": "cauchy", "A": 1.5, "valid_nm": [900.0, 400.0]}, "scene.json: regions[0]: index: "),
+        ({"kind": "table", "wavelength_nm": [1000.0, 400.0], "n": [1.4, 1.5]}, "scene.json: regions[0]: index: "),
+    ],
+)
+def test_an_index_that_is_none_is_refused_with_its_place(index: object, words: str) -> None:
+    wrong = data()
+    wrong["regions"][0]["index"] = index
+    assert words in refused(json.dumps(wrong))
+
+
+@pytest.mark.parametrize("spectrum", [860.0, [860.0, 1.0], [[860.0]], [[860.0, 1.0, 2.0]], [["red", 1.0]], "red", None])
+def test_a_spectrum_that_is_none_is_refused_with_its_place(spectrum: object) -> None:
+    wrong = data()
+    wrong["sources"][3]["spectrum"] = spectrum
+    assert "scene.json: sources[3]: spectrum" in refused(json.dumps(wrong))
+
+
+def test_spectra_of_a_file_are_checked_by_the_scene() -> None:
+    wrong = data()
+    wrong["sources"][0]["spectrum"] = [[860.0, 1.0]]
+    assert "source spectrum = 'missing in 3 of 4'" in refused(json.dumps(wrong))
+    wrong = json.loads(scenes.dumps(COLOURFUL))
+    wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
+    assert "index at 1000.5 nm; known from 400 to 1000 nm only" in refused(json.dumps(wrong))
+    for source in wrong["sources"]:
+        del source["spectrum"]
+    assert "region resin-0 = 'an index that depends on the wavelength'" in refused(json.dumps(wrong))
+
+
+class Own(Cauchy):
+    """An index that files do not know."""
+
+
+def test_an_index_that_cannot_be_written_is_told() -> None:
+    source = dataclasses.replace(SOURCES_HERE[0], spectrum=SPECTRUM)
+    scene = Scene((Region("air", Own(A=1.2)),), (Interface("i", CURVES_HERE[0], "air", "air"),), (source,))
+    with pytest.raises(DesignError, match="Own; JSON knows number, table, cauchy, sellmeier"):
+        scenes.dumps(scene)

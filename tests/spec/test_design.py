@@ -121,7 +121,7 @@ def test_rays_are_a_whole_number(value: float) -> None:
     [
         ("lens", "shape", "oval", "'cartesian-oval' or 'none'"),
         ("receivers", "coupling", "air", "'matched' or 'air-gap'"),
-        ("trace", "mode", "counts", "'count' or 'power'"),
+        ("trace", "mode", "counts", "'count', 'power' or 'roulette'"),
         ("body", "kind", "x", "'y'"),
         ("motion", "kind", "shift", "'rotation'"),
         ("emitter", "pattern", "cone", "'fan'"),

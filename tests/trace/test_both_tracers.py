@@ -1,8 +1,10 @@
 """What a trace promises, of the reference and of the compiled engine alike."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +15,7 @@ from solen.plane import Point, heading
 from solen.scene import Beam, Fan, Interface, Monitor, Rays, Region, Scene, Source
 from solen.scene.model import Behaviour
 from solen.trace import Limits, Mode, Trace, trace, trace_reference
+from solen.trace.result import MODES
 
 Tracer = Callable[..., Trace]
 
@@ -21,7 +24,9 @@ UP = Rays(((0.0, -1.0),), ((0.0, 1.0),))
 NORMAL = 0.04
 """Reflectance of glass at normal incidence."""
 both = pytest.mark.parametrize("tracer", [trace, trace_reference], ids=["engine", "reference"])
-modes = pytest.mark.parametrize("mode", ["count", "power"])
+modes = pytest.mark.parametrize("mode", MODES)
+all_of_it = pytest.mark.parametrize("mode", ["count", "power"])
+"""Where a partial reflection has its own share rather than its chance."""
 
 
 def line(
@@ -38,7 +43,8 @@ def line(
 
 
 def scene(*interfaces: Interface, source: Source = UP, monitors: tuple[Monitor, ...] = ()) -> Scene:
-    return Scene((AIR, GLASS, SMOKE), interfaces, (source,), monitors)
+    """Faces here stand for endless ones: media behind them are open."""
+    return Scene((AIR, GLASS, SMOKE), interfaces, (source,), monitors, open_media=True)
 
 
 def slab(source: Source = UP, inside: str = "glass", *more: Interface) -> Scene:
@@ -153,17 +159,60 @@ def test_polarisations_are_carried_apart(tracer: Tracer, s_share: float, reflect
 
 
 @both
+def test_roulette_follows_one_way_with_all_of_the_power(tracer: Tracer) -> None:
+    """A ray that loses nothing on its way ends with what it was launched with, in one branch."""
+    made = slab(Fan((0.0, -1.0), 0.0, 160.0, 40))
+    result = tracer(made, "roulette", legs=True)
+    assert result.legs is not None
+    assert not np.any(result.legs["branch"])
+    assert result.legs["power_s"] + result.legs["power_p"] == pytest.approx(1 / 40, abs=1e-15)
+    assert parts(result) == pytest.approx((0.0, 1.0, 0.0, 0.0), abs=1e-14)
+    upwards = sum(path.exit_direction is not None and path.exit_direction[1] > 0.0 for path in result.paths())
+    assert 0 < upwards < 40
+
+
+@pytest.mark.parametrize("s_share", [0.0, 0.5, 1.0])
+def test_roulette_draws_parts_by_their_powers(s_share: float) -> None:
+    """Oblique light through a plate: its mean is that of following both parts, within 5 standard errors."""
+    eye = line("eye", 5.0, behaviour="receiver", receiver="eye", half=50.0)
+    eye = dataclasses.replace(eye, curve=eye.curve.reversed())
+    rays = 40_000
+    made = slab(Beam((-1.0, -1.0), (1.0, -1.0), 70.0, rays, s_share=s_share), "glass", eye)
+    exact = trace(
+        dataclasses.replace(made, sources=(Beam((0.0, -1.0), (0.0, -1.0), 70.0, 1, s_share=s_share),)), "power"
+    )
+    share, drawn = exact.detectors["eye"].power, trace(made, "roulette", seed=7).detectors["eye"]
+    sigma = math.sqrt(share * (1.0 - share) / rays)
+    assert 0.4 < share < 0.999
+    assert drawn.power == pytest.approx(share, abs=5.0 * sigma + 1e-6)
+    assert 0.4 * sigma < drawn.u < 2.0 * sigma  # of sixteen groups, which know it to about a fifth
+
+
+def test_roulette_is_the_same_in_both_tracers_and_another_with_another_seed() -> None:
+    made = slab(Fan((0.0, -1.0), 0.0, 160.0, 300))
+    ways = [
+        [(path.ray, path.interfaces, path.fate) for path in tracer(made, "roulette", seed=seed, legs=True).paths()]
+        for tracer, seed in ((trace, 3), (trace_reference, 3), (trace, 4), (trace_reference, 4), (trace, 2**62))
+    ]
+    assert ways[0] == ways[1]
+    assert ways[2] == ways[3]
+    assert ways[0] != ways[2] != ways[4] != ways[0]
+
+
+@both
 def test_power_is_absorbed_on_the_way_and_counting_knows_no_absorption(tracer: Tracer) -> None:
     made = slab(UP, "smoke")
     kept = math.exp(-0.25)
-    assert parts(tracer(made, "power")) == pytest.approx((0.0, kept, 1 - kept, 0.0), abs=1e-15)
+    for mode in ("power", "roulette"):
+        assert parts(tracer(made, mode)) == pytest.approx((0.0, kept, 1 - kept, 0.0), abs=1e-15)
     assert parts(tracer(made, "count")) == (0.0, 1.0, 0.0, 0.0)
 
 
 @both
 def test_what_leaves_into_an_absorbing_medium_for_ever_is_absorbed(tracer: Tracer) -> None:
     made = scene(line("front", 0.0, "smoke", "air"))
-    assert parts(tracer(made, "power")) == (0.0, 0.0, 1.0, 0.0)
+    for mode in ("power", "roulette"):
+        assert parts(tracer(made, mode)) == (0.0, 0.0, 1.0, 0.0)
     assert parts(tracer(made, "count")) == (0.0, 1.0, 0.0, 0.0)
 
 
@@ -189,14 +238,14 @@ def test_branches_below_the_least_weight_are_cut_and_reported(tracer: Tracer) ->
 def test_a_weight_is_of_the_rays_own_power_and_readings_are_of_the_whole(tracer: Tracer) -> None:
     weak = Fan((0.0, -1.0), 0.0, 1.0, 1, power=1e-9)
     made = slab(weak)
-    result = tracer(Scene(made.regions, made.interfaces, (weak, Fan((0.0, -1.0), 0.0, 1.0, 3, power=9.0))), "power")
+    result = tracer(dataclasses.replace(made, sources=(weak, Fan((0.0, -1.0), 0.0, 1.0, 3, power=9.0))), "power")
     assert result.ledger.total == pytest.approx(1.0, abs=1e-14)
     assert result.ledger.truncated < 1e-5
     assert result.rays == 4
 
 
 @both
-@modes
+@all_of_it
 def test_rays_in_the_wrong_medium_are_counted_and_located(tracer: Tracer, mode: Mode) -> None:
     wrong = scene(line("front", 0.0, "glass", "air"), line("back", 1.0, "air", "smoke"))
     result = tracer(wrong, mode, legs=True)
@@ -230,13 +279,13 @@ MONITOR = Monitor("m", (-2.0, 0.5), (2.0, 0.5), 4)
 
 
 @both
-@modes
+@all_of_it
 def test_a_monitor_counts_towards_its_left_and_changes_nothing(tracer: Tracer, mode: Mode) -> None:
     beam = Beam((-1.0, -1.0), (1.0, -1.0), 0.0, 8)
     bare = tracer(slab(beam), mode)
     turned = Monitor("back", MONITOR.end, MONITOR.start, 4)
     made = slab(beam)
-    seen = tracer(Scene(made.regions, made.interfaces, (beam,), (MONITOR, turned)), mode)
+    seen = tracer(dataclasses.replace(made, monitors=(MONITOR, turned)), mode)
     assert parts(seen) == parts(bare)
     assert seen.hits == bare.hits
     net = 1.0 if mode == "count" else (1 - NORMAL) / (1 + NORMAL)
@@ -262,7 +311,7 @@ def test_a_monitors_bins_are_equal_and_end_with_it(tracer: Tracer) -> None:
 def test_a_monitor_sees_the_power_left_at_its_place(tracer: Tracer) -> None:
     made = slab(UP, "smoke")
     monitors = (MONITOR, Monitor("beyond", (-2.0, 3.0), (2.0, 3.0)))
-    seen = tracer(Scene(made.regions, made.interfaces, (UP,), monitors), "power")
+    seen = tracer(dataclasses.replace(made, monitors=monitors), "power")
     assert seen.monitors["m"].power == pytest.approx(math.exp(-0.125), abs=1e-15)
     assert seen.monitors["beyond"].power == pytest.approx(math.exp(-0.25), abs=1e-15)
     assert seen.monitors["beyond"].map.shape == (0,)
@@ -328,7 +377,7 @@ def test_the_ledger_always_adds_up(
     ball = Interface("ball", Arc.circle((0.0, 0.0), radius), "ball", "air")
     eye = Interface("eye", Segment((3.0, 3.0), (-3.0, 3.0)), "air", "air", "receiver", "eye")
     source = Fan((0.5, -2.5), axis, 90.0, 7, power=shares[0], s_share=shares[1])
-    for mode in ("count", "power"):
+    for mode in MODES:
         result = tracer(Scene(regions, (ball, eye), (source,)), mode, Limits(max_hits=60))
         assert result.ledger.total == pytest.approx(1.0, abs=1e-12)
         assert result.undefined == 0

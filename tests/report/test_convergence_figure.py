@@ -1,0 +1,79 @@
+"""The convergence figure draws each way to choose rays, its stated uncertainty dashed, on two logarithmic axes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from solen.report.figures import METHODS, convergence_figure, encoded, svg
+from solen.sensor import Sensor
+from solen.spec import loads, template, with_values
+from solen.trace import Convergence, Mode, convergence
+from tests.report.test_figure_files import words
+
+MOST = 256
+
+
+def found(mode: Mode = "power", **values: object) -> Convergence:
+    design = with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MOST)
+
+
+@pytest.fixture(scope="module")
+def power() -> Convergence:
+    return found()
+
+
+def labels(figure: Figure) -> list[str]:
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts()]
+
+
+def test_every_series_is_drawn_with_its_uncertainty_dashed(power: Convergence) -> None:
+    figure = convergence_figure(power)
+    (axes,) = figure.axes
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    lines = {str(line.get_label()): line for line in axes.lines}
+    for series in power.series:
+        name, colour, _ = METHODS[series.method]
+        error, u = lines[f"{name}: error"], lines[f"{name}: stated u"]
+        assert (error.get_linestyle(), u.get_linestyle()) == ("-", "--")
+        assert error.get_color() == u.get_color() == colour
+        assert np.array_equal(np.asarray(error.get_xdata()), series.rays)
+        assert np.array_equal(np.asarray(error.get_ydata()), series.error)
+        assert np.array_equal(np.asarray(u.get_ydata()), series.u)
+    reference = lines["reference: stated u"]
+    assert np.allclose(np.asarray(reference.get_ydata(), dtype=float), power.reference.u)
+    assert labels(figure) == list(lines)
+
+
+def test_the_axes_say_what_they_show_and_the_title_what_errors_are_measured_from(power: Convergence) -> None:
+    told = words(svg(convergence_figure(power), "convergence"))
+    assert "rays traced" in told
+    assert "error and stated u (share of the emitted power)" in told
+    assert f"mode power; errors against adaptive with {power.reference.rays} rays" in told
+
+
+def test_an_uncertainty_of_0_is_left_out_and_counted(power: Convergence) -> None:
+    fan, *others = power.series
+    certain = dataclasses.replace(fan, u=np.where(fan.rays > 64, fan.u, 0.0))
+    figure = convergence_figure(dataclasses.replace(power, series=(certain, *others)))
+    assert f"fan: stated u (3 of {len(fan.u)} are 0)" in labels(figure)
+    (axes,) = figure.axes
+    (line,) = (line for line in axes.lines if str(line.get_label()).startswith("fan: stated u"))
+    assert np.isnan(np.asarray(line.get_ydata(), dtype=float)[:3]).all()
+
+
+def test_what_cannot_be_integrated_is_shown_without_it() -> None:
+    gap = found(receivers__coupling="air-gap", receivers__gap_mm=0.5)
+    assert gap.reference.method == "fan"
+    figure = convergence_figure(gap)
+    assert not any(label.startswith("adaptive") for label in labels(figure))
+    assert f"errors against fan with {4 * MOST:,} rays" in "".join(words(svg(figure, "convergence")))
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
+def test_each_kind_of_file_is_the_same_again(power: Convergence, suffix: str) -> None:
+    one, other = (encoded(convergence_figure(power), suffix, "convergence") for _ in range(2))
+    assert one == other

@@ -1,0 +1,179 @@
+"""How the readings answer to the numbers of a design: against differences of integrals, and what is left out and why.
+
+The differences share nothing with the derivatives but the integral: `Sensor.integrate` finds the pieces of the cone
+anew in each of the four scenes.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from solen.errors import DesignError, SpecError
+from solen.geometry import arm_angle_deg
+from solen.sensor import OPTICAL_KEYS, Sensor
+from solen.spec import Design, loads, template, value_at, with_values
+
+ANGLE_DEG = 0.2
+KEYS = (
+    *("body.arm_angle_deg", "body.arm_width_mm", "emitter.distance_mm"),
+    *("material.index", "lens.half_width_mm", "lens.focus_mm"),
+)
+FEW = KEYS[:2]
+RELATIVE, STEP = 1e-4, 1e-3
+NOISE = 3e-10
+"""What four integrals to 1e-11 may make of a difference, also of contrasts, before it is divided by the step."""
+
+
+def design(**values: object) -> Design:
+    """The 860 nm example with some values set; ``__`` stands for the dot of a key."""
+    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+
+
+@pytest.fixture(scope="module")
+def paper() -> Sensor:
+    return Sensor.of(design())
+
+
+def integrated(one: Design, tolerance: float = 1e-11) -> NDArray[np.float64]:
+    """Right and left power, and the contrast."""
+    found = Sensor.of(one).integrate(ANGLE_DEG, tolerance=tolerance).detectors
+    right, left = found["right"].power, found["left"].power
+    return np.array([right, left, (right - left) / (right + left)])
+
+
+def differences(one: Design, key: str, value: float) -> NDArray[np.float64]:
+    """Central differences of fourth order of right, left and contrast."""
+    h = STEP * value
+    near, far = (integrated(with_values(one, {key: value + n * h})) for n in (1, 2))
+    near, far = (
+        near - integrated(with_values(one, {key: value - h})),
+        far - integrated(with_values(one, {key: value - 2 * h})),
+    )
+    return np.asarray((8.0 * near - far) / (12.0 * h))
+
+
+def compared(sensor: Sensor, keys: tuple[str, ...]) -> list[str]:
+    """One line a key; fails where a derivative is off by more than it may be."""
+    lines = []
+    for row in sensor.sensitivity(keys, ANGLE_DEG):
+        by_difference = differences(sensor.design, row.key, row.value)
+        assert row.reached
+        for what, slope, other in zip(
+            ("right", "left", "contrast"), (row.right, row.left, row.contrast), by_difference, strict=True
+        ):
+            off = abs(slope.value - other)
+            lines.append(f"{row.key:21} {what:9} {slope.value:+.9f} {other:+.9f} {off / abs(other):.0e} {slope.u:.0e}")
+            assert off <= RELATIVE * abs(other), lines[-1]
+            assert off <= slope.u + NOISE / (STEP * row.value), lines[-1]
+    return lines
+
+
+def test_two_keys_agree_with_differences_of_integrals(paper: Sensor) -> None:
+    compared(paper, FEW)
+
+
+@pytest.mark.evidence
+def test_every_key_agrees_with_differences_of_integrals(paper: Sensor) -> None:
+    print(f"\nat {ANGLE_DEG} deg, per unit: by derivative, by difference, relative distance, stated u")
+    print("\n".join(compared(paper, KEYS)))
+
+
+def test_rows_are_of_the_design_s_own_numbers_and_the_steepest_comes_first(paper: Sensor) -> None:
+    rows = paper.sensitivity(angle_deg=ANGLE_DEG)
+    left_out = {"emitter.wavelength_nm", "lens.design_index", "receivers.gap_mm"}
+    assert {row.key for row in rows} == set(OPTICAL_KEYS) - left_out
+    for row in rows:
+        stated = value_at(paper.design, row.key)
+        assert row.value == (arm_angle_deg(paper.design) if row.key == "body.arm_angle_deg" else stated)
+    steepness = [abs(row.contrast.value) for row in rows if row.reached]
+    assert steepness == sorted(steepness, reverse=True)
+    assert rows[-1].key == "material.absorption_per_mm"
+    assert not rows[-1].reached
+    assert math.isnan(rows[-1].contrast.value)
+    assert "not on both sides of 0" in rows[-1].why
+
+
+def test_a_part_of_the_body_behind_the_light_changes_nothing(paper: Sensor) -> None:
+    (arms,) = paper.sensitivity(["body.arm_length_mm"], ANGLE_DEG)
+    for slope in (arms.right, arms.left, arms.contrast):  # straight arms without loss: the light is theirs already
+        assert abs(slope.value) <= 5.0 * slope.u < 1e-6
+
+
+def test_a_mirror_image_swaps_the_receivers(paper: Sensor) -> None:
+    (one,), (other,) = (paper.sensitivity(["body.arm_width_mm"], angle) for angle in (ANGLE_DEG, -ANGLE_DEG))
+    assert one.right.value == pytest.approx(other.left.value, abs=1e-6)
+    assert one.contrast.value == pytest.approx(-other.contrast.value, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "inert", "live"),
+    [
+        ({}, {"emitter.wavelength_nm", "lens.design_index", "receivers.gap_mm"}, set()),
+        (
+            {"material__resin": "pmma"},
+            {"material.index", "material.absorption_per_mm", "lens.design_index", "receivers.gap_mm"},
+            {"emitter.wavelength_nm"},
+        ),
+        (
+            {"lens__shape": "none"},
+            {"lens.focus_mm", "lens.design_index", "emitter.wavelength_nm", "receivers.gap_mm"},
+            {"lens.half_width_mm"},
+        ),
+        (
+            {"lens__design_index": 1.49, "receivers__coupling": "air-gap", "receivers__gap_mm": 0.5},
+            {"emitter.wavelength_nm"},
+            {"lens.design_index", "receivers.gap_mm"},
+        ),
+    ],
+)
+def test_numbers_without_a_part_of_their_own_are_left_out(
+    values: dict[str, object], inert: set[str], live: set[str]
+) -> None:
+    sensor = Sensor.of(design(**values))
+    assert {key for key in OPTICAL_KEYS if sensor.inert(key)} == inert
+    assert not any(sensor.inert(key) for key in live)
+    for key in inert:
+        with pytest.raises(SpecError, match="leave it out"):
+            sensor.sensitivity([key])
+
+
+@pytest.mark.parametrize("key", ["emitter.rays", "lens.shape", "body.bogus", "bogus", "motion.pivot", "name"])
+def test_what_is_no_real_number_is_refused(paper: Sensor, key: str) -> None:
+    with pytest.raises(SpecError, match=key):
+        paper.sensitivity([key])
+
+
+def test_a_value_at_its_limit_says_so() -> None:
+    (row,) = Sensor.of(design(emitter__cone_deg=180)).sensitivity(["emitter.cone_deg"], ANGLE_DEG)
+    assert not row.reached
+    assert "not on both sides of 180" in row.why
+
+
+def test_in_the_dark_there_is_no_contrast_to_change() -> None:
+    (row,) = Sensor.of(design(material__absorption_per_mm=1000.0)).sensitivity(["body.arm_width_mm"])
+    assert row.reached
+    assert row.right.value == 0.0
+    assert math.isnan(row.contrast.value)
+
+
+def test_light_that_cannot_be_integrated_is_one_line() -> None:
+    sensor = Sensor.of(design(receivers__coupling="air-gap", receivers__gap_mm=0.5))
+    with pytest.raises(DesignError, match=r"light at 0\.2 deg") as refusal:
+        sensor.sensitivity(["body.arm_width_mm"], ANGLE_DEG)
+    assert str(refusal.value).endswith("try another angle")
+
+
+def test_progress_is_told_to_its_end(paper: Sensor) -> None:
+    told: list[float] = []
+    paper.sensitivity(FEW, ANGLE_DEG, told.append)
+    assert told == [0.5, 1.0]
+
+
+def test_options_of_a_trace_are_passed_on(paper: Sensor) -> None:
+    found = paper.trace(ANGLE_DEG, "roulette", 64, sampling="sobol", seed=3, position_bins=2, angle_bins=5)
+    assert (found.mode, found.method, found.rays) == ("roulette", "sobol", 64)
+    assert found.detectors["left"].position.shape == (1, 2)
+    assert found.detectors["left"].angle.shape == (5,)
+    assert paper.trace(ANGLE_DEG, "power", 64, precision="single").single_error is not None
