@@ -10,13 +10,15 @@ from collections.abc import Callable
 from functools import partial
 
 import numba
+import numpy as np
 
 import solen
+from solen.scene import Scene
 from solen.sensor import Sensor
 from solen.spec import Design, Material
-from solen.trace import Mode, integrate, trace, trace_reference
+from solen.trace import Mode, integrate, integrate_many, trace, trace_many, trace_reference
 
-RAYS, REFERENCE_RAYS, REPEATS = 2_000_000, 2_000, 5
+RAYS, REFERENCE_RAYS, REPEATS, ANGLES = 2_000_000, 2_000, 5, 25
 MODES: tuple[Mode, ...] = ("count", "power")
 
 
@@ -51,8 +53,30 @@ def main() -> None:
         found = integrate(many, mode, 1e-6)
         seconds = best_s(partial(integrate, many, mode, 1e-6))
         fan_s = best_s(partial(trace, many, mode), 2)
-        print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.1f} ms; ", end="")
+        print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.2f} ms; ", end="")
         print(f"a fan of {RAYS} rays takes {fan_s / seconds:.0f} times as long")
+    sweep(sensor)
+
+
+def sweep(sensor: Sensor) -> None:
+    """Print what the angles of a response cost, with the lens and without: the scenes, and what is done with them."""
+    angles = [float(angle) for angle in np.linspace(-3.0, 3.0, ANGLES)]
+    cases = (sensor, sensor.without_lens)
+
+    def scenes() -> list[Scene]:
+        return [case.scene(angle) for case in cases for angle in angles]
+
+    made = scenes()
+    integrated = integrate_many(made, "power", 1e-4)
+    print(f"{len(made)} scenes made in {best_s(scenes) * 1e3:.0f} ms; ", end="")
+    print(f"integrated to {max(found.u for found in integrated):.1e}", end=" ")
+    print(f"in {best_s(partial(integrate_many, made, 'power', 1e-4)) * 1e3:.0f} ms")
+    together, apart = best_s(partial(trace_many, made)), best_s(lambda: [trace(scene) for scene in made])
+    print(
+        f"fans of {made[0].rays} rays: {together * 1e3:.0f} ms in one call, {apart / together:.1f} times as long apart"
+    )
+    slope_s = best_s(partial(sensor.derivative, "body.arm_width_mm", 0.2))
+    print(f"derivative with respect to one number of the design: {slope_s * 1e3:.0f} ms")
 
 
 if __name__ == "__main__":

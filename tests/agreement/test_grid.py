@@ -77,7 +77,7 @@ def test_a_body_of_many_sides_is_traced_the_same(
     no_grid: pytest.MonkeyPatch, sides: int, kind: str, mode: Mode
 ) -> None:
     rays = 60 if mode == "power" else 600
-    check(no_grid, many_sided(sides, sides, kind, rays), mode, 0.4 if kind == "polygon" else 0.2)
+    check(no_grid, many_sided(sides, sides, kind, rays), mode, 0.4)
 
 
 @pytest.mark.parametrize("mode", ["count", "power", "roulette"])

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from solen.curve import Bezier, Curve, Spline
+from solen.curve import Arc, Bezier, Conic, Curve, Parabola, Segment, Spline
 from solen.interface import reflected
 from solen.plane import Point, Rigid, along, dot, left_of, minus, unit
 from solen.scene import Fan, Interface, Rays, Scene
@@ -184,6 +184,33 @@ def test_no_ray_is_lost_that_grazes(mode: Mode) -> None:
             directions.append(Rigid.about((0.0, 0.0), math.degrees(turn)).vector(tangent))
         rays = Rays(tuple(origins), tuple(directions))
         nothing_lost(trace(in_ring(curve, rays), mode, Limits(max_hits=2000)), f"{seed}")
+
+
+TOUCHED: dict[str, list[Curve]] = {
+    "circle": [Arc.circle((0.0, 0.0), 3.0)],
+    "two arcs": [Arc((0.0, 0.0), 3.0, -90.0, 180.0), Arc((0.0, 0.0), 3.0, 90.0, 180.0)],
+    "parabola": [Conic((3.0, 0.0), (-1.0, 0.0), 0.5, -1.0, -1.5, 1.5), Segment((2.4375, 1.5), (2.4375, -1.5))],
+    "bent line": [Parabola((3.0, 0.0), (0.0, 1.0), -0.25, -1.5, 1.5), Segment((2.4375, 1.5), (2.4375, -1.5))],
+    "ellipse": [Conic((3.0, 0.0), (-1.0, 0.0), 0.5, -0.75, -2.0, 2.0)],
+    "Bézier curve": [Bezier((2.0, -2.0), (3.5, -1.0), (3.5, 1.0), (2.0, 2.0)), Segment((2.0, 2.0), (2.0, -2.0))],
+    "spline": [Spline.through([(3.0, 0.0), (0.0, 2.0), (-3.0, 0.0), (0.0, -2.0)], closed=True)],
+}
+
+
+@pytest.mark.parametrize("mode", ["count", "power", "roulette"])
+@pytest.mark.parametrize("kind", TOUCHED)
+@pytest.mark.parametrize("tracer", [trace, trace_reference], ids=["engine", "reference"])
+def test_a_ray_that_only_touches_a_body_goes_on(tracer: Callable[..., Trace], kind: str, mode: Mode) -> None:
+    """In numbers that leave no rounding: along the tangent the two roots are one, and nothing is crossed."""
+    curves = TOUCHED[kind]
+    if kind == "ellipse":
+        curves = [*curves, Segment(curves[0].end, curves[0].start)]
+    body = [Interface(f"c{i}", curve, "glass", "air") for i, curve in enumerate(curves)]
+    touches = max(curves[0].points(np.linspace(0.0, 1.0, 9))[:, 0].tolist())
+    rays = Rays(((touches, -7.0), (touches, 7.0)), ((0.0, 1.0), (0.0, -1.0)))
+    result = tracer(Scene((AIR, glass(1.5)), (*body, *curtains(0.2, "glass"), ring()), (rays,)), mode)
+    assert result.undefined == 0
+    assert result.ledger.detected == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("precision", ["double", "single"])

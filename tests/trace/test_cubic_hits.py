@@ -68,7 +68,7 @@ def test_hits_of_simple_pieces_are_the_roots_of_their_polynomials(standing: bool
 
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (-1.0, 0.0)])
 def test_a_ray_along_a_straight_beginning_meets_the_rest(direction: Point) -> None:
-    """The first three control points on one line: along it, the distance from the ray has a triple root at the start."""
+    """The first three control points on one line: along it, what lies beside the ray has a triple root at the start."""
     curve = Bezier((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 1.0))
     for way in (curve, curve.reversed()):
         face = Interface("face", way, "air", "air", "absorbing")

@@ -23,6 +23,8 @@ SMALL = 1e-3
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
     """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root next to t = 0 is divided out.
 
+    A double root is none: a line that only touches a curve does not cross it.
+
     The point a ray leaves from lies on its curve but for rounding, which leaves a tiny c. The other root −b/a is mended
     by it to first order, or the rounding of many chords of one circle would add up until they leave it.
     """
@@ -30,7 +32,7 @@ def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[flo
         mend = c / b if abs(a * c) < SMALL * b * b else 0.0
         return (-b / a + mend,) if a != 0.0 else ()
     discriminant = b * b - 4.0 * a * c
-    if discriminant < 0.0:
+    if discriminant <= 0.0:
         return ()
     q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
     first = (q / a,) if a != 0.0 else ()

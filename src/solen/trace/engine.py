@@ -107,6 +107,8 @@ def trace(
     check_count("threads", threads, 1)
     for what, value in (("seed", seed), ("position_bins", position_bins), ("angle_bins", angle_bins)):
         check_count(what, value, 0)
+    if seed >= 2**63:
+        raise DesignError("seed", value=seed, limit="must be below 2 to the power of 63")
     rest = (sampling, seed, position_bins, angle_bins, legs, device)
     job = Job.of(scene, mode, limits or Limits(), DTYPES[precision], *rest)
     found = _run(job, threads, progress)

@@ -4,8 +4,8 @@
 there is decided by the same functions. They are compiled again for the card, from the same source.
 
 The same scene gives the same numbers to the last bit, whatever order the card works in: thread t of T follows the rays
-t, t + T, t + 2 T, …, and T depends on the scene alone; each thread adds up its own rays in a column of its own, and the
-columns are added in a fixed order. No two threads ever write to one place. Stretches of rays are not kept here.
+t, t + T, t + 2 T, …, and T depends on the trace, not on the card; each thread adds up its own rays in a column of its
+own, and the columns are added in a fixed order. No two threads ever write to one place. Stretches of rays are not kept.
 
 Import this module where it is used: it needs numba-cuda, which few have.
 """
@@ -45,8 +45,6 @@ from solen.trace.kernel.surface import BRANCHES, ROULETTE, at_surface, drawn
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
-CHUNK = 2**18
-"""Rays that go to the card at a time."""
 MOST_THREADS = 2**16
 BLOCK = 128
 """Threads of a block: few, as each needs many registers."""

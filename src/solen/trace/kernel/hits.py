@@ -39,7 +39,7 @@ def roots(k: Precision, a: float, half_b: float, rest: float, square: float, lea
     mend = a * rest if abs(a * rest) < k.small * b * b else k.zero
     first = (mend - b * b if leaving else total) / (a * b if leaving else a)
     second = -k.one if leaving else rest / total
-    missed = (not leaving) & (square < 0.0)
+    missed = (not leaving) & (square <= 0.0)  # a line that only touches crosses nothing
     return (-k.one if missed else first), (-k.one if missed else second)
 
 
