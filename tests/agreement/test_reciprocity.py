@@ -176,7 +176,7 @@ def test_every_way_to_a_receiver_leads_back_with_the_same_power() -> None:
 
 
 def test_every_way_to_a_receiver_leads_back_in_the_reference_too() -> None:
-    judged(reciprocal(clear(motley_scene(2, 8)), trace_reference, 12), 10)
+    judged(reciprocal(clear(motley_scene(2, 8)), trace_reference, 24), 10)
 
 
 @pytest.mark.evidence

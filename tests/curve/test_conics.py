@@ -154,7 +154,7 @@ def test_rays_from_afar_find_it(k: float, away_mm: float) -> None:
             assert min(abs(t - away_mm) for t in hits) < 1e-14 * away_mm  # rounding of the place it comes from
 
 
-@pytest.mark.parametrize("short_mm", [1e-3, 1e-6, 1e-12])
+@pytest.mark.parametrize("short_mm", [1e-1, 1e-3, 3e-6])
 @pytest.mark.parametrize("k", [-0.5, 0.0, 1.0])
 def test_it_ends_where_it_should_also_near_its_widest_place(k: float, short_mm: float) -> None:
     wide = opening(k).half_width_mm
@@ -205,8 +205,8 @@ def test_a_conic_without_curvature_is_straight() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be less than 2 mm from the axis; end it nearer"),
-        ({"from_mm": -3.0}, "conic from_mm = -3.0; must be less than 2 mm"),
+        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be at most 1.999999 mm from the axis; end it nearer"),
+        ({"from_mm": -3.0}, "conic from_mm = -3.0; must be at most 1.999999 mm"),
         ({"to_mm": -1.0}, "conic = 'from -1.0 mm to itself'; must have a length"),
         ({"curvature_per_mm": math.nan}, "must be a finite number"),
         ({"conic_constant": "0"}, "must be a finite number"),

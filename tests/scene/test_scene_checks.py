@@ -63,7 +63,7 @@ def test_a_sound_scene_says_what_it_holds() -> None:
         ({"sources": ()}, "scene sources = 0; at least one is needed"),
         ({"sources": (Rays((), ()),)}, "source rays = 0; must be a whole number of at least 1"),
         ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 0),)}, "source rays = 0; must be a whole number of at least 1"),
-        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=0.0),)}, "source power = 0.0; must be above 0"),
+        ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=0.0),)}, "source power = 0.0; must be from 1e-12 to 1e+12"),
         ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.nan),)}, "source = 'nan'; must be a finite number"),
         ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=math.inf),)}, "source = 'inf'; must be a finite number"),
     ],
@@ -142,12 +142,12 @@ def test_sources_of_every_kind_are_among_the_refused() -> None:
     [
         FAN,
         Fan((0.0, 0.0), 1e9, 0.0, 1),
-        Fan((0.0, 0.0), -720.0, 360.0, 1, 1e-300, 0.0),
+        Fan((0.0, 0.0), -720.0, 360.0, 1, 1e-12, 0.0),
         Beam((0.0, 0.0), (0.0, 0.0), 0.0, 2),  # all rays from one place: a thin beam
-        Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, 1e300, 1.0),
+        Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, 1e12, 1.0),
         Rays(((0.0, 0.0), (0.0, 0.0)), ((0.0, 1e-300), (1e300, 0.0))),
         Chip((0.0, 0.0), 0.0, 400.0, 0.0, 1),  # of no width: a fan
-        Chip((0.0, 0.0), 1e3, -90.0, 360.0, 5, 1e300, 1.0),
+        Chip((0.0, 0.0), 1e3, -90.0, 360.0, 5, 1e12, 1.0),
         Chip((0.0, 0.0), 0.3, 0.0, 120.0, 5, spectrum=((860.0, 1e-300),)),
         Fan((0.0, 0.0), 0.0, 60.0, 5, spectrum=((860.0, 1.0), (1e-3, 1e300), (860.0, 2.0))),
     ],

@@ -137,7 +137,7 @@ def compiled(precision: str) -> str:
 
     from solen.trace.kernel import cuda as card
 
-    job = Job.of(motley_scene(1, 8), "power", Limits(), DTYPES[precision], "fan", 0, 7, 5)
+    job = Job.of(motley_scene(1, 8), "power", Limits(), DTYPES[precision], position_bins=7, angle_bins=5)
     chunk = next(chunks(job, 8))()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dispatcher, "get_current_device", lambda: SimpleNamespace(compute_capability=(8, 0)))

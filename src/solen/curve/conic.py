@@ -67,6 +67,8 @@ class Parabola(Curve):
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
 
+WIDEST = 1e-6
+"""How near to where a conic is widest it may end, as 1 − (1 + K) c² r²: nearer, r no more tells how far along it is."""
 SHEET = -1e-9
 """How far below 0 rounding may take 1 − (1 + K) c w where a conic is widest; on its other side it is further below."""
 
@@ -96,11 +98,11 @@ class Conic(Curve):
         if self.from_mm == self.to_mm:
             raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length")
         for name, end_mm in (("from_mm", self.from_mm), ("to_mm", self.to_mm)):
-            if not self._under_root(end_mm) > 0.0:
+            if not self._under_root(end_mm) >= WIDEST:
                 raise DesignError(
                     f"conic {name}",
                     value=end_mm,
-                    limit=f"must be less than {self.half_width_mm:.9g} mm from the axis",
+                    limit=f"must be at most {math.sqrt(1.0 - WIDEST) * self.half_width_mm:.9g} mm from the axis",
                     remedy="end it nearer to the axis, or make the curvature or the conic constant smaller",
                 )
 

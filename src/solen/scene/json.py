@@ -74,14 +74,14 @@ def loads(text: str, where: str = "scene") -> Scene:
     )
 
 
-def load(path: Path) -> Scene:
+def load(path: Path | str) -> Scene:
     """Scene of a JSON file; errors as in `loads`, and `DataError` where it cannot be read."""
-    return loads(files.read_text(path, DataError), str(path))
+    return loads(files.read_text(Path(path), DataError), str(path))
 
 
-def save(path: Path, scene: Scene) -> Path:
+def save(path: Path | str, scene: Scene) -> Path:
     """Write a scene as JSON."""
-    return files.write_text(path, dumps(scene) + "\n")
+    return files.write_text(Path(path), dumps(scene) + "\n")
 
 
 def _parsed(text: str, where: str) -> dict[str, Any]:

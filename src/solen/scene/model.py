@@ -27,6 +27,8 @@ from solen.scene.closed import check_closed
 Behaviour = Literal["refracting", "mirror", "absorbing", "receiver"]
 ON_IT_MM = 1e-9
 """How near to an interface a monitor lies on it."""
+LEAST_POWER, MOST_POWER = 1e-12, 1e12
+"""Powers of sources: what even single precision can divide among any number of rays."""
 BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver")
 
 
@@ -142,8 +144,9 @@ class Source(ABC):
         """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
         check_count("source rays", self.rays, 1)
         check_numbers("source", self.power, self.s_share)
-        if not self.power > 0.0:
-            raise DesignError("source power", value=self.power, limit="must be above 0")
+        if not LEAST_POWER <= self.power <= MOST_POWER:
+            limit = f"must be from {LEAST_POWER:g} to {MOST_POWER:g}"
+            raise DesignError("source power", value=self.power, limit=limit, remedy="powers count against one another")
         if not 0.0 <= self.s_share <= 1.0:
             raise DesignError("source s_share", value=self.s_share, limit="must be from 0 to 1")
         for line in self.spectrum:

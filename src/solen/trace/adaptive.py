@@ -18,6 +18,7 @@ as tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 
 """
 
 import math
+import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Fan, Scene
 from solen.trace.kernel import adapt
@@ -38,6 +40,7 @@ from solen.trace.tables import Tables, compile_scene
 FIRST_STRETCHES = 64
 NARROWEST_DEG = 1e-11
 """Where cutting ends at the latest: over a few mm, what `solen.curve.END_TOLERANCE_MM` leaves undecided at a corner."""
+LEAST_SHARE = 0.01
 GAP_SHARE = 0.01
 """How wide, as a share of the tolerance times the cone, a gap may be that is not cut on at first."""
 MOST_LEGS = 200_000
@@ -101,7 +104,7 @@ def integrate(
     tolerance
         What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-12 to 0.1.
     limits
-        Where following a ray ends; by default the least weight is a hundredth of the tolerance, at most 1e-6.
+        Where following a ray ends; by default the least weight is a hundredth of the tolerance.
     most_legs
         After so many straight stretches of light the integration ends, with whatever it has reached.
 
@@ -133,7 +136,9 @@ def integrate_many(
         raise DesignError("tolerance", value=tolerance, limit=f"must be from {LEAST_TOLERANCE:g} to 0.1")
     if mode == "roulette":
         raise DesignError("mode", value=mode, limit="adaptive integration knows count and power")
-    limits = limits or Limits(min_weight=min(0.01 * tolerance, 1e-6))
+    threads = (os.cpu_count() or 1) if threads is None else threads
+    check_count("threads", threads, 1)
+    limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
     cones = [Cone.of(scene, mode, limits) for scene in scenes]
     if threads == 1 or len(cones) < 2:
         return [cone.integral(tolerance, most_legs).trace for cone in cones]
@@ -255,7 +260,9 @@ class Cone:
             undefined=int(count[adapt.UNDEFINED]),
             pieces=int(count[adapt.PIECES]),
             reached=u <= tolerance,
-            why="" if u <= tolerance else f"{rays} rays reach {u:.1e}: their ways part too often",
+            why=""
+            if u <= tolerance
+            else f"{rays} rays reach {u:.1e}: their ways part too often; trace a fan, or raise the least weight",
         )
 
 

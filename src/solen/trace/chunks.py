@@ -13,6 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.curve import check_count
+from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
 from solen.trace.kernel import loop
 from solen.trace.kernel.rows import Precision
@@ -25,6 +27,13 @@ DTYPES: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.
 Sampling = Literal["fan", "sobol"]
 Device = Literal["cpu", "cuda"]
 Digits = Literal["double", "single"]
+
+
+def check_seed(seed: object) -> None:
+    """`DesignError` where a seed is not a whole number from 0 to below 2⁶³."""
+    check_count("seed", seed, 0)
+    if isinstance(seed, int) and seed >= 2**63:
+        raise DesignError("seed", value=seed, limit="must be below 2 to the power of 63")
 
 
 @dataclass(frozen=True)
@@ -44,9 +53,9 @@ class Job:
     device: Device = "cpu"
 
     @classmethod
-    def of(cls, scene: Scene, mode: Mode, limits: Limits, dtype: type[np.floating[Any]], *rest: Any) -> "Job":
-        """Job on a scene in a precision."""
-        return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, *rest)
+    def of(cls, scene: Scene, mode: Mode, limits: Limits, dtype: type[np.floating[Any]], **rest: Any) -> "Job":
+        """Job on a scene in a precision; ``rest`` are its other fields by name."""
+        return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
     @property
     def groups(self) -> int:

@@ -90,14 +90,14 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
         for name, variable in part.items():
             (coordinates if variable[0] == (name,) else variables)[name] = variable
     told: dict[str, str | int | float] = {
-        **(attributes or {}),
         "title": "Light traced through a scene",
         "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
-        "simulated": 1,
         "source": f"solen {solen.__version__}",
         "mode": trace.mode,
         "method": trace.method,
         "why": trace.why,
+        **(attributes or {}),
+        "simulated": 1,
     }
     return xr.Dataset(variables, coordinates, told)
 
@@ -197,13 +197,16 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
     one = ("monitor",)
     bins = max(len(r.map) for r in readings)
     by_bin = _padded([r.map for r in readings], (bins,))
+    maps = {
+        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "number of the bin from the monitor's start"),
+        "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
+    }
     return {
         "monitor": (one, list(trace.monitors), {"long_name": "name of the monitor"}),
-        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "number of the bin from the monitor's start"),
         "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the monitor's left"),
         "net_power_u": _real(one, [r.u for r in readings], SHARE, "what the net power may be off by, NaN if unknown"),
         "crossings": _count(one, [r.rays for r in readings], "times that light crossed the monitor"),
-        "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
+        **(maps if bins else {}),
     }
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.trace.adaptive import Cone, Integral
+from solen.trace.adaptive import LEAST_SHARE, Cone, Integral
 from solen.trace.result import Limits, Mode
 
 TOLERANCE = 1e-9
@@ -87,7 +87,7 @@ def derivative(
     check_numbers("step", step)
     if not step > 0.0:
         raise DesignError("step", value=step, limit="must be above 0")
-    limits = limits or Limits(min_weight=min(0.01 * tolerance, 1e-6))
+    limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
     cone = Cone.of(scene_at(value), mode, limits)
     found = cone.integral(tolerance, MOST_LEGS)
     if not found.trace.reached:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Rays, Scene, Source
-from solen.trace.chunks import DTYPES, Chunk, Device, Digits, Job, Sampling, chunks, rows_of, rules_of
+from solen.trace.chunks import DTYPES, Chunk, Device, Digits, Job, Sampling, check_seed, chunks, rows_of, rules_of
 from solen.trace.kernel import loop
 from solen.trace.kernel.block import BLOCK
 from solen.trace.kernel.surface import SPLITTING
@@ -38,6 +38,7 @@ CARD_CHUNK = 2**18
 CARD_FEEDERS = 8
 """Threads at most that make rays for a card: what waits for it takes memory."""
 COMPARED_RAYS = 4096
+"""Rays of each source by which single precision is compared with double."""
 Progress = Callable[[int], None]
 
 
@@ -105,12 +106,21 @@ def trace(
         raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    for what, value in (("seed", seed), ("position_bins", position_bins), ("angle_bins", angle_bins)):
+    check_seed(seed)
+    for what, value in (("position_bins", position_bins), ("angle_bins", angle_bins)):
         check_count(what, value, 0)
-    if seed >= 2**63:
-        raise DesignError("seed", value=seed, limit="must be below 2 to the power of 63")
-    rest = (sampling, seed, position_bins, angle_bins, legs, device)
-    job = Job.of(scene, mode, limits or Limits(), DTYPES[precision], *rest)
+    job = Job.of(
+        scene,
+        mode,
+        limits or Limits(),
+        DTYPES[precision],
+        sampling=sampling,
+        seed=seed,
+        position_bins=position_bins,
+        angle_bins=angle_bins,
+        legs=legs,
+        device=device,
+    )
     found = _run(job, threads, progress)
     return found if precision == "double" else replace(found, single_error=_single_error(job, threads))
 
@@ -181,10 +191,12 @@ def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
 
 
 def _single_error(job: Job, threads: int) -> float:
-    """Largest difference of a receiver's power between both precisions, on every so many rays of each source."""
+    """Largest difference of a receiver's power between both precisions, on fans of few rays of each source."""
     few = replace(job.scene, sources=tuple(_thinned(source) for source in job.scene.sources))
-    rest = ("fan", job.seed, 0, 0, False, job.device)
-    double, single = (_run(Job.of(few, job.mode, job.limits, dtype, *rest), threads) for dtype in DTYPES.values())
+    double, single = (
+        _run(Job.of(few, job.mode, job.limits, dtype, seed=job.seed, device=job.device), threads)
+        for dtype in DTYPES.values()
+    )
     pairs = zip(double.detectors.values(), single.detectors.values(), strict=True)
     return max((abs(one.power - other.power) for one, other in pairs), default=0.0)
 

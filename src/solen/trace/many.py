@@ -1,7 +1,8 @@
 """Many scenes in one call: the positions of a motion, the variants of a design, each with few rays.
 
 Their tables and rays are laid one after the other and traced by one compiled call per thread, without Python between
-them; a scene's numbers are those that `solen.trace.trace` finds for it, to the last bit.
+them; a scene's numbers are those that `solen.trace.trace` finds for it, to the last bit as long as no source has more
+rays than fill two chunks of that.
 """
 
 import os
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.scene import Scene
-from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
+from solen.trace.chunks import DTYPES, Chunk, Digits, Job, check_seed, chunks, rows_of, rules_of
 from solen.trace.kernel import batch, loop
 from solen.trace.kernel.block import BLOCK
 from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
@@ -43,12 +44,12 @@ def trace_many(
     """
     check_mode(mode)
     check_choice("precision", precision, tuple(DTYPES))
-    check_count("seed", seed, 0)
+    check_seed(seed)
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     if not scenes:
         return []
-    jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], "fan", seed) for scene in scenes]
+    jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
     batched = _Batch(jobs, tasks)
     with ThreadPoolExecutor(threads) as pool:

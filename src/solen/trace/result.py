@@ -47,7 +47,7 @@ numbered is up to the tracer, but a parent always comes before its children."""
 CORNER_MM = 2 * END_TOLERANCE_MM
 """How far a ray that has just met a corner is carried on past the end of the other curve that meets there."""
 KEPT_PLACES = 16
-"""How many places of undefined rays a trace remembers."""
+"""How many places of undefined rays, and of truncated ones, a trace remembers."""
 
 
 def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
@@ -97,7 +97,8 @@ class Ledger:
 class Detected:
     """Reading of a receiver.
 
-    ``u`` belongs to ``power`` (NaN where one ray cannot tell). ``rays`` counts rays or branches that arrived.
+    ``u`` belongs to ``power`` (NaN where one ray cannot tell). ``rays`` counts rays or branches that arrived (after an
+    adaptive integration: all rays that it took).
     ``by_source`` is the power from each source of the scene. ``optical_path_mm`` is the mean optical path of what
     arrived, weighted by power (NaN where nothing did). ``position`` (interfaces of the receiver, bins) is the power in
     equal bins of each interface's parameter from its start to its end; ``angle`` (bins,) the power in equal bins of the

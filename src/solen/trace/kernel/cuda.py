@@ -32,14 +32,13 @@ from solen.trace.kernel.loop import (
     Rows,
     Rules,
     Sums,
-    corner_step,
     count_arrival,
     count_monitors,
     escape,
     meet,
     note_place,
 )
-from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.nearest import corner_step, nearest
 from solen.trace.kernel.rows import Floats, Ints, Precision
 from solen.trace.kernel.surface import BRANCHES, ROULETTE, at_surface, drawn
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED

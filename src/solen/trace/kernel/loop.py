@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from solen.curve import END_TOLERANCE_MM
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.nearest import normal_at, other_side, place_on
+from solen.trace.kernel.nearest import corner_step, normal_at, other_side, place_on
 from solen.trace.kernel.rows import Floats, Ints, Precision
 from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, drawn, end_fate
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, KEPT_PLACES, TRUNCATED
@@ -253,12 +253,6 @@ def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int)
     """Absorption per mm where a ray is that meets nothing more, and its fate."""
     loss = tables.absorption[colour, region] if rules.splitting != COUNT and region >= 0 else k.zero
     return loss, ABSORBED if loss > 0.0 else ESCAPED
-
-
-@compiled
-def corner_step(k: Precision, x: float, z: float) -> float:
-    """How far a ray in a corner is carried on, mm; far out less would be lost in rounding."""
-    return k.corner + k.rounding * (abs(x) + abs(z))
 
 
 @called

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import called
-from solen.trace.kernel.nearest import nearest, normal_at, other_side
+from solen.trace.kernel.nearest import corner_step, nearest, normal_at, other_side
 from solen.trace.kernel.rows import SEGMENT, Floats, Precision
 from solen.trace.kernel.surface import COUNT, at_surface, end_fate, scrambled
 from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
@@ -88,7 +88,8 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             there = tables.left[c] if from_right else tables.right[c]
             stray = region != -1 and region != here
             if length <= k.corner and last >= 0 and (stray or other_side(k, tables, last, at, c, x, z, dx, dz)):
-                x, z, last, at = x + k.corner * dx, z + k.corner * dz, c, place
+                step = corner_step(k, x, z)
+                x, z, last, at = x + step * dx, z + step * dz, c, place
                 continue
             fate = TRUNCATED if stray else GOES_ON
             undefined = undefined or stray
