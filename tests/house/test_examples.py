@@ -8,6 +8,7 @@ tracer, with fewer rays.
 import math
 import re
 import runpy
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,14 @@ def test_slab_is_the_geometric_series() -> None:
     through = (1 - face) ** 2 * kept / (1 - face**2 * kept**2)
     back = face + face * kept * through
     assert result("slab") == pytest.approx((1 - back, through, 1 - back - through), abs=1e-10)
+
+
+def test_own_outline_agrees_with_the_reference() -> None:
+    sampled, u, even = result("own_outline")
+    assert abs(sampled - even) < 4 * u
+    scene = runpy.run_path(str(ROOT / "examples" / "own_outline.py"))["drop"]()
+    few = trace_reference(replace(scene, sources=(replace(scene.sources[0], rays=1500),)), "power")
+    assert even == pytest.approx(few.detectors["screen"].power, abs=4e-3)
 
 
 def test_ball_lens_spot_agrees_with_angles() -> None:
