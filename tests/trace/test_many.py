@@ -36,7 +36,7 @@ def mixed() -> list[Scene]:
 
 
 def assert_the_same(one: Trace, other: Trace) -> None:
-    assert one == dataclasses.replace(other, legs=None)
+    assert repr(one) == repr(other)  # every number to its last digit, NaN too
     for name, monitor in one.monitors.items():
         assert np.array_equal(monitor.map, other.monitors[name].map)
 
@@ -70,7 +70,7 @@ def test_a_source_of_one_ray_leaves_a_group_empty() -> None:
 def test_many_integrals_are_those_of_each_alone() -> None:
     scenes = [SENSOR.scene(float(angle)) for angle in np.linspace(-1.0, 1.0, 5)]
     for scene, found in zip(scenes, integrate_many(scenes, tolerance=1e-4), strict=True):
-        assert found == integrate(scene, tolerance=1e-4)
+        assert repr(found) == repr(integrate(scene, tolerance=1e-4))
 
 
 @pytest.mark.parametrize("wrong", [{"mode": "some"}, {"precision": "half"}, {"threads": 0}, {"seed": -1}])
