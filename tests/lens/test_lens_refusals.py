@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from solen.errors import DesignError, SpecError
@@ -81,6 +81,7 @@ lengths = st.floats(-6, 6).map(lambda exponent: 10.0**exponent)
     n2=st.one_of(st.floats(1.01, 4.99), st.floats(1.000001, 1.01)),
 )
 def test_any_lens_of_a_design_is_built_or_refused(s: float, f: float, half_width: float, n2: float) -> None:
+    assume(max(s, f, half_width) < 1e6 * min(s, f, half_width))  # beyond, rounding is as large as the lens
     try:
         lens = OvalLens(s, f, half_width, n2)
     except DesignError as told:
