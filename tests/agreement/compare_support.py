@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.scene import Scene
-from solen.scene.model import Line, Placed, Source
+from solen.scene.sources import Line, Placed, Source
 from solen.trace import Trace
 
 TURN_RAD = 1e-13

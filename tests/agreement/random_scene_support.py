@@ -18,7 +18,8 @@ from solen.lens.optics import tangency
 from solen.material.dispersion import Cauchy
 from solen.plane import Point, Rigid, along, heading, left_of, minus, unit
 from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
-from solen.scene.model import Behaviour, Line, Source
+from solen.scene.model import Behaviour
+from solen.scene.sources import Line, Source
 
 CELL_MM = 12.0
 RECEIVERS = ("a", "b", "c")

@@ -6,7 +6,8 @@ import math
 from solen.curve import Arc, Curve, Segment
 from solen.plane import Point, Rigid
 from solen.scene import Interface, Monitor, Rays, Region, Scene
-from solen.scene.model import Behaviour, Source
+from solen.scene.model import Behaviour
+from solen.scene.sources import Source
 from solen.trace import Limits, Path, Trace, trace
 
 FINE = Limits(min_weight=1e-15, max_hits=1000)

@@ -11,7 +11,7 @@ from solen.errors import DesignError
 from solen.material.dispersion import Cauchy
 from solen.plane import along, cross
 from solen.scene import Beam, Chip, Fan, Interface, Rays, Region, Scene
-from solen.scene.model import Line, Source
+from solen.scene.sources import Line, Source
 from solen.trace import Limits, Mode, Trace, trace, trace_reference
 from solen.trace.kernel.surface import chance
 from tests.agreement.random_scene_support import motley_scene, one_body

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solen.curve import Arc, CartesianOval, Conic, Curve, Segment, Spline
 from solen.plane import Point, Rigid, along, left_of, minus, unit
 from solen.scene import Interface, Rays, Region, Scene
-from solen.scene.model import Line, Placed, Source
+from solen.scene.sources import Line, Placed, Source
 from solen.trace import Limits, Trace, trace, trace_reference
 from solen.trace.result import DETECTED
 from tests.agreement.compare_support import Key, stretches

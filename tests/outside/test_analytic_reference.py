@@ -16,7 +16,7 @@ from solen.curve import Arc, Segment
 from solen.lens.optics import OvalLens
 from solen.plane import Point, along, cross, dot
 from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene
-from solen.scene.model import Source
+from solen.scene.sources import Source
 from solen.trace import Limits, trace
 from solen.trace import Path as Way
 

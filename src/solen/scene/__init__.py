@@ -1,8 +1,9 @@
 """Scenes: regions, interfaces, sources and detectors, built by hand, from a sensor or from JSON."""
 
 from solen.scene.json import dumps, load, loads, save
-from solen.scene.model import Beam, Chip, Fan, Interface, Launch, Monitor, Rays, Region, Scene, Source
+from solen.scene.model import Interface, Monitor, Region, Scene
 from solen.scene.sensor import sensor_scene
+from solen.scene.sources import Beam, Chip, Fan, Launch, Rays, Source
 
 __all__ = [
     "Beam",

@@ -15,7 +15,8 @@ from solen import files
 from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
-from solen.scene.model import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.scene.model import Interface, Monitor, Region, Scene
+from solen.scene.sources import Beam, Chip, Fan, Rays, Source
 from solen.spec.strict import told_of
 
 SCHEMA = 1

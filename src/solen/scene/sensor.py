@@ -3,7 +3,8 @@
 from solen.curve import Curve, Segment
 from solen.geometry import Body, Face
 from solen.material import Optical
-from solen.scene.model import Fan, Interface, Region, Scene
+from solen.scene.model import Interface, Region, Scene
+from solen.scene.sources import Fan
 from solen.spec import Design
 
 AIR = Region("air", 1.0)

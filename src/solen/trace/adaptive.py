@@ -31,6 +31,7 @@ from solen.errors import DesignError
 from solen.scene import Fan, Scene
 from solen.trace.kernel import adapt
 from solen.trace.kernel.rows import Precision
+from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import LEG_COLUMNS, STACK, Family
 from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
@@ -200,10 +201,9 @@ class Cone:
             raise DesignError("adaptive integration", value=what, limit="needs one wavelength", remedy="do each apart")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
-        family = Family(
-            *fan.point, math.radians(fan.axis_deg), fan.s_share, 1.0 - fan.s_share, 0,
-            SPLITTING[mode], limits.min_weight, limits.max_hits, far_mm,
-        )  # fmt: skip
+        rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1)
+        axis, shares = math.radians(fan.axis_deg), (fan.s_share, 1.0 - fan.s_share)
+        family = Family(*fan.point, axis, *shares, colour=0, rules=rules, far=far_mm)
         return cls(scene, fan, mode, compile_scene(scene), family, ends)
 
     def integral(self, tolerance: float, most_legs: int) -> Integral:
@@ -279,7 +279,6 @@ def room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
     samples = adapt.Samples(
         angle=real(),
         tree=np.empty(n, np.uint64),
-        undefined=np.empty(n, np.bool_),
         first=whole(),
         many=whole(),
         after=whole(),

@@ -18,6 +18,7 @@ from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
 from solen.trace.kernel import loop
 from solen.trace.kernel.rows import Precision
+from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode
 from solen.trace.tables import Tables, compile_scene
@@ -128,7 +129,7 @@ def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
     return loop.Rows(x, z, dx, dz, s, p, colours[launch.line])
 
 
-def rules_of(job: Job, chunk: Chunk) -> loop.Rules:
+def rules_of(job: Job, chunk: Chunk) -> Rules:
     """How the rays of a chunk are followed."""
     least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
-    return loop.Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step)
+    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step)

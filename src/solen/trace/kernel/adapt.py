@@ -33,7 +33,6 @@ class Samples(NamedTuple):
 
     angle: Real
     tree: NDArray[np.uint64]
-    undefined: NDArray[np.bool_]
     first: Ints
     """where its legs begin"""
     many: Ints
@@ -71,10 +70,10 @@ def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, a
     n, first = samples.counts[SAMPLES], samples.counts[LEGS]
     if n == len(samples.angle):
         return NO_ROOM
-    many, tree, undefined = trace_tree(k, tables, family, angle, samples.value, samples.legs[first:], samples.stack)
+    many, tree, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs[first:], samples.stack)
     if many == NO_ROOM:
         return NO_ROOM
-    samples.angle[n], samples.tree[n], samples.undefined[n] = angle, tree, undefined
+    samples.angle[n], samples.tree[n] = angle, tree
     samples.first[n], samples.many[n], samples.after[n], samples.whole[n] = first, many, -1, False
     samples.counts[SAMPLES], samples.counts[LEGS] = n + 1, first + many
     samples.counts[RAYS] += 1

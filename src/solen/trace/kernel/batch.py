@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 from solen.trace.kernel.compiled import called
-from solen.trace.kernel.loop import Rows, Rules, Space, Sums, trace_rays
+from solen.trace.kernel.loop import Rows, Space, Sums, trace_rays
 from solen.trace.kernel.rows import Ints, Precision
+from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
 
 

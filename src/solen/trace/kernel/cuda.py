@@ -30,17 +30,15 @@ from solen.trace.kernel.loop import (
     LEG_WIDTH,
     UNDEFINED,
     Rows,
-    Rules,
     Sums,
     count_arrival,
     count_monitors,
-    escape,
-    meet,
     note_place,
 )
-from solen.trace.kernel.nearest import corner_step, nearest
+from solen.trace.kernel.nearest import nearest
 from solen.trace.kernel.rows import Floats, Ints, Precision
-from solen.trace.kernel.surface import BRANCHES, ROULETTE, at_surface, drawn
+from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.kernel.surface import BRANCHES
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
@@ -124,8 +122,7 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                 if loss > 0.0:
                     sums.fate[ABSORBED] += power - (s + p)
                     power = s + p
-                index = tables.refractive_index[colour, here]
-                optical += index * length
+                optical += tables.refractive_index[colour, here] * length
                 if fate != GOES_ON:
                     sums.fate[fate] += power
                     if fate == TRUNCATED and not undefined:
@@ -133,23 +130,12 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                     if fate == DETECTED:
                         count_arrival(k, tables, sums, c, px, pz, place, dx * nz - dz * nx, power, optical)
                 else:
-                    tx, tz, bx, bz, back_s, back_p = at_surface(
-                        k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz,
-                        index, tables.refractive_index[colour, there], s, p,
-                    )  # fmt: skip
-                    on_s, on_p = s - back_s, p - back_p
-                    on, back = on_s + on_p, back_s + back_p
-                    if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
-                        ray = rules.first + rules.step * number
-                        on_s, on_p, back_s, back_p, on, back = drawn(
-                            k, rules.seed, ray, hits, power, on_s, on_p, back_s, back_p
-                        )
-                    both = on >= least and back >= least
-                    goes_on = on >= least or back >= least
-                    goes_back = back <= on if both else back >= least  # of two parts the weaker goes first
-                    cut = (on if on < least else k.zero) + (back if back < least else k.zero)
+                    tx, tz, on_s, on_p, bx, bz, back_s, back_p, cut, both, ends, goes_back = leave(
+                        k, tables, rules, c, colour, here, there, number, hits, dx, dz, nx, nz, s, p, least
+                    )
+                    goes_on = not ends
                     if both and waits == len(state):  # powers too small for their type to be halved
-                        both, cut = False, on if goes_back else back
+                        both, cut = False, on_s + on_p if goes_back else back_s + back_p
                     if cut > 0.0:
                         sums.fate[TRUNCATED] += cut
                         note_place(sums, CUT, px, pz)

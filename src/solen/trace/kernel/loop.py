@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from solen.curve import END_TOLERANCE_MM
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.nearest import corner_step, normal_at, other_side, place_on
+from solen.trace.kernel.nearest import place_on
 from solen.trace.kernel.rows import Floats, Ints, Precision
-from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, drawn, end_fate
-from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, KEPT_PLACES, TRUNCATED
+from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
 HITS, UNDEFINED, CUT, LEGS = range(4)
@@ -53,19 +53,6 @@ class Sums(NamedTuple):
     """(2, KEPT_PLACES, 2) where the first undefined rays were, and the first other truncated ones"""
     legs: NDArray[np.float64]
     """(capacity, LEG_WIDTH) straight stretches, as far as there is room"""
-
-
-class Rules(NamedTuple):
-    """How rays are followed."""
-
-    splitting: int
-    min_weight: float
-    max_hits: int
-    seed: int
-    first: int
-    """number of the first ray"""
-    step: int
-    """from one ray's number to the next one's"""
 
 
 class Rows(NamedTuple):
@@ -190,77 +177,12 @@ def note_place(sums: Sums, which: int, x: float, z: float) -> None:
     sums.counts[which] += 1
 
 
-class Meeting(NamedTuple):
-    """A ray at the interface ahead of it."""
-
-    x: float
-    z: float
-    nx: float
-    nz: float
-    """left normal of the curve"""
-    here: int
-    """region on the side that the ray comes from"""
-    there: int
-    undefined: bool
-    """whether the ray was in another region"""
-    corner: bool
-    """whether the ray stands in a corner and meets no more than the end of the other curve"""
-    loss: float
-    """absorption per mm on the way here"""
-    kept: float
-    """share of the power that is left"""
-    fate: int
-
-
-@compiled
-def meet(
-    k: Precision,
-    tables: Tables,
-    rules: Rules,
-    c: int,
-    length: float,
-    place: float,
-    x: float,
-    z: float,
-    dx: float,
-    dz: float,
-    last: int,
-    at: float,
-    region: int,
-    colour: int,
-    hits: int,
-    power: float,
-    least: float,
-) -> Meeting:
-    """What becomes of a ray at curve ``c``, a ``length`` ahead, before the surface itself acts on it."""
-    px, pz = x + length * dx, z + length * dz
-    nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, place)
-    from_right = dx * nx + dz * nz > 0.0
-    here, there = tables.left[c], tables.right[c]
-    if from_right:
-        here, there = there, here
-    undefined = region != -1 and region != here
-    corner = length <= k.corner and last >= 0 and (undefined or other_side(k, tables, last, at, c, x, z, dx, dz))
-    loss = tables.absorption[colour, here] if rules.splitting != COUNT and not undefined else k.zero
-    kept = math.exp(-loss * length) if loss > 0.0 else k.one
-    worn_out = undefined or hits + 1 >= rules.max_hits or kept * power < least
-    fate = TRUNCATED if undefined else end_fate(tables.behaviour[c], from_right, worn_out)
-    return Meeting(px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate)
-
-
-@compiled
-def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int) -> tuple[float, int]:
-    """Absorption per mm where a ray is that meets nothing more, and its fate."""
-    loss = tables.absorption[colour, region] if rules.splitting != COUNT and region >= 0 else k.zero
-    return loss, ABSORBED if loss > 0.0 else ESCAPED
-
-
 @called
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
     k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, space: Space
 ) -> bool:
     """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait."""
-    behaviour, state, tags, found = tables.behaviour, space.state, space.tags, space.found
+    state, tags, found = space.state, space.tags, space.found
     x, z, dx, dz, s, p = state[X], state[Z], state[DX], state[DZ], state[S], state[P]
     least, at, optical = state[LEAST], state[AT], state[OPTICAL]
     region, last, hits, branch = tags[REGION], tags[LAST], tags[HIT], tags[BRANCH]
@@ -324,8 +246,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
             if loss > 0.0:
                 sums.fate[ABSORBED] += power - (s_here + p_here)
                 power = s_here + p_here
-            index = tables.refractive_index[colour[i], here]
-            way = optical[i] + index * length
+            way = optical[i] + tables.refractive_index[colour[i], here] * length
             if fate != GOES_ON:
                 sums.fate[fate] += power
                 if fate == TRUNCATED and not undefined:
@@ -334,25 +255,15 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     sine = dx[i] * nz - dz[i] * nx  # along the curve, as its left normal is (nx, nz)
                     count_arrival(k, tables, sums, c, px, pz, place, sine, power, way)
                 continue
-            tx, tz, bx, bz, back_s, back_p = at_surface(
-                k, behaviour[c], rules.splitting, dx[i], dz[i], nx, nz,
-                index, tables.refractive_index[colour[i], there], s_here, p_here,
+            tx, tz, on_s, on_p, bx, bz, back_s, back_p, cut, both, ends, goes_back = leave(
+                k, tables, rules, c, colour[i], here, there, number[i], hits[i], dx[i], dz[i], nx, nz,
+                s_here, p_here, least[i],
             )  # fmt: skip
-            on_s, on_p = s_here - back_s, p_here - back_p
-            on, back = on_s + on_p, back_s + back_p
-            if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
-                ray = rules.first + rules.step * number[i]
-                on_s, on_p, back_s, back_p, on, back = drawn(
-                    k, rules.seed, ray, hits[i], power, on_s, on_p, back_s, back_p
-                )
-            cut = (on if on < least[i] else k.zero) + (back if back < least[i] else k.zero)
             if cut > 0.0:
                 sums.fate[TRUNCATED] += cut
                 note_place(sums, CUT, px, pz)
-            both = on >= least[i] and back >= least[i]
-            if not (on >= least[i] or back >= least[i]):
+            if ends:
                 continue
-            goes_back = back <= on if both else back >= least[i]  # of two parts the weaker goes first
             own, above = branch[i], parent[i]
             if both:
                 if waiting == len(waiting_state):

@@ -197,9 +197,3 @@ def other_side(
     nx, nz = normal_at(k, tables.kind[last], tables.shape, last, x, z, at)
     towards = (tables.middle[c, 0] - x) * nx + (tables.middle[c, 1] - z) * nz
     return bool(towards * (dx * nx + dz * nz) < 0.0)
-
-
-@compiled
-def corner_step(k: Precision, x: float, z: float) -> float:
-    """How far a ray in a corner is carried on, mm; far out less would be lost in rounding."""
-    return k.corner + k.rounding * (abs(x) + abs(z))

@@ -1,7 +1,8 @@
 """One ray with all its branches, ray by ray: what adaptive integration looks at, launch angle by launch angle.
 
-The same steps as `solen.trace.kernel.loop`, one ray at a time. The *tree* of a ray is the sequence of interfaces that
-it and its branches meet, folded into one number: neighbouring rays of one tree are told apart by nothing but geometry.
+The steps are those of `solen.trace.kernel.step`, one ray at a time. The *tree* of a ray is the sequence of interfaces
+that it and its branches meet, folded into one number: neighbouring rays of one tree are told apart by nothing but
+geometry.
 """
 
 import math
@@ -11,15 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import called
-from solen.trace.kernel.nearest import corner_step, nearest, normal_at, other_side
+from solen.trace.kernel.nearest import nearest
 from solen.trace.kernel.rows import SEGMENT, Floats, Precision
-from solen.trace.kernel.surface import COUNT, at_surface, end_fate, scrambled
-from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
+from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.kernel.surface import scrambled
+from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON
 from solen.trace.tables import Tables
 
 STACK = 64
 """Branches that can wait: the weaker of two goes first, so they are at most the logarithm of the least weight."""
-WIDTH = 13
+WIDTH = 10
 LEG_COLUMNS = 5
 NO_ROOM = -1
 
@@ -33,9 +35,7 @@ class Family(NamedTuple):
     s: float
     p: float
     colour: int
-    splitting: int
-    min_weight: float
-    max_hits: int
+    rules: Rules
     far: float
     """where an escaping ray's last leg ends, mm"""
 
@@ -62,7 +62,7 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     tree, many, waiting, undefined = np.uint64(0), 0, 0, False
     x, z = family.x, family.z
     dx, dz = -math.sin(family.axis + angle), math.cos(family.axis + angle)
-    s, p, least = family.s, family.p, family.min_weight * (family.s + family.p)
+    s, p, least = family.s, family.p, family.rules.min_weight * (family.s + family.p)
     region, last, hits, at = -1, -1, 0, k.zero
     running = True
     while True:
@@ -77,34 +77,26 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         if many == len(legs):
             return NO_ROOM, tree, undefined
         length, c, place = nearest(k, tables, x, z, dx, dz, last, at)
-        power = s + p
-        reach = length if c >= 0 else family.far
-        px, pz = x + reach * dx, z + reach * dz
-        here, there, fate, from_right, nx, nz = -1, -1, ESCAPED, False, k.zero, k.zero
-        if c >= 0:
-            nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, place)
-            from_right = dx * nx + dz * nz > 0.0
-            here = tables.right[c] if from_right else tables.left[c]
-            there = tables.left[c] if from_right else tables.right[c]
-            stray = region != -1 and region != here
-            if length <= k.corner and last >= 0 and (stray or other_side(k, tables, last, at, c, x, z, dx, dz)):
+        power, owner, bent = s + p, -1, 0.0
+        here, there, nx, nz = -1, -1, k.zero, k.zero
+        if c < 0:
+            _, fate = escape(k, tables, family.rules, region, family.colour)
+            px, pz, kept = x + family.far * dx, z + family.far * dz, k.one
+        else:
+            px, pz, nx, nz, here, there, stray, corner, _, kept, fate = meet(
+                k, tables, family.rules, c, length, place, x, z, dx, dz, last, at,
+                region, family.colour, hits, power, least,
+            )  # fmt: skip
+            if corner:
                 step = corner_step(k, x, z)
                 x, z, last, at = x + step * dx, z + step * dz, c, place
                 continue
-            fate = TRUNCATED if stray else GOES_ON
             undefined = undefined or stray
-        loss = tables.absorption[family.colour, region if c < 0 else here] if max(region, here) >= 0 else k.zero
-        kept = k.one
-        if family.splitting != COUNT and loss > 0.0 and fate != TRUNCATED:
-            kept = math.exp(-loss * length) if c >= 0 else k.zero
+            owner, bent = tables.owner[c], 0.0 if tables.kind[c] == SEGMENT else 1.0
             value[receivers + 1] += power * (k.one - kept)
-        if fate == GOES_ON:
-            worn_out = hits + 1 >= family.max_hits or kept * power < least
-            fate = end_fate(tables.behaviour[c], from_right, worn_out)
         legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
-        legs[many, 4] = 1.0 if c >= 0 and tables.kind[c] != SEGMENT else 0.0
+        legs[many, 4] = bent
         many += 1
-        owner = tables.owner[c] if c >= 0 else -1
         tree = scrambled(tree ^ np.uint64((owner + 2) * 8 + fate) ^ (np.uint64(hits) << np.uint64(40)))
         s, p = kept * s, kept * p
         if fate != GOES_ON:
@@ -114,17 +106,12 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 value[receivers + (0 if fate == ESCAPED else 1)] += s + p
             running = False
             continue
-        tx, tz, bx, bz, back_s, back_p = at_surface(
-            k, tables.behaviour[c], family.splitting, dx, dz, nx, nz,
-            tables.refractive_index[family.colour, here], tables.refractive_index[family.colour, there], s, p,
-        )  # fmt: skip
-        on_s, on_p = s - back_s, p - back_p
-        on, back = on_s + on_p, back_s + back_p
-        both = on >= least and back >= least
-        if not (on >= least or back >= least):
+        tx, tz, on_s, on_p, bx, bz, back_s, back_p, _, both, ends, goes_back = leave(
+            k, tables, family.rules, c, family.colour, here, there, 0, hits, dx, dz, nx, nz, s, p, least
+        )
+        if ends:
             running = False
             continue
-        goes_back = back <= on if both else back >= least
         if both:
             if waiting == len(stack):
                 return NO_ROOM, tree, undefined
