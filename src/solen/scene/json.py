@@ -15,7 +15,7 @@ from solen import files
 from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
-from solen.scene.model import Interface, Monitor, Region, Scene
+from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sources import Beam, Chip, Fan, Rays, Source
 from solen.spec.strict import told_of
 
@@ -50,6 +50,8 @@ def dumps(scene: Scene) -> str:
         data["monitors"] = [_fields(monitor) for monitor in scene.monitors]
     if scene.open_media:
         data["open_media"] = True
+    if scene.extrusion is not None:
+        data["extrusion"] = _fields(scene.extrusion)
     return json.dumps(data, indent=1, allow_nan=False)
 
 
@@ -57,7 +59,10 @@ def loads(text: str, where: str = "scene") -> Scene:
     """Scene of a JSON text; `DataError` names the place where it is not one, `DesignError` what does not fit."""
     data = _parsed(text, where)
     _keys(
-        data, {"solen_scene", "name", "open_media", *PARTS}, {"solen_scene", "regions", "interfaces", "sources"}, where
+        data,
+        {"solen_scene", "name", "open_media", "extrusion", *PARTS},
+        {"solen_scene", "regions", "interfaces", "sources"},
+        where,
     )
     if data["solen_scene"] != SCHEMA:
         raise DataError(f"{where}: solen_scene", value=data["solen_scene"], limit=f"this solen reads {SCHEMA}")
@@ -72,6 +77,7 @@ def loads(text: str, where: str = "scene") -> Scene:
         monitors=tuple(_made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
         name=_value(str, data.get("name", "scene"), f"{where}: name"),
         open_media=_value(bool, data.get("open_media", False), f"{where}: open_media"),
+        extrusion=_value(Extrusion | None, data.get("extrusion"), f"{where}: extrusion"),
     )
 
 
@@ -101,7 +107,16 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
 def _fields(item: Any) -> dict[str, Any]:
     """Fields that differ from their defaults."""
     fields = {field.name: (getattr(item, field.name), field.default) for field in dataclasses.fields(item)}
-    return {name: value for name, (value, default) in fields.items() if value != default}
+    return {name: _plain(value) for name, (value, default) in fields.items() if value != default or name == "kind"}
+
+
+def _plain(value: Any) -> Any:
+    """A field's value as JSON knows it; a curve or a dispersion is left to who knows its kind."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, Curve):
+        return _fields(value)
+    return value
 
 
 def _region_fields(region: Region) -> dict[str, Any]:
@@ -160,6 +175,14 @@ def _made(cls: type[T], data: dict[str, Any], where: str) -> T:
 def _value(hint: Any, value: Any, where: str) -> Any:
     if isinstance(value, Curve | Dispersion):
         return value
+    inner = [part for part in typing.get_args(hint) if dataclasses.is_dataclass(part)]
+    if typing.get_origin(hint) is tuple and inner and isinstance(value, list):
+        return tuple(_value(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
+    if dataclasses.is_dataclass(hint):
+        inner = [hint]
+    if inner and isinstance(value, dict):
+        kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
+        return _untagged(value, kinds, where) if kinds else _made(inner[0], value, where)
     try:
         adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
         return adapter.validate_json(json.dumps(value))

@@ -1,7 +1,8 @@
 """A scene: everything the tracer sees, and nothing it does not need.
 
 *Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
-right, with a behaviour: refracting, mirror, absorbing, or receiver. *Sources* launch rays. Detectors come in two kinds:
+right, with a behaviour: refracting, mirror, absorbing, receiver, or the ideal elements splitter and lens; a `Surface`
+says what else there is on it. *Sources* launch rays. Detectors come in two kinds:
 a **receiver** is made of interfaces; it absorbs what arrives, and what arrives on its left, its face, is detected and
 enters the ledger. A **monitor** is a line that counts the power crossing it, positive towards its left, changes no ray
 and is not in the ledger. There may be any number of each; nothing here knows what a Y is.
@@ -14,26 +15,34 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from solen.curve import Curve, Segment, check_count, check_points
+from solen.curve import Curve, Segment, check_count, check_numbers, check_points
 from solen.errors import DesignError
 from solen.material import Dispersion
 from solen.plane import Point, cross, dot, minus, unit
 from solen.scene.closed import check_closed
 from solen.scene.sources import Source
+from solen.scene.surface import Surface
 
-Behaviour = Literal["refracting", "mirror", "absorbing", "receiver"]
+Behaviour = Literal["refracting", "mirror", "absorbing", "receiver", "splitter", "lens"]
 ON_IT_MM = 1e-9
 """How near to an interface a monitor lies on it."""
-BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver")
+BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver", "splitter", "lens")
 
 
 @dataclass(frozen=True)
 class Region:
-    """A homogeneous medium: real index, a number or a dispersion, and absorption of power per mm (Beer–Lambert)."""
+    """A homogeneous medium: real index, a number or a dispersion, and absorption of power per mm (Beer–Lambert).
+
+    Where it is turbid, a ray is scattered after a free path of 1/``scattering_per_mm`` in the mean, by Henyey and
+    Greenstein's phase function, whose mean cosine is ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
+    wrapped Cauchy distribution, which has the same form). Counting knows scattering but no absorption.
+    """
 
     name: str
     index: float | Dispersion
     absorption_per_mm: float = 0.0
+    scattering_per_mm: float = 0.0
+    anisotropy: float = 0.0
 
     def index_at(self, wavelength_nm: float | None) -> float:
         """Index at a wavelength; `DataError` where its dispersion does not reach there."""
@@ -51,7 +60,11 @@ class Region:
 
 @dataclass(frozen=True)
 class Interface:
-    """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any."""
+    """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any.
+
+    ``surface`` says what it is beyond smooth and bare. In an extruded scene an interface reaches from bottom to top,
+    but a receiver only over ``height_mm`` (from y, to y) where that is given: above and below it is refracting.
+    """
 
     name: str
     curve: Curve
@@ -59,6 +72,8 @@ class Interface:
     right: str
     behaviour: Behaviour = "refracting"
     receiver: str | None = None
+    surface: Surface | None = None
+    height_mm: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,26 @@ class Monitor:
 
 
 @dataclass(frozen=True)
+class Extrusion:
+    """A third dimension: everything reaches along y over the ``thickness_mm``, half of it on either side of 0.
+
+    Above and below is a medium of an index of its own. What leaves the slab there never comes back.
+    """
+
+    thickness_mm: float
+    index_above: float = 1.0
+    index_below: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_numbers("extrusion", self.thickness_mm, self.index_above, self.index_below)
+        if not self.thickness_mm > 0.0:
+            raise DesignError("extrusion thickness_mm", value=self.thickness_mm, limit="must be above 0")
+        if not min(self.index_above, self.index_below) >= 1.0:
+            found = min(self.index_above, self.index_below)
+            raise DesignError("extrusion index", value=found, limit="must be at least 1")
+
+
+@dataclass(frozen=True)
 class Scene:
     """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
 
@@ -98,6 +133,7 @@ class Scene:
     monitors: tuple[Monitor, ...] = ()
     name: str = "scene"
     open_media: bool = False
+    extrusion: Extrusion | None = None
 
     def __post_init__(self) -> None:
         _unique("region", (region.name for region in self.regions))
@@ -159,6 +195,36 @@ class Scene:
             raise DesignError(
                 what, value=interface.receiver, limit="a receiver, and only a receiver, names its detector"
             )
+        self._check_surface(interface)
+
+    def _check_surface(self, interface: Interface) -> None:
+        """What a surface says must mean something for its interface."""
+        what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
+        if behaviour == "lens" and surface.focal_mm is None:
+            raise DesignError(what, limit="a lens needs surface.focal_mm")
+        if behaviour in ("splitter", "lens") and interface.left != interface.right:
+            raise DesignError(what, value=behaviour, limit="must have the same region on both sides")
+        if (behaviour == "lens" or surface.focal_mm is not None) and not isinstance(interface.curve, Segment):
+            raise DesignError(what, value="focal_mm", limit="an ideal element is a straight segment")
+        if surface.focal_mm is not None and behaviour not in ("lens", "mirror"):
+            raise DesignError(what, value="focal_mm", limit=f"has no meaning for behaviour {behaviour}")
+        if behaviour in ("absorbing", "receiver") and (surface.is_random or surface.coating):
+            raise DesignError(what, value=behaviour, limit="takes all light: no scatter, texture or coating on it")
+        if surface.coating and behaviour != "refracting":
+            raise DesignError(what, value=behaviour, limit="a coating needs a refracting interface")
+        if surface.coating and not self.wavelengths_nm:
+            limit = "a coating needs wavelengths"
+            raise DesignError(what, value="sources without spectrum", limit=limit, remedy="give the sources a spectrum")
+        if interface.height_mm is not None:
+            check_numbers(f"{what} height_mm", *interface.height_mm)
+            if not interface.height_mm[0] < interface.height_mm[1]:
+                raise DesignError(what, value=interface.height_mm, limit="height_mm must run from low to high")
+
+    @property
+    def is_random(self) -> bool:
+        """Whether rays are scattered by chance somewhere."""
+        rough = any(i.surface is not None and i.surface.is_random for i in self.interfaces)
+        return rough or any(region.scattering_per_mm > 0.0 for region in self.regions)
 
     def _check_monitor(self, monitor: Monitor) -> None:
         """A monitor along an interface would count by rounding what lies on it."""
@@ -190,6 +256,10 @@ def _check_region(region: Region) -> None:
         raise DesignError(
             what, value=region.absorption_per_mm, limit="the absorption per mm must be finite, at least 0"
         )
+    if not (math.isfinite(region.scattering_per_mm) and region.scattering_per_mm >= 0.0):
+        raise DesignError(what, value=region.scattering_per_mm, limit="scattering_per_mm must be finite, at least 0")
+    if not -1.0 < region.anisotropy < 1.0:
+        raise DesignError(what, value=region.anisotropy, limit="the anisotropy must be above -1 and below 1")
 
 
 def _unique(what: str, names: Iterable[str]) -> None:

@@ -17,7 +17,7 @@ Floats = NDArray[np.floating]
 Ints = NDArray[np.int64]
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
-REFRACTING, MIRROR, ABSORBING, RECEIVER = range(len(BEHAVIOURS))
+REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS = range(len(BEHAVIOURS))
 
 
 class Precision(NamedTuple):
