@@ -175,11 +175,9 @@ def _made(cls: type[T], data: dict[str, Any], where: str) -> T:
 def _value(hint: Any, value: Any, where: str) -> Any:
     if isinstance(value, Curve | Dispersion):
         return value
-    inner = [part for part in typing.get_args(hint) if dataclasses.is_dataclass(part)]
+    inner = [part for part in (hint, *typing.get_args(hint)) if isinstance(part, type) and _holds_fields(part)]
     if typing.get_origin(hint) is tuple and inner and isinstance(value, list):
         return tuple(_value(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
-    if dataclasses.is_dataclass(hint):
-        inner = [hint]
     if inner and isinstance(value, dict):
         kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
         return _untagged(value, kinds, where) if kinds else _made(inner[0], value, where)
@@ -188,6 +186,10 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return adapter.validate_json(json.dumps(value))
     except ValidationError as bad:
         raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
+
+
+def _holds_fields(cls: type[Any]) -> bool:
+    return dataclasses.is_dataclass(cls)
 
 
 def _keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:
