@@ -4,8 +4,9 @@ The idea: one value holds what the user decided and nothing that follows from it
 names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only what differs.
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
-The interface: `Design` and its tables `Material`, `Emitter`, `Lens`, `Body`, `Receivers`, `Motion`, `Trace`;
-`Motion.angles_deg` are the angles of a sweep; `Design.resin_file` is where a resin named by a file lies.
+The interface: `Design` and its tables `Material`, `Emitter`, `Lens`, `Body`, `Wall`, `Receivers`, `Motion`, `Trace`;
+`Motion.angles_deg` are the angles of a sweep; `Design.resin_file` and `Design.outline_file` are where a resin and an
+outline named by a file lie. What several tables say together is checked by `solen.spec.together`.
 """
 
 from decimal import Decimal
@@ -15,6 +16,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
 
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, not_yet, or_refuse, refused
+from solen.spec.together import check_together
+from solen.spec.wall import Wall
 
 MAX_STEPS = 100_000
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
@@ -25,13 +28,15 @@ Index = Annotated[Number, Field(ge=1, lt=5)]
 Sweep = Annotated[Number, Field(gt=-90, lt=90)]
 Point = tuple[Place, Place]
 Pivot = Literal["stem-base", "emitter"] | Point
-Part = Literal["lens", "emitter"]
+Part = Literal["lens", "emitter", "receivers", "mirrors"]
+PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
+PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
 
 
 def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
-    if len(set(moves)) != len(moves) or "emitter" not in moves:
-        raise refused("", 'must be ["lens", "emitter"] or ["emitter"]', value=list(moves))
-    return ("lens", "emitter") if "lens" in moves else ("emitter",)
+    if len(set(moves)) != len(moves) or not moves:
+        raise refused("", PARTS_LIMIT, value=list(moves))
+    return tuple(part for part in PARTS if part in moves)
 
 
 class Material(Strict):
@@ -77,6 +82,12 @@ class Emitter(Strict):
         120.0, description="Full opening angle of the emitted fan in degrees."
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(100, description="Number of rays.")
+    point_mm: Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")] | None = Field(
+        None, description="Place [x_mm, z_mm] of the emitter of an outline; default: as drawn."
+    )
+    axis_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
+        None, description="Where the emitter of an outline looks, counter-clockwise from +z; default: as drawn."
+    )
     pattern: Annotated[Literal["fan"], not_yet("lambert", dict)] = Field(
         "fan", description="Angular pattern: a fan uniform in angle."
     )
@@ -101,11 +112,21 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms."""
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of one's own."""
 
     table: ClassVar[str] = "body"
 
-    kind: Annotated[Literal["y"], not_yet("outline")] = Field("y", description="Shape of the body: a Y.")
+    kind: Literal["y", "outline"] = Field("y", description="Shape of the body: a Y, or an outline read from file.")
+    file: Text | None = Field(
+        None,
+        description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
+    )
+    units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
+        None, description="Unit of the drawing; default: what the drawing says."
+    )
+    join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
+        None, description="Ends of a drawing this near in mm are joined; default: 0.001."
+    )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
         0.004, description="Quadratic coefficient of the stem's edge in 1/mm."
@@ -154,16 +175,31 @@ class Motion(Strict):
 
     table: ClassVar[str] = "motion"
 
-    kind: Annotated[Literal["rotation"], not_yet("bend")] = Field("rotation", description="Kind of motion.")
+    kind: Literal["rotation", "bend"] = Field(
+        "rotation", description="A rotation of parts about a pivot, or a bend of the stem."
+    )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
     )
-    moves: Annotated[
-        tuple[Part, ...], AfterValidator(_parts), or_refuse('must be ["lens", "emitter"] or ["emitter"]')
-    ] = Field(
+    moves: Annotated[tuple[Part, ...], AfterValidator(_parts), or_refuse(PARTS_LIMIT)] = Field(
         ("lens", "emitter"),
-        description='Parts that turn: ["lens", "emitter"] or ["emitter"].',
-        json_schema_extra={"uniqueItems": True, "contains": {"const": "emitter"}},
+        description="Parts that turn: lens, emitter, receivers (behind an air gap), mirrors (of an outline).",
+        json_schema_extra={"uniqueItems": True, "minItems": 1},
+    )
+    centre_line: (
+        Annotated[
+            tuple[Point, ...],
+            Field(min_length=3, max_length=1000),
+            or_refuse("must be a list of 3 to 1000 points [x_mm, z_mm]"),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="Points of a bent stem's centre line, from base to fork: how the bend is shared out along it; "
+        "default: evenly.",
+    )
+    bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
+        None, description="Heights z between which an outline bends; the part below is carried along."
     )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
@@ -216,7 +252,7 @@ class Trace(Strict):
 class Design(Strict):
     """A sensor: its name, material, optics, body, motion and trace.
 
-    Two designs are equal where their tables are and their resin, if it is a file, is the same file.
+    Two designs are equal where their tables are and their files, a resin's or an outline's, are the same.
     """
 
     reserved: ClassVar[frozenset[str]] = frozenset({"emitters", "lenses"})
@@ -226,11 +262,20 @@ class Design(Strict):
     emitter: Emitter = Field(default_factory=Emitter, description="The light source.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
+    wall: tuple[Wall, ...] = Field((), description="What lies outside stretches of the walls, and their finish.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
+
+    @model_validator(mode="after")
+    def _tables_fit_together(self) -> Self:
+        if self.body.kind == "outline" and "moves" not in self.motion.model_fields_set:
+            # of an outline nothing but the emitter can be known to move without tearing it
+            self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
+        check_together(self)
+        return self
 
     @property
     def folder(self) -> Path:
@@ -245,6 +290,11 @@ class Design(Strict):
             return None
         return self._folder / resin
 
+    @property
+    def outline_file(self) -> Path | None:
+        """Path of the outline's drawing, or None for a Y."""
+        return None if self.body.file is None else self._folder / self.body.file
+
     def in_folder(self, folder: Path) -> Self:
         """Return the same design with its relative paths starting from another folder."""
         copy = self.model_copy()
@@ -254,4 +304,5 @@ class Design(Strict):
     def __eq__(self, other: Any) -> bool:
         if not isinstance(other, Design):
             return NotImplemented
-        return self.__dict__ == other.__dict__ and self.resin_file == other.resin_file
+        files = (self.resin_file, self.outline_file) == (other.resin_file, other.outline_file)
+        return self.__dict__ == other.__dict__ and files

@@ -59,8 +59,9 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
 def _document(design: Design) -> Document:
     """Tables of the file without ``schema``: what differs from the defaults, and the name."""
     tables: Document = {"name": design.name}
-    for key in Design.model_fields.keys() - {"name"}:
+    for key in Design.model_fields.keys() - {"name", "wall"}:
         tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
+    tables["wall"] = [wall.model_dump(exclude_defaults=True) for wall in design.wall]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
     return {key: tables[key] for key in Design.model_fields if tables[key]}
@@ -72,7 +73,7 @@ def dumps(design: Design) -> str:
 
 
 def save(path: Path | str, design: Design) -> Path:
-    """Write a design file in one piece, a relative resin file named anew from the folder written to.
+    """Write a design file in one piece, a relative resin or outline file named anew from the folder written to.
 
     Raises
     ------
@@ -84,15 +85,24 @@ def save(path: Path | str, design: Design) -> Path:
 
 
 def _moved(design: Design, folder: Path) -> Design:
-    """Return the design as a file in ``folder`` states it: the same resin file, from there."""
-    resin = design.resin_file
-    if resin is None or Path(design.material.resin or "").is_absolute() or design.folder.absolute() == folder:
+    """Return the design as a file in ``folder`` states it: the same resin and outline files, from there."""
+    named = {"material.resin": design.resin_file, "body.file": design.outline_file}
+    if design.folder.absolute() == folder:
         return design.in_folder(folder)
+    moved = {
+        key: _from(folder, file)
+        for key, file in named.items()
+        if file is not None and not Path(value_at(design, key)).is_absolute()
+    }
+    return with_values(design, moved).in_folder(folder) if moved else design.in_folder(folder)
+
+
+def _from(folder: Path, file: Path) -> str:
+    """Path of a file as it is named from a folder."""
     try:
-        moved = Path(os.path.relpath(resin.absolute(), folder)).as_posix()
+        return Path(os.path.relpath(file.absolute(), folder)).as_posix()
     except ValueError:  # on Windows, another drive
-        moved = resin.absolute().as_posix()
-    return with_values(design, {"material.resin": moved}).in_folder(folder)
+        return file.absolute().as_posix()
 
 
 def with_values(design: Design, values: Mapping[str, Any]) -> Design:
@@ -123,7 +133,8 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 def value_at(design: Design, key: str) -> Any:
     """Value of a dotted key (``"lens.focus_mm"``), stated or by default; `SpecError` for an unknown key."""
     table, _, name = key.partition(".")
-    fields = type(getattr(design, table)).model_fields if table in Design.model_fields and name else {}
+    model = type(getattr(design, table, None)) if table in Design.model_fields and name else None
+    fields = getattr(model, "model_fields", {})
     if name not in fields:
         raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
     return getattr(getattr(design, table), name)
