@@ -17,7 +17,8 @@ from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segm
 from solen.errors import DataError, DesignError, SolenError
 from solen.material import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated
 from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
-from solen.scene.json import CURVES, SOURCES
+from solen.scene.json import SOURCES
+from solen.spec.objects import CURVES
 
 CURVES_HERE: tuple[Curve, ...] = (
     Segment((0.1, -0.2), (1 / 3, 2.0)),

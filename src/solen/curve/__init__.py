@@ -26,7 +26,7 @@ from solen.curve.base import (
 )
 from solen.curve.chain import CubicChain
 from solen.curve.conic import Conic, Parabola
-from solen.curve.cubic import Piece, simple_pieces
+from solen.curve.cubic import Piece, cut, simple_pieces
 from solen.curve.fit import fitted
 from solen.curve.measure import Measure
 from solen.curve.oval import CartesianOval
@@ -53,6 +53,7 @@ __all__ = [
     "check_count",
     "check_numbers",
     "check_points",
+    "cut",
     "fitted",
     "quadratic_roots",
     "simple_pieces",

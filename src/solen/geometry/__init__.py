@@ -2,6 +2,7 @@
 
 from solen.geometry.bend import BEND_TOLERANCE_MM, Bend, bend_of, bent
 from solen.geometry.body import Body, Face, Pose, material
+from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
 __all__ = [
@@ -14,5 +15,6 @@ __all__ = [
     "bend_of",
     "bent",
     "material",
+    "outline_body",
     "y_body",
 ]

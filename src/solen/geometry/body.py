@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""
+REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm's angle and width, and the motion's angles"
 NEAR_MM = 1e-2
 """A face this near to where outlines cross is named as one that does."""
 
@@ -98,7 +99,7 @@ class Body:
 
     def area_mm2(self) -> float:
         """Enclosed area, of polylines within 1 µm of the outlines; positive for counter-clockwise ones."""
-        return sum(_area(polyline(outline, 1e-3)) for outline in self.outlines)
+        return sum(area(polyline(outline, 1e-3)) for outline in self.outlines)
 
     def check(self) -> "Body":
         """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""
@@ -122,7 +123,7 @@ class Body:
             raise self._crosses(*_places(shapely.is_valid_reason(polygon)))
 
     def _check_orientation(self, ring: NDArray[np.float64], inside: int) -> None:
-        if (_area(ring) > 0.0) != (inside % 2 == 0):
+        if (area(ring) > 0.0) != (inside % 2 == 0):
             way, must = ("clockwise", "counter-clockwise") if inside % 2 == 0 else ("counter-clockwise", "clockwise")
             raise DesignError("body outline", value=way, limit=f"must run {must}, material on its left")
 
@@ -171,7 +172,7 @@ class Body:
             "body outline",
             value="crosses itself",
             limit=where,
-            remedy="check stem, arm and lens lengths, the arm's angle and width, and the motion's angles",
+            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "mend the drawing there, or move by less",
         )
 
 
@@ -227,7 +228,7 @@ def _places(reason: str) -> tuple[Point | None, str]:
     return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
 
 
-def _area(outline: NDArray[np.float64]) -> float:
+def area(outline: NDArray[np.float64]) -> float:
     """Area of a closed polyline, positive for a counter-clockwise one."""
     x, z = outline.T
     return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)

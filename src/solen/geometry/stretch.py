@@ -1,5 +1,6 @@
 """Faces divided where the design's wall tables begin and end, and receivers set behind their gap."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
@@ -48,24 +49,24 @@ def _before(face: Face, gap_mm: float) -> Segment:
     return Segment(outside(end.start), outside(end.end))
 
 
-def with_walls(faces: tuple[Face, ...], walls: Sequence[Wall]) -> tuple[Face, ...]:
-    """Faces divided at the ends of the stretches, each with the number of the last wall table that covers it.
+def with_walls(outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall]) -> tuple[tuple[Face, ...], ...]:
+    """Outlines divided at the ends of the stretches, each face with the number of the last wall table that covers it.
 
     Raises
     ------
     DesignError
         Where a table names no wall of the body, or begins beyond the end of all that it names.
     """
-    if not walls:
-        return faces
+    faces = tuple(face for outline in outlines for face in outline)
     for number, wall in enumerate(walls):
         _check_named(faces, number, wall)
-    return tuple(piece for face in faces for piece in _divided(face, walls))
+    return tuple(tuple(piece for face in outline for piece in _divided(face, walls)) for outline in outlines)
 
 
 def matches(face: Face, wall: Wall) -> bool:
-    """Whether a wall table names a face, which must be a wall."""
-    return face.part not in DARK and fnmatchcase(face.name, wall.face)
+    """Whether a wall table names a face, with the number of several of one name or without; it must be a wall."""
+    names = (face.name, re.sub(r"\.\d+$", "", face.name))
+    return face.part not in DARK and any(fnmatchcase(name, wall.face) for name in names)
 
 
 def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:

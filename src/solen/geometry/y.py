@@ -69,7 +69,8 @@ def _turned(design: Design, lens: Lens, angle_deg: float) -> Body:
     faces, apart = behind_gap(faces, design.receivers.gap_mm)
     if "receivers" in moves:
         apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
-    return Body(with_walls(faces, design.wall), emitter, marks, apart=apart)
+    (walls,) = with_walls((faces,), design.wall)
+    return Body(walls, emitter, marks, apart=apart)
 
 
 def _bent(design: Design, lens: Lens, angle_deg: float) -> Body:
