@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.errors import DesignError
-from solen.scene import Rays, Scene, Source
+from solen.scene import Rays, Scene
 from solen.trace.adaptive import integrate
 from solen.trace.engine import trace
 from solen.trace.result import Limits, Method, Mode, Trace, check_mode
@@ -114,11 +114,7 @@ def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trac
 def _with_rays(scene: Scene, rays: int) -> Scene:
     """The scene with so many rays, shared out evenly among its sources."""
     each = max(1, rays // len(scene.sources))
-    return replace(scene, sources=tuple(_of(source, each) for source in scene.sources))
-
-
-def _of(source: Source, rays: int) -> Source:
-    return replace(source, rays=rays)  # type: ignore[type-var]  # all sources are dataclasses
+    return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
 
 
 def _series(reference: Trace, traces: list[Trace]) -> Series:
