@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from solen.plane import heading
-from solen.scene import Beam, Chip, Fan, Launch, Rays, Source
+from solen.scene import Beam, Chip, CosinePower, Emitter, Fan, Launch, Rays, Source
 from solen.scene.json import SOURCES
 
 EVERY: dict[type[Source], Source] = {
     Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, 2.5, 0.3),
     Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, 2.5, 0.3),
+    Emitter: Emitter((0.3, -1.0), 12.0, 57, CosinePower(2.5), 95.0, 0.4, 0.2, 0.1, 2.5, 0.3),
     Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, 0.7, 1.0),
     Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), 3.0, 0.0),
 }

@@ -6,19 +6,19 @@ the plane y = 0 there.
 
 import dataclasses
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
+from solen.scene.sources.pattern import Real, Stretch
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
 """Powers of sources: what even single precision can divide among any number of rays."""
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,27 @@ PlacedInSpace = tuple[Real, Real, Real, Real, Real, Real]
 """Rays in space as arrays (N,): origin x, y, z in mm, unit direction x, y, z."""
 
 
+class Emission(NamedTuple):
+    """A source of the plane as point sources side by side, to be integrated over.
+
+    Attributes
+    ----------
+    at
+        Gives for a place from 0 to 1 the point there, x and z in mm, and its axis in degrees.
+    stretches
+        Intensity by the angle from the axis, the same at all places.
+    whole
+        Its integral over all angles, in radians.
+    panels
+        Stretches that the places are divided into at first; 0 where there is a single point.
+    """
+
+    at: Callable[[float], tuple[float, float, float]]
+    stretches: tuple[Stretch, ...]
+    whole: float
+    panels: int
+
+
 class Source(ABC):
     """Something that launches rays; they are numbered, so that any of them can be launched on their own.
 
@@ -88,6 +109,10 @@ class Source(ABC):
         """Origins and unit directions in space at points ``u`` (N, space_dimensions or more); by default with y = 0."""
         x, z, dx, dz = self.place(u)
         return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
+
+    def emission(self) -> Emission | None:
+        """What integration over the source needs; None where it is not made of point sources, as a beam."""
+        return None
 
     def dimensions(self, in_space: bool = False) -> int:
         """Numbers in [0, 1) that make a ray: those that place it, and one for its wavelength if there are several."""

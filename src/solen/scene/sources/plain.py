@@ -12,12 +12,26 @@ import numpy as np
 from solen.curve import check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, heading
-from solen.scene.sources.base import Line, Placed, Real, Source
+from solen.scene.sources.base import Emission, Line, Placed, Source
+from solen.scene.sources.pattern import Isotropic, Real, Stretch
 
 
 def cone_angle(axis_deg: float, cone_deg: float, u: Real) -> Real:
     """Angles (N,) in radians of the rays at places ``u`` (N,) of a cone, from its right edge to its left one."""
     return np.radians(axis_deg + cone_deg * (u - 0.5))
+
+
+def across(point: Point, axis_deg: float, width_mm: float, place: Real) -> tuple[Real, Real]:
+    """Points x, z (N,) at places (N,) from 0 to 1 of a line about ``point``, across an axis: from right to left."""
+    left_x, left_z = heading(axis_deg + 90.0)
+    step = width_mm * (place - 0.5)
+    return point[0] + left_x * step, point[1] + left_z * step
+
+
+def _whole_cone(cone_deg: float) -> tuple[tuple[Stretch, ...], float]:
+    """The stretches of a fan, and their width."""
+    cone = math.radians(cone_deg)
+    return Isotropic().stretches(0.5 * cone), cone
 
 
 def check_cone(what: str, cone_deg: float) -> None:
@@ -60,6 +74,10 @@ class Fan(Source):
         x, z = (np.full(len(u), value) for value in self.point)
         return x, z, -np.sin(angle), np.cos(angle)
 
+    def emission(self) -> Emission | None:
+        """See :meth:`Source.emission`."""
+        return Emission(lambda _: (*self.point, self.axis_deg), *_whole_cone(self.cone_deg), 0)
+
     def check(self) -> None:
         """See :meth:`Source.check`."""
         super().check()
@@ -89,9 +107,17 @@ class Chip(Source):
     def place(self, u: Real) -> Placed:
         """See :meth:`Source.place`."""
         angle = cone_angle(self.axis_deg, self.cone_deg, u[:, 0])
-        left_x, left_z = heading(self.axis_deg + 90.0)
-        place = self.width_mm * (u[:, 1] - 0.5)
-        return self.point[0] + left_x * place, self.point[1] + left_z * place, -np.sin(angle), np.cos(angle)
+        x, z = across(self.point, self.axis_deg, self.width_mm, u[:, 1])
+        return x, z, -np.sin(angle), np.cos(angle)
+
+    def emission(self) -> Emission | None:
+        """See :meth:`Source.emission`."""
+
+        def at(place: float) -> tuple[float, float, float]:
+            x, z = across(self.point, self.axis_deg, self.width_mm, np.array([place]))
+            return float(x[0]), float(z[0]), self.axis_deg
+
+        return Emission(at, *_whole_cone(self.cone_deg), 1 if self.width_mm > 0.0 else 0)
 
     def check(self) -> None:
         """See :meth:`Source.check`."""
