@@ -100,11 +100,11 @@ def convergence(
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that is not one fan."""
+    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that it does not know."""
     for tolerance in (*TOLERANCES, TIGHT):
         try:
             found = integrate(scene, mode, tolerance, limits)
-        except DesignError:  # another source than one fan
+        except DesignError:  # a beam, say, or a scene that scatters
             return
         if not found.reached:
             return
