@@ -61,7 +61,8 @@ class Job:
     @property
     def groups(self) -> int:
         """Estimates that the rays are divided into."""
-        return HALVES if self.sampling == "fan" and self.mode != "roulette" else REPLICATES
+        regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
+        return HALVES if regular else REPLICATES
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _of_a_sample(
         return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each))
 
     for group in range(REPLICATES):
-        sequence = qmc.Sobol(source.dimensions, scramble=True, rng=np.random.default_rng((seed, number, group)))
+        sequence = qmc.Sobol(source.dimensions(), scramble=True, rng=np.random.default_rng((seed, number, group)))
         for start in range(0, each, most):
             points = sequence.random(min(most, each - start))
             yield partial(make, points, before + group * each + start, group)
@@ -132,4 +133,5 @@ def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
 def rules_of(job: Job, chunk: Chunk) -> Rules:
     """How the rays of a chunk are followed."""
     least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
-    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step)
+    turbid = job.scene.is_turbid
+    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)
