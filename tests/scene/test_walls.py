@@ -15,7 +15,7 @@ from solen.spec import Design
 from solen.trace import trace
 
 SKIN = {"outside": "skin", "index": 1.40}
-RAYS = 2000
+RAYS = 1000
 
 
 def design(*walls: dict[str, Any], **tables: Any) -> Design:
@@ -66,9 +66,9 @@ def test_a_stretch_lies_where_it_was_told_on_both_sides_alike() -> None:
 def test_pads_are_closed_in_every_state_of_the_motion(kind: str, angle_deg: float, walls: list[dict[str, Any]]) -> None:
     found = scene(*walls, angle_deg=angle_deg, motion={"kind": kind})  # a scene refuses media that are not closed
     assert edges(found, "outer edge")
-    ledger = trace(found, "power").ledger
-    assert ledger.total == pytest.approx(1.0, abs=1e-9)
-    assert trace(found, "power").undefined == 0
+    traced = trace(found, "power")
+    assert traced.ledger.total == pytest.approx(1.0, abs=1e-9)
+    assert traced.undefined == 0
 
 
 def test_neighbouring_stretches_of_one_table_share_a_pad() -> None:
