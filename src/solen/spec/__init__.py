@@ -6,6 +6,7 @@
 
 from solen.spec.design import (
     MAX_STEPS,
+    Ambient,
     Body,
     Design,
     Emitter,
@@ -21,6 +22,7 @@ from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assig
 __all__ = [
     "MAX_STEPS",
     "SCHEMA",
+    "Ambient",
     "Body",
     "Design",
     "Emitter",
