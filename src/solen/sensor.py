@@ -19,14 +19,17 @@ from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, arm_angle_deg, outline_body, y_body
 from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
+from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
 from solen.spec import Design, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
-from solen.trace.derivative import MOST_LEGS
+from solen.trace.adaptive import is_extended, why_not
+from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
-TOLERANCE = 1e-6
-"""Within what fraction of the emitted power a receiver's power is integrated."""
+TOLERANCE, CHIP_TOLERANCE = 1e-6, 1e-4
+"""Within what fraction of the emitted power a receiver's power is integrated: from a point, from a source with a size.
+"""
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
 DENSE_TOLERANCE = 1e-4
@@ -39,7 +42,7 @@ SLOPE_DEG = 0.04
 """Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
 
 OPTICAL_KEYS = (
-    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg")),
+    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm")),
     *(f"material.{name}" for name in ("index", "absorption_per_mm")),
     *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
     *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
@@ -225,9 +228,20 @@ class Sensor:
         """
         return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, **options)
 
-    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE) -> Trace:
-        """Powers at an angle, integrated over the launch angle to a tolerance; see `solen.trace.integrate`."""
-        return integrate(self.scene(angle_deg), mode, tolerance)
+    @cached_property
+    def light(self) -> Light:
+        """What its emitter sends out."""
+        return light_of(self.design)
+
+    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
+        """Powers at an angle, integrated over the emitter to a tolerance; see `solen.trace.integrate`.
+
+        By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source.
+        """
+        scene = self.scene(angle_deg)
+        if tolerance is None:
+            tolerance = CHIP_TOLERANCE if is_extended(scene) else TOLERANCE
+        return integrate(scene, mode, tolerance)
 
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
@@ -273,9 +287,11 @@ class Sensor:
             if why := self.inert(key):
                 raise SpecError(key, limit=why, remedy="leave it out")
         values = {key: self._number(key) for key in chosen}
-        base = integrate(self.scene(angle_deg), "power", DERIVATIVE_TOLERANCE, most_legs=MOST_LEGS)
+        scene = self.scene(angle_deg)
+        tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
+        base = integrate(scene, "power", tolerance, most_legs=MOST_LEGS)
         if not base.reached:
-            limit = f"the integral must reach {DERIVATIVE_TOLERANCE:g}"
+            limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
         found = []
         for done, (key, value) in enumerate(values.items(), start=1):
@@ -292,6 +308,7 @@ class Sensor:
             return "the body is drawn"
         cases = {
             "emitter.wavelength_nm": (not resin, "the index is stated, whatever the wavelength"),
+            "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
             "material.index": (resin, "follows from the resin and the wavelength"),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
             "lens.focus_mm": (not self.has_lens, "the design has no lens"),
@@ -317,7 +334,7 @@ class Sensor:
             rays *= 2
             after = self.trace(angle_deg, "power", rays)
             changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
-            u = max(*changes, 1.0 / rays)
+            u = max(*changes, 1.0 / min(rays, after.rays))
             if u <= tolerance or rays >= MOST_RAYS:
                 return after, u
             before = after
@@ -326,7 +343,7 @@ class Sensor:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        readings = [self._reading(end)[1] for end in ends]
+        readings = [self._reading(end, tolerance=TOLERANCE)[1] for end in ends]
         low, high = (_contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
@@ -374,9 +391,12 @@ class Sensor:
             return Sensitivity(key, value, nothing, nothing, nothing, found.why)
         return Sensitivity(key, value, right, left, _contrast_slope(base, right, left))
 
-    def _reading(self, angle_deg: float, *, integrates: bool = True) -> tuple[Trace, dict[str, float], float]:
+    def _reading(
+        self, angle_deg: float, *, integrates: bool = True, tolerance: float | None = None
+    ) -> tuple[Trace, dict[str, float], float]:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach."""
-        found = self.integrate(angle_deg) if integrates else None
+        integrates = integrates and not why_not(self.scene(angle_deg))
+        found = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
         if found is not None and found.reached:
             return found, _powers(found), found.u
         dense, u = self.doubled(angle_deg)

@@ -40,7 +40,7 @@ def material_numbers(sensor: Sensor) -> dict[str, Any]:
     """Index and absorption at the emitter's wavelength, and where they come from."""
     material = sensor.material
     return {
-        "wavelength_nm": sensor.design.emitter.wavelength_nm,
+        "wavelength_nm": sensor.light.wavelength_nm,
         "index": material.index,
         "u_index": material.u_index,
         "absorption_per_mm": material.absorption_per_mm,

@@ -67,7 +67,7 @@ def _range(case: Case) -> str:
 def _light(study: Study) -> str:
     found, sensor = summary(study.case), study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
-    half_cone_deg = emitter.cone_deg / 2
+    half_cone_deg = sensor.light.cone_deg / 2
     text = f"On average {found['received_share']:.1%} of the emitted light reaches the receivers."
     if lens is None:
         return text

@@ -13,12 +13,20 @@ from solen.curve import Curve
 from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
-from solen.scene.sources import Beam, Chip, Emitter, Fan, Rays, Source
+from solen.scene.sources import Ambient, Beam, Chip, Emitter, Fan, RayFile, Rays, Source
 from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
 from solen.spec.strict import told_of
 
 SCHEMA = 1
-SOURCES: dict[str, type[Source]] = {"fan": Fan, "chip": Chip, "emitter": Emitter, "beam": Beam, "rays": Rays}
+SOURCES: dict[str, type[Source]] = {
+    "fan": Fan,
+    "chip": Chip,
+    "emitter": Emitter,
+    "beam": Beam,
+    "rays": Rays,
+    "ray-file": RayFile,
+    "ambient": Ambient,
+}
 PARTS = ("regions", "interfaces", "sources", "monitors")
 
 

@@ -1,10 +1,28 @@
 """The scene of a sensor: its body in air, the emitter before it, its receivers, and what touches its walls."""
 
+import math
+
+import numpy as np
+
 from solen.geometry import Body, Face
-from solen.material import Optical
+from solen.geometry.body import Pose
+from solen.material import Dispersion, Optical
+from solen.parts import Light, light_of
 from solen.scene.model import Behaviour, Interface, Region, Scene
 from solen.scene.pad import pad_edges, pad_regions
-from solen.scene.sources import Chip, Fan, Line, Source
+from solen.scene.sources import (
+    Ambient,
+    Chip,
+    CosinePower,
+    Emitter,
+    Fan,
+    Isotropic,
+    Line,
+    Pattern,
+    PatternTable,
+    RayFile,
+    Source,
+)
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 from solen.spec import Design, Wall
 
@@ -13,6 +31,8 @@ BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
 """Of faces by the first word of their name; any other refracts."""
 FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
+ROOM = 1.1
+"""Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
@@ -24,27 +44,67 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     before it; light reaching its back is absorbed, not detected. Stretches that the design's wall tables name have
     their finish, and beside them a pad of what touches them.
 
-    Where a wall is coated, or a film of air parts it from what touches it, the emitter has the design's wavelength.
+    Sources have a spectrum where anything in the scene depends on it, as films on a wall do.
     """
     interfaces = [
         *(_interface(face, BODY, design.wall) for face in body.all_faces),
         *(_interface(face, AIR.name, design.wall) for face in body.apart),
         *pad_edges(body, design.wall),
     ]
-    coated = any(interface.surface is not None and interface.surface.coating for interface in interfaces)
-    spectrum: tuple[Line, ...] = ((design.emitter.wavelength_nm, 1.0),) if coated else ()
+    light = light_of(design)
+    emitter = _emitter(design, light, body.emitter, rays)
+    index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
     used = {name for interface in interfaces for name in (interface.left, interface.right)}
-    outside = [region for region in pad_regions(design.wall) if region.name in used]
-    regions = (AIR, Region(BODY, material.index, material.absorption_per_mm), *outside)
-    return Scene(regions, tuple(interfaces), (_source(design, body, rays, spectrum),), name=design.name)
+    outside = (region for region in pad_regions(design.wall) if region.name in used)
+    regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
+    emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
+    sources = (emitter, *_ambient(design, body, interfaces, emitter.spectrum))
+    return Scene(regions, tuple(interfaces), sources, name=design.name)
 
 
-def _source(design: Design, body: Body, rays: int | None, spectrum: tuple[Line, ...]) -> Source:
-    emitter, pose = design.emitter, body.emitter
-    count = emitter.rays if rays is None else rays
-    if pose.width_mm > 0.0:
-        return Chip(pose.point, pose.width_mm, pose.axis_deg, emitter.cone_deg, count, spectrum=spectrum)
-    return Fan(pose.point, pose.axis_deg, emitter.cone_deg, count, spectrum=spectrum)
+def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
+    """The spectrum where anything in the scene depends on it, else none: one colour traces faster."""
+    surfaces = [interface.surface for interface in interfaces if interface.surface is not None]
+    matters = any(isinstance(region.index, Dispersion) for region in regions) or any(
+        surface.coating is not None or surface.band_nm is not None for surface in surfaces
+    )
+    return spectrum if matters else ()
+
+
+def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
+    """Source of a light: a fan or a chip where the paper's evenly spaced angles will do.
+
+    Its width is the one that the design states or its part has, else the drawn one.
+    """
+    width_mm = light.width_mm or pose.width_mm
+    stated = design.emitter.rays if rays is None else rays
+    if light.ray_file is not None:
+        some = stated if rays is not None or design.emitter.states("rays") else None
+        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, some)
+    if light.pattern == "fan" and width_mm == 0.0:
+        return Fan(pose.point, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+    if light.pattern == "fan":
+        return Chip(pose.point, width_mm, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+    pattern: Pattern = Isotropic()
+    if light.pattern == "lambertian":
+        pattern = CosinePower(light.exponent)
+    elif light.pattern == "table":
+        pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
+    size = (light.cone_deg, width_mm, light.height_mm)
+    return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
+
+
+def _ambient(design: Design, body: Body, interfaces: list[Interface], spectrum: tuple[Line, ...]) -> tuple[Source, ...]:
+    """Ambient light through a circle that holds everything, with some room."""
+    stated = design.ambient
+    if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
+        return ()
+    points = np.vstack([*(interface.curve.flattened() for interface in interfaces), [body.emitter.point]])
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, z = (0.5 * (low + high)).tolist()
+    radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
+    power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
+    return (Ambient((x, z), radius_mm, stated.rays, design.body.thickness_mm, power, spectrum=spectrum),)
 
 
 def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:

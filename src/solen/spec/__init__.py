@@ -6,6 +6,7 @@
 
 from solen.spec.design import (
     MAX_STEPS,
+    Ambient,
     Body,
     Design,
     Emitter,
@@ -22,6 +23,7 @@ from solen.spec.wall import Wall
 __all__ = [
     "MAX_STEPS",
     "SCHEMA",
+    "Ambient",
     "Body",
     "Design",
     "Emitter",

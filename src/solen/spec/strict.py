@@ -5,7 +5,7 @@ right name, names kept for later with "not yet supported", numbers are finite an
 pydantic finds the problems; this module tells them: the dotted key, the value found, the limit, the remedy.
 
 The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
-in a validator that looks at several keys; `not_yet` and `or_refuse` annotate single fields. `parse_toml`, `migrated`
+in a validator that looks at several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
 and `told_of` serve any TOML file that carries ``schema = <version>``.
 """
 
@@ -18,7 +18,6 @@ from typing import Annotated, Any, ClassVar, get_args
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     ValidationError,
@@ -54,17 +53,6 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
     """Problem to raise in a model's validator: the key of that table at fault, its value, the limit, the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
-
-
-def not_yet(*later: object) -> BeforeValidator:
-    """Field annotation that refuses the values named (a type stands for all its values) as not yet supported."""
-
-    def check(value: object) -> object:
-        if any(isinstance(value, one) if isinstance(one, type) else value == one for one in later):
-            raise refused("", "not yet supported", value=value)
-        return value
-
-    return BeforeValidator(check)
 
 
 def or_refuse(limit: str) -> WrapValidator:

@@ -20,7 +20,7 @@ from pydantic_core import core_schema
 
 from solen.errors import SpecError
 from solen.files import read_text, write_text
-from solen.spec.design import Design
+from solen.spec.design import Design, Emitter
 from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
 
 SCHEMA = 1
@@ -56,15 +56,32 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
     return design if folder is None else design.in_folder(folder)
 
 
-def _document(design: Design) -> Document:
-    """Tables of the file without ``schema``: what differs from the defaults, and the name."""
+def _document(design: Design, *, stated: bool = False) -> Document:
+    """Tables of the file without ``schema``: what differs from the defaults, and the name.
+
+    ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
+    """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name", "wall"}:
         tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
     tables["wall"] = [wall.model_dump(exclude_defaults=True) for wall in design.wall]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
+    kept = [key for key in DEFERRED if design.emitter.states(key)] if stated else _kept(design.emitter)
+    tables["emitter"] |= {key: getattr(design.emitter, key) for key in kept}
     return {key: tables[key] for key in Design.model_fields if tables[key]}
+
+
+DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
+"""Keys of the emitter whose defaults a part, a spectrum or a pattern changes."""
+
+
+def _kept(emitter: Emitter) -> list[str]:
+    """Keys that were stated as their defaults and say something all the same: a part or a pattern has others."""
+    keys: tuple[str, ...] = DEFERRED if emitter.part else ()
+    keys += ("wavelength_nm",) if emitter.spectrum else ()
+    keys += ("cone_deg",) if emitter.pattern != "fan" else ()
+    return [key for key in dict.fromkeys(keys) if emitter.states(key)]
 
 
 def dumps(design: Design) -> str:
@@ -73,7 +90,7 @@ def dumps(design: Design) -> str:
 
 
 def save(path: Path | str, design: Design) -> Path:
-    """Write a design file in one piece, a relative resin or outline file named anew from the folder written to.
+    """Write a design file in one piece, relative files named anew from the folder written to.
 
     Raises
     ------
@@ -85,24 +102,20 @@ def save(path: Path | str, design: Design) -> Path:
 
 
 def _moved(design: Design, folder: Path) -> Design:
-    """Return the design as a file in ``folder`` states it: the same resin and outline files, from there."""
-    named = {"material.resin": design.resin_file, "body.file": design.outline_file}
+    """Return the design as a file in ``folder`` states it: the same files, from there."""
     if design.folder.absolute() == folder:
         return design.in_folder(folder)
-    moved = {
-        key: _from(folder, file)
-        for key, file in named.items()
-        if file is not None and not Path(value_at(design, key)).is_absolute()
-    }
-    return with_values(design, moved).in_folder(folder) if moved else design.in_folder(folder)
+    named = {key: path for key, path in design.files.items() if not Path(value_at(design, key)).is_absolute()}
+    moved = {key: _from(path.absolute(), folder) for key, path in named.items()}
+    return with_values(design, moved).in_folder(folder)
 
 
-def _from(folder: Path, file: Path) -> str:
-    """Path of a file as it is named from a folder."""
+def _from(path: Path, folder: Path) -> str:
+    """A file as a file in ``folder`` names it."""
     try:
-        return Path(os.path.relpath(file.absolute(), folder)).as_posix()
+        return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on Windows, another drive
-        return file.absolute().as_posix()
+        return path.as_posix()
 
 
 def with_values(design: Design, values: Mapping[str, Any]) -> Design:
@@ -121,7 +134,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     SpecError
         Where a key is unknown or the design would not be valid.
     """
-    data = deepcopy(_document(design))
+    data = deepcopy(_document(design, stated=True))
     for key, value in values.items():
         other = _REPLACES.get(key, "")
         if other and value is not None and f"material.{other}" not in values:
