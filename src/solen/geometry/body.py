@@ -19,7 +19,6 @@ from solen.errors import DesignError
 from solen.plane import Point
 
 if TYPE_CHECKING:
-    from shapely.geometry.base import BaseGeometry as Solid
 
 GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""
@@ -182,15 +181,15 @@ def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> NDArray[np.float
     return np.vstack([*pieces, pieces[0][:1]])
 
 
-def material(body: Body, tolerance_mm: float) -> "Solid":
+def material(body: Body, tolerance_mm: float) -> "shapely.geometry.base.BaseGeometry":
     """Area that a body fills, as a shapely geometry within ``tolerance_mm``: holes left out."""
     return _solid([polyline(outline, tolerance_mm) for outline in body.outlines])
 
 
-def _solid(rings: list[NDArray[np.float64]]) -> "Solid":
+def _solid(rings: list[NDArray[np.float64]]) -> "shapely.geometry.base.BaseGeometry":
     import shapely
 
-    solid: Solid = shapely.Polygon(rings[0])
+    solid: shapely.geometry.base.BaseGeometry = shapely.Polygon(rings[0])
     for ring in rings[1:]:
         solid = solid.symmetric_difference(shapely.Polygon(ring))
     return solid
