@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DesignError, SolenError, SpecError
-from solen.geometry import Body, arm_angle_deg, y_body
+from solen.geometry import Body, arm_angle_deg, outline_body, y_body
 from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
@@ -154,22 +154,36 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design and what follows from it; make it with `Sensor.of`."""
+    """A design and what follows from it; make it with `Sensor.of`. A drawn body has no lens that solen ``cut``."""
 
     design: Design
     material: Optical
-    lens: Lens
+    cut: Lens | None
 
     @classmethod
     def of(cls, design: Design) -> "Sensor":
         """Sensor of a design; `DesignError` or `DataError` where its lens or its resin cannot be."""
         material = optical(design)
-        return cls(design, material, lens_of(design, material.index))
+        drawn = design.body.kind == "outline"
+        return cls(design, material, None if drawn else lens_of(design, material.index))
+
+    @property
+    def lens(self) -> Lens:
+        """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
+        if self.cut is None:
+            limit = "the lens of an outline is drawn: solen knows no formula for it"
+            raise DesignError("body.kind", value="outline", limit=limit, remedy="use solen check")
+        return self.cut
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the body is an outline of one's own."""
+        return self.cut is None
 
     @property
     def has_lens(self) -> bool:
-        """Whether light enters by a lens rather than by the stem's flat face."""
-        return not isinstance(self.lens, FlatFace)
+        """Whether light enters by a lens rather than by the stem's flat face; of a drawn body it is said to."""
+        return not isinstance(self.cut, FlatFace)
 
     @cached_property
     def without_lens(self) -> "Sensor":
@@ -178,7 +192,21 @@ class Sensor:
 
     def body(self, angle_deg: float = 0.0) -> Body:
         """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
+        if self.is_drawn:
+            return outline_body(self.design, angle_deg)
         return y_body(self.design, self.lens, angle_deg)
+
+    def check_pair(self) -> None:
+        """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
+        body = self.body()
+        found = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
+        if found != ["left", "right"]:
+            raise DesignError(
+                "receivers",
+                value=", ".join(found) or "none",
+                limit="a response needs two, right and left",
+                remedy="name their faces receiver-right and receiver-left, or use solen trace, which reads any",
+            )
 
     def check(self) -> None:
         """`DesignError` where the body cannot be built at some angle of the motion."""
@@ -256,6 +284,7 @@ class Sensor:
         DesignError
             Where the light at this angle cannot be integrated closely enough.
         """
+        self.check_pair()
         chosen = [key for key in OPTICAL_KEYS if not self.inert(key)] if keys is None else list(dict.fromkeys(keys))
         for key in chosen:
             if why := self.inert(key):
@@ -278,6 +307,8 @@ class Sensor:
         """Why a number of the design has no part of its own in the light; empty where it has one."""
         design = self.design
         resin = design.material.resin is not None
+        if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")):
+            return "the body is drawn"
         cases = {
             "emitter.wavelength_nm": (not resin, "the index is stated, whatever the wavelength"),
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
@@ -313,6 +344,7 @@ class Sensor:
 
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
+        self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
         readings = [self._reading(end, tolerance=TOLERANCE)[1] for end in ends]
         low, high = (_contrast(one["right"], one["left"]) for one in readings)
@@ -383,6 +415,7 @@ class Sensor:
         angles_deg: Sequence[float] | None,
         progress: Progress | None,
     ) -> Response:
+        self.check_pair()
         angles = self.design.motion.angles_deg() if angles_deg is None else tuple(angles_deg)
         results = []
         for done, angle in enumerate(angles, start=1):
@@ -448,6 +481,7 @@ def study(design: Design, progress: Progress | None = None) -> Study:
     at once. ``progress`` is called with the share done, up to 1.
     """
     sensor = Sensor.of(design)
+    sensor.check_pair()
     sensor.check()
     if not sensor.has_lens:
         return Study(design, None, _case(sensor, progress))
@@ -459,6 +493,8 @@ def study(design: Design, progress: Progress | None = None) -> Study:
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
     """The sensor without its lens, or why it cannot be built."""
+    if sensor.is_drawn:
+        return None, "the body is drawn, and has no version without its lens"
     try:
         sensor.without_lens.check()
     except DesignError as bad:

@@ -32,7 +32,8 @@ from solen.scene import (
     Region,
     Scene,
 )
-from solen.scene.json import CURVES, SOURCES
+from solen.scene.json import SOURCES
+from solen.spec.objects import CURVES
 from tests.scene.rayfile_support import lambertian, zemax
 
 CURVES_HERE: tuple[Curve, ...] = (

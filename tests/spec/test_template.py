@@ -51,7 +51,7 @@ def test_the_template_is_the_papers_sensor() -> None:
     assert loads(template()) == Design(name="SOLen 860 nm", material=Material(index=1.44))
 
 
-@pytest.mark.parametrize("table", [key for key in Design.model_fields if key != "name"])
+@pytest.mark.parametrize("table", [key for key in Design.model_fields if key not in ("name", "wall")])
 def test_the_template_shows_every_key_with_its_default(table: str) -> None:
     model = Design.model_fields[table].annotation
     assert isinstance(model, type)

@@ -1,53 +1,57 @@
-"""The scene of a sensor: its body in air, the emitter before it, a receiver on each arm."""
+"""The scene of a sensor: its body in air, the emitter before it, its receivers, and what touches its walls."""
 
-import math
+from dataclasses import replace
 
-import numpy as np
-
-from solen.curve import Curve, Segment
 from solen.geometry import Body, Face
-from solen.geometry.body import Pose
 from solen.material import Dispersion, Optical
-from solen.parts import Light, light_of
-from solen.scene.model import Interface, Region, Scene
-from solen.scene.sources import (
-    Ambient,
-    Chip,
-    CosinePower,
-    Emitter,
-    Fan,
-    Isotropic,
-    Line,
-    Pattern,
-    PatternTable,
-    RayFile,
-    Source,
-)
-from solen.spec import Design
+from solen.parts import light_of
+from solen.scene.light import ambient_of, emitter_of
+from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
+from solen.scene.pad import pad_edges, pad_regions
+from solen.scene.sources import Line
+from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
+from solen.spec import Design, Wall
 
 AIR = Region("air", 1.0)
 BODY = "body"
-ROOM = 1.1
-"""Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
+BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
+"""Of faces by the first word of their name; any other refracts."""
+FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
     """Scene of a body of the given material; ``rays`` overrides the design's number.
 
-    Receivers are called ``right`` and ``left``. With ``coupling = "matched"`` an arm's end is itself the receiver's
-    black face: all that arrives from inside is detected. With ``"air-gap"`` the arm's end is a bare face and the
-    receiver, as wide as the arm, stands ``gap_mm`` before it; light reaching its back is absorbed, not detected.
+    A face whose name begins with ``receiver`` belongs to the receiver of the name's rest: ``right`` and ``left`` of a
+    Y. With ``coupling = "matched"`` an arm's end is itself the receiver's black face: all that arrives from inside is
+    detected. With ``"air-gap"`` the arm's end is a bare face and the receiver, as wide as the arm, stands ``gap_mm``
+    before it; light reaching its back is absorbed, not detected. Stretches that the design's wall tables name have
+    their finish, and beside them a pad of what touches them.
+
+    Where a wall is coated, or a film of air parts it from what touches it, the emitter has the design's wavelength.
+    With ``dimension = "extruded"`` all of it reaches over the body's thickness, and light that meets an arm's end above
+    or below a lower receiver leaves there.
     """
-    interfaces: list[Interface] = []
-    for face in body.faces:
-        interfaces.extend(_interfaces(design, face))
+    interfaces = [
+        *(_interface(face, BODY, design.wall) for face in body.all_faces),
+        *(_interface(face, AIR.name, design.wall) for face in body.apart),
+        *pad_edges(body, design.wall),
+    ]
     light = light_of(design)
-    emitter = _emitter(design, light, body.emitter, rays)
+    emitter = emitter_of(design, light, body.emitter, rays)
     index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
-    regions = (AIR, Region(BODY, index, material.absorption_per_mm))
+    used = {name for interface in interfaces for name in (interface.left, interface.right)}
+    outside = [region for region in pad_regions(design.wall) if region.name in used]
+    regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
     emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
-    sources = (emitter, *_ambient(design, body, emitter.spectrum))
-    return Scene(regions, tuple(interfaces), sources, name=design.name)
+    sources = (emitter, *ambient_of(design, body, emitter.spectrum))
+    if design.trace.dimension == "2d":
+        return Scene(regions, tuple(interfaces), sources, name=design.name)
+    high_mm, extrusion = design.receivers.height_mm, Extrusion(design.body.thickness_mm)
+    if high_mm is not None:
+        height_mm = (-0.5 * high_mm, 0.5 * high_mm)
+        interfaces = [replace(i, height_mm=height_mm) if i.behaviour == "receiver" else i for i in interfaces]
+    return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion)
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
@@ -59,55 +63,42 @@ def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interface
     return spectrum if matters else ()
 
 
-def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
-    """Source of a light: a fan or a chip where the paper's evenly spaced angles will do."""
-    stated = design.emitter.rays if rays is None else rays
-    if light.ray_file is not None:
-        some = stated if rays is not None or design.emitter.states("rays") else None
-        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, some)
-    if light.pattern == "fan" and light.width_mm == 0.0:
-        return Fan(pose.point, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
-    if light.pattern == "fan":
-        return Chip(pose.point, light.width_mm, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
-    pattern: Pattern = Isotropic()
-    if light.pattern == "lambertian":
-        pattern = CosinePower(light.exponent)
-    elif light.pattern == "table":
-        pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
-    size = (light.cone_deg, light.width_mm, light.height_mm)
-    return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
+def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
+    """Interface of a face with the body or the air on its left."""
+    behaviour = BEHAVIOURS.get(face.part, "refracting")
+    if behaviour == "receiver":
+        return Interface(face.name, face.curve, left, AIR.name, behaviour, face.whose)
+    if face.wall is None:
+        return Interface(face.name, face.curve, left, AIR.name, behaviour)
+    wall = walls[face.wall]
+    return Interface(face.name, face.curve, left, wall.outside, FINISHES[wall.finish], surface=_surface(wall))
 
 
-def _ambient(design: Design, body: Body, spectrum: tuple[Line, ...]) -> tuple[Source, ...]:
-    """Ambient light through a circle that holds the body and the emitter, with some room."""
-    stated = design.ambient
-    if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
-        return ()
-    points = np.vstack([body.outline(), [body.emitter.point]])
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, z = (0.5 * (low + high)).tolist()
-    radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
-    power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
-    return (Ambient((x, z), radius_mm, stated.rays, design.body.thickness_mm, power, spectrum=spectrum),)
+def _surface(wall: Wall) -> Surface | None:
+    """Surface of a stretch; None where it is bare."""
+    layers = [Layer(film.index, film.thickness_nm, film.extinction) for film in wall.coating]
+    if wall.gap_um is not None:
+        layers.append(Layer(1.0, 1e3 * wall.gap_um))
+    surface = Surface(
+        reflectance=wall.reflectance,
+        coating=Coating(tuple(layers)) if layers else None,
+        scatter=_scatter(wall),
+        texture=_texture(wall),
+    )
+    return None if surface == Surface() else surface
 
 
-def _interfaces(design: Design, face: Face) -> list[Interface]:
-    part, _, side = face.name.partition("-")
-    if part != "receiver":
-        return [Interface(face.name, face.curve, BODY, AIR.name)]
-    if design.receivers.coupling == "matched":
-        return [Interface(face.name, face.curve, BODY, AIR.name, "receiver", side)]
-    return [
-        Interface(f"end-{side}", face.curve, BODY, AIR.name),
-        Interface(face.name, _before(face.curve, design.receivers.gap_mm or 0.0), AIR.name, AIR.name, "receiver", side),
-    ]
+def _scatter(wall: Wall) -> Scatter | None:
+    if wall.scatter == "lambertian":
+        return Lambertian(wall.scatter_share)
+    if wall.scatter == "gaussian" and wall.sigma is not None:
+        return Gaussian(wall.sigma, wall.scatter_share)
+    if wall.scatter == "harvey-shack" and wall.shoulder is not None and wall.slope is not None:
+        return HarveyShack(wall.shoulder, wall.slope, wall.scatter_share)
+    return None
 
 
-def _before(end: Curve, gap_mm: float) -> Segment:
-    """The receiver's face ``gap_mm`` outside an arm's end, its left towards the arm."""
-    nx, nz = end.normal_at(end.start)
-
-    def outside(point: tuple[float, float]) -> tuple[float, float]:
-        return (point[0] - gap_mm * nx, point[1] - gap_mm * nz)
-
-    return Segment(outside(end.start), outside(end.end))
+def _texture(wall: Wall) -> Texture | None:
+    if wall.texture_pitch_um is None or wall.texture_amplitude_um is None:
+        return None
+    return Texture(wall.texture_pitch_um, wall.texture_amplitude_um, wall.texture_direction)

@@ -18,6 +18,7 @@ from solen.spec.design import (
 )
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
+from solen.spec.wall import Wall
 
 __all__ = [
     "MAX_STEPS",
@@ -31,6 +32,7 @@ __all__ = [
     "Motion",
     "Receivers",
     "Trace",
+    "Wall",
     "dumps",
     "json_schema",
     "load",

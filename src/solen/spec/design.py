@@ -4,8 +4,9 @@ The idea: one value holds what the user decided and nothing that follows from it
 names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only what differs.
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
-The interface: `Design` and its tables `Material`, `Emitter`, `Ambient`, `Lens`, `Body`, `Receivers`, `Motion`, `Trace`;
-`Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names.
+The interface: `Design` and its tables `Material`, `Emitter`, `Ambient`, `Lens`, `Body`, `Wall`, `Receivers`, `Motion`,
+`Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names. What
+several tables say together is checked by `solen.spec.together`.
 """
 
 from collections.abc import Sequence
@@ -16,7 +17,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
 
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, not_yet, or_refuse, refused
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
+from solen.spec.together import check_together
+from solen.spec.wall import Wall
 
 MAX_STEPS = 100_000
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
@@ -30,13 +33,15 @@ Size = Annotated[Number, Field(ge=0, le=1e6)]
 Angle = Annotated[Number, Field(ge=0, le=180)]
 Wavelength = Annotated[Number, Field(ge=100, le=20_000)]
 Pivot = Literal["stem-base", "emitter"] | Point
-Part = Literal["lens", "emitter"]
+Part = Literal["lens", "emitter", "receivers", "mirrors"]
+PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
+PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
 
 
 def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
-    if len(set(moves)) != len(moves) or "emitter" not in moves:
-        raise refused("", 'must be ["lens", "emitter"] or ["emitter"]', value=list(moves))
-    return ("lens", "emitter") if "lens" in moves else ("emitter",)
+    if len(set(moves)) != len(moves) or not moves:
+        raise refused("", PARTS_LIMIT, value=list(moves))
+    return tuple(part for part in PARTS if part in moves)
 
 
 def names_file(name: str | None) -> bool:
@@ -137,6 +142,12 @@ class Emitter(Strict):
         "uniform and lambertian, 360 for a table.",
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(100, description="Number of rays.")
+    point_mm: Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")] | None = Field(
+        None, description="Place [x_mm, z_mm] of the emitter of an outline; default: as drawn."
+    )
+    axis_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
+        None, description="Where the emitter of an outline looks, counter-clockwise from +z; default: as drawn."
+    )
     pattern: Literal["fan", "uniform", "lambertian", "table"] = Field(
         "fan",
         description="Angular pattern: a fan uniform in angle in the plane, uniform in all directions, cos^exponent, or "
@@ -211,11 +222,21 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms."""
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of one's own."""
 
     table: ClassVar[str] = "body"
 
-    kind: Annotated[Literal["y"], not_yet("outline")] = Field("y", description="Shape of the body: a Y.")
+    kind: Literal["y", "outline"] = Field("y", description="Shape of the body: a Y, or an outline read from file.")
+    file: Text | None = Field(
+        None,
+        description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
+    )
+    units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
+        None, description="Unit of the drawing; default: what the drawing says."
+    )
+    join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
+        None, description="Ends of a drawing this near in mm are joined; default: 0.001."
+    )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
         0.004, description="Quadratic coefficient of the stem's edge in 1/mm."
@@ -240,12 +261,16 @@ class Receivers(Strict):
         }
     )
     table: ClassVar[str] = "receivers"
-    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm", "height_mm"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm"})
 
     coupling: Literal["matched", "air-gap"] = Field(
         "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
     )
     gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    height_mm: Length | None = Field(
+        None,
+        description='Height in mm along y, about the middle of the body, with dimension = "extruded"; default: all of it.',
+    )
 
     @model_validator(mode="after")
     def _gap_with_air_gap_only(self) -> Self:
@@ -264,16 +289,31 @@ class Motion(Strict):
 
     table: ClassVar[str] = "motion"
 
-    kind: Annotated[Literal["rotation"], not_yet("bend")] = Field("rotation", description="Kind of motion.")
+    kind: Literal["rotation", "bend"] = Field(
+        "rotation", description="A rotation of parts about a pivot, or a bend of the stem."
+    )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
     )
-    moves: Annotated[
-        tuple[Part, ...], AfterValidator(_parts), or_refuse('must be ["lens", "emitter"] or ["emitter"]')
-    ] = Field(
+    moves: Annotated[tuple[Part, ...], AfterValidator(_parts), or_refuse(PARTS_LIMIT)] = Field(
         ("lens", "emitter"),
-        description='Parts that turn: ["lens", "emitter"] or ["emitter"].',
-        json_schema_extra={"uniqueItems": True, "contains": {"const": "emitter"}},
+        description="Parts that turn: lens, emitter, receivers (behind an air gap), mirrors (of an outline).",
+        json_schema_extra={"uniqueItems": True, "minItems": 1},
+    )
+    centre_line: (
+        Annotated[
+            tuple[Point, ...],
+            Field(min_length=3, max_length=1000),
+            or_refuse("must be a list of 3 to 1000 points [x_mm, z_mm]"),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="Points of a bent stem's centre line, from base to fork: how the bend is shared out along it; "
+        "default: evenly.",
+    )
+    bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
+        None, description="Heights z between which an outline bends; the part below is carried along."
     )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
@@ -315,11 +355,15 @@ class Trace(Strict):
     """How rays are followed."""
 
     table: ClassVar[str] = "trace"
-    reserved: ClassVar[frozenset[str]] = frozenset({"dimension", "min_weight", "seed"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"min_weight", "seed"})
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
         description="Whole rays that refract or reflect totally, Fresnel power with both branches, or with one drawn.",
+    )
+    dimension: Literal["2d", "extruded"] = Field(
+        "2d",
+        description="The plane of the sensor alone, or rays in space in a body of body.thickness_mm.",
     )
 
 
@@ -337,11 +381,20 @@ class Design(Strict):
     ambient: Ambient = Field(default_factory=Ambient, description="Light from around.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
+    wall: tuple[Wall, ...] = Field((), description="What lies outside stretches of the walls, and their finish.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
+
+    @model_validator(mode="after")
+    def _tables_fit_together(self) -> Self:
+        if self.body.kind == "outline" and "moves" not in self.motion.model_fields_set:
+            # of an outline nothing but the emitter can be known to move without tearing it
+            self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
+        check_together(self)
+        return self
 
     @property
     def folder(self) -> Path:
@@ -366,12 +419,18 @@ class Design(Strict):
             "emitter.part": self.part_file,
             "emitter.pattern_file": self.file_of(self.emitter.pattern_file),
             "emitter.ray_file": self.file_of(self.emitter.ray_file),
+            "body.file": self.outline_file,
         }
         return {key: path for key, path in found.items() if path is not None}
 
     def file_of(self, name: str | None) -> Path | None:
         """Path of a file by the name that the design gives it; None for None."""
         return None if name is None else self._folder / name
+
+    @property
+    def outline_file(self) -> Path | None:
+        """Path of the outline's drawing, or None for a Y."""
+        return self.file_of(self.body.file)
 
     def in_folder(self, folder: Path) -> Self:
         """Return the same design with its relative paths starting from another folder."""

@@ -62,8 +62,9 @@ def _document(design: Design, *, stated: bool = False) -> Document:
     ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
     """
     tables: Document = {"name": design.name}
-    for key in Design.model_fields.keys() - {"name"}:
+    for key in Design.model_fields.keys() - {"name", "wall"}:
         tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
+    tables["wall"] = [wall.model_dump(exclude_defaults=True) for wall in design.wall]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
     kept = [key for key in DEFERRED if design.emitter.states(key)] if stated else _kept(design.emitter)
@@ -145,7 +146,8 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 def value_at(design: Design, key: str) -> Any:
     """Value of a dotted key (``"lens.focus_mm"``), stated or by default; `SpecError` for an unknown key."""
     table, _, name = key.partition(".")
-    fields = type(getattr(design, table)).model_fields if table in Design.model_fields and name else {}
+    model = type(getattr(design, table, None)) if table in Design.model_fields and name else None
+    fields = getattr(model, "model_fields", {})
     if name not in fields:
         raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
     return getattr(getattr(design, table), name)

@@ -238,7 +238,7 @@ class Lights:
         if why := why_not(scene):
             limit = "needs a scene of the plane without chance, whose sources are made of points"
             raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it")
-        rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1)
+        rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         return cls(scene, mode, tuple(Light.of(scene, source, tables, rules) for source in scene.sources))
 

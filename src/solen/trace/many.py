@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.curve import check_count
+from solen.errors import DesignError
 from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Digits, Job, check_seed, chunks, rows_of, rules_of
 from solen.trace.kernel import batch, loop
@@ -49,6 +50,9 @@ def trace_many(
     check_count("threads", threads, 1)
     if not scenes:
         return []
+    if any(scene.extrusion is not None for scene in scenes):
+        limit, remedy = "trace_many knows scenes of the plane", "trace each on its own"
+        raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
     batched = _Batch(jobs, tasks)
@@ -78,7 +82,7 @@ class _Batch:
             bin=_starts(bins),
         )
         self.sums = loop.Sums(
-            fate=np.zeros((len(tasks), 5)),
+            fate=np.zeros((len(tasks), loop.LEAKED + 1)),
             detected=np.zeros(sum(receivers)),
             arrived=np.zeros(sum(receivers), dtype=np.int64),
             optical=np.zeros(sum(receivers)),
@@ -102,7 +106,7 @@ class _Batch:
         """Trace some of the tasks, with more room where it is not enough."""
         most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
         job, waiting = self.jobs[0], 64 * BLOCK
-        rules = rules_of(job, self.tasks[0][1])
+        rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
         dtype = job.tables.shape.dtype.type
         while not batch.trace_tasks(
             job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
@@ -163,7 +167,7 @@ def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
 
     def column(name: str) -> NDArray[Any]:
         parts: list[NDArray[Any]] = [getattr(one, name) for one in tables]
-        if name in {"refractive_index", "absorption"}:
+        if name in {"refractive_index", "absorption", "scattering", "anisotropy"}:
             parts = [np.pad(part, ((0, 0), (0, regions - part.shape[1]))) for part in parts]
         return np.concatenate(parts)
 
@@ -173,5 +177,7 @@ def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
         monitor=_starts(len(one.bins) for one in tables),
         cell=_starts(len(one.grid_first) for one in tables),
         item=_starts(len(one.grid_item) for one in tables),
+        treatment=_starts(len(one.treatments) for one in tables),
+        layer=_starts(len(one.layers) for one in tables),
     )
     return Tables(**{name: column(name) for name in Tables._fields}), starts
