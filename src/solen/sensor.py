@@ -50,6 +50,9 @@ OPTICAL_KEYS = (
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
 
+OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
+"""Numbers of the emitter that a part may state where the design does not."""
+
 Progress = Callable[[float], None]
 
 
@@ -371,6 +374,9 @@ class Sensor:
     def _number(self, key: str) -> float:
         """Value of a key, `SpecError` where it is not a real number."""
         value = value_at(self.design, key)
+        table, _, name = key.partition(".")
+        if table == "emitter" and name in OF_THE_LIGHT:
+            value = getattr(self.light, name)
         if value is None and key == "body.arm_angle_deg":
             value = arm_angle_deg(self.design)
         if isinstance(value, bool | int) or not isinstance(value, float):
