@@ -269,7 +269,7 @@ class Receivers(Strict):
     gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
     height_mm: Length | None = Field(
         None,
-        description='Height in mm along y, about the middle, with dimension = "extruded"; default: the whole thickness.',
+        description='Height in mm along y, about the middle, with dimension = "extruded"; default: all of it.',
     )
 
     @model_validator(mode="after")
