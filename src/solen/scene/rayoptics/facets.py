@@ -1,0 +1,165 @@
+"""Curves of formulas as ray-optics traces them: chords between sampled points, with normals blended from neighbours.
+
+ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from that
+of the chord before to that of the chord behind it. Who wants its numbers to the last bin has to do the same; who wants
+the curve takes `solen.scene.rayoptics.fit`. Only the tracers in plain Python know these curves.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Curve
+from solen.plane import Point, Rigid, cross, left_of
+from solen.scene.rayoptics.fields import UnreadError
+
+Floats = NDArray[np.float64]
+
+STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
+"""Step along the base of a curve over a line, place of the first point and how far beyond the end the last may be."""
+UNLIKE = 10.0
+"""Ratio of lengths from which on chords of a parametric curve are not blended."""
+MOST_CORNERS = 200_000
+
+
+@dataclass(frozen=True)
+class Facets(Curve):
+    """Polyline through ``corners``, from parameter ``low`` to ``high``; parameters count corners, with parts of chords.
+
+    ``blend`` is the power of a chord's length by which it weighs in a blended normal: 2 over a line, 0 of a parametric
+    curve, whose neighbours of very unlike length are left out. What a ray that leaves meets nearer than ``skin`` is the
+    place that it stands on.
+    """
+
+    corners: tuple[Point, ...]
+    blend: int
+    skin: float
+    low: float
+    high: float
+
+    @classmethod
+    def through(cls, corners: tuple[Point, ...], blend: int, skin: float) -> "Facets":
+        """All chords."""
+        return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Floats, Floats]:
+        """Starts and steps of all chords, and their lengths."""
+        corners = np.array(self.corners)
+        steps = np.diff(corners, axis=0)
+        return corners[:-1], steps, np.hypot(*steps.T)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the polyline ends where it starts."""
+        return self.corners[0] == self.corners[-1]
+
+    def points(self, u: Floats) -> Floats:
+        """See :meth:`Curve.points`."""
+        starts, steps, _ = self._table
+        place = self.low + u * (self.high - self.low)
+        which = np.clip(np.floor(place), 0, len(starts) - 1).astype(int)
+        return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
+
+    def place(self, point: Point) -> float:
+        """Parameter from 0 to 1 of the curve's point next to another one."""
+        chord, share = self._chord(point)
+        return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
+
+    def normal_at(self, point: Point) -> Point:
+        """See :meth:`Curve.normal_at`; blended."""
+        chord, share = self._chord(point)
+        other = chord - 1 if share < 0.5 else chord + 1
+        own = 0.5 + share if share < 0.5 else 1.5 - share
+        _, steps, lengths = self._table
+        if self.closed:
+            other %= len(steps)
+        if not 0 <= other < len(steps) or lengths[other] == 0.0:
+            return self.facet_normal(chord)
+        if self.blend == 0 and not 1.0 / UNLIKE < lengths[other] / lengths[chord] < UNLIKE:
+            return self.facet_normal(chord)
+        # two mirrors' images add up to that of a third one, at half the angle of the sum of doubled angles
+        doubled = sum(
+            share * lengths[i] ** self.blend * complex(*(steps[i] / lengths[i])) ** 2
+            for i, share in ((chord, own), (other, 1.0 - own))
+        )
+        tangent = np.sqrt(doubled / abs(doubled))
+        along = tangent.real * steps[chord][0] + tangent.imag * steps[chord][1]
+        return left_of((math.copysign(1.0, along) * tangent.real, math.copysign(1.0, along) * tangent.imag))
+
+    def facet_normal(self, chord: int) -> Point:
+        """Left normal of a chord itself."""
+        _, steps, lengths = self._table
+        x, z = (steps[chord] / lengths[chord]).tolist()
+        return left_of((x, z))
+
+    def sign_at(self, point: Point, direction: Point) -> int:
+        """1 where a ray goes through a chord to its right, −1 to its left."""
+        step = self._table[1][self._chord(point)[0]]
+        return 1 if cross((float(step[0]), float(step[1])), direction) < 0.0 else -1
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        starts, steps, _ = self._table
+        x, z = starts[:, 0] - origin[0], starts[:, 1] - origin[1]
+        slant = direction[0] * steps[:, 1] - direction[1] * steps[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (x * steps[:, 1] - z * steps[:, 0]) / slant
+            place = np.arange(len(starts)) + (x * direction[1] - z * direction[0]) / slant
+            share = place - np.arange(len(starts))
+            held = (share >= 0.0) & (share <= 1.0) & (place >= self.low) & (place <= self.high)
+            found = t[held & (t > (self.skin if leaving else 0.0))]
+        return tuple(found.tolist())
+
+    def moved(self, motion: Rigid) -> "Facets":
+        """See :meth:`Curve.moved`."""
+        return replace(self, corners=tuple(motion.point(corner) for corner in self.corners))
+
+    def reversed(self) -> "Facets":
+        """See :meth:`Curve.reversed`."""
+        last = len(self.corners) - 1.0
+        return replace(self, corners=self.corners[::-1], low=last - self.high, high=last - self.low)
+
+    def _chord(self, point: Point) -> tuple[int, float]:
+        """The chord next to a point, and the share of it up to there."""
+        starts, steps, lengths = self._table
+        offset = np.array(point) - starts
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.clip((offset * steps).sum(axis=1) / lengths**2, 0.0, 1.0)
+        away = np.hypot(*(offset - share[:, None] * steps).T)
+        chord = int(np.nanargmin(away))
+        return chord, float(share[chord])
+
+
+def over_line(length: float, scale: float) -> list[float]:
+    """Places along a base of that length at which ray-optics asks a formula over it, from one end to the other."""
+    if length / scale > MOST_CORNERS * STEP:
+        raise UnreadError("p2", f"would make more than {MOST_CORNERS} facets")
+    found, i = [], -STEP * scale
+    while i < length + BEYOND * scale:
+        found.append(min(max(i + FIRST * scale, 0.0), length))
+        i += STEP * scale
+    return found
+
+
+def along_parameter(low: float, high: float, step: float) -> list[float]:
+    """Parameters at which ray-optics asks a parametric formula."""
+    if not step > 0.0 or (high - low) / step > MOST_CORNERS:
+        raise UnreadError("tStep", f"must be above 0 and make at most {MOST_CORNERS} facets, not {step:g}")
+    found, t = [low], low + step
+    while t < high:
+        found.append(t)
+        t += step
+    return [*found, high]
+
+
+def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
+    """Points at places; `UnreadError` where the formula has no value."""
+    points = [at(place) for place in places]
+    if not all(math.isfinite(x) and math.isfinite(z) for x, z in points):
+        raise UnreadError(key, "has no value somewhere in its range")
+    return points
