@@ -17,7 +17,24 @@ from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segm
 from solen.lens.optics import tangency
 from solen.material.dispersion import Cauchy
 from solen.plane import Point, Rigid, along, heading, left_of, minus, unit
-from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
+from solen.scene import (
+    Beam,
+    Chip,
+    Coating,
+    Fan,
+    Gaussian,
+    HarveyShack,
+    Interface,
+    Lambertian,
+    Layer,
+    Monitor,
+    Rays,
+    Region,
+    Scatter,
+    Scene,
+    Surface,
+    Texture,
+)
 from solen.scene.model import Behaviour
 from solen.scene.sources import Line, Source
 
@@ -303,6 +320,56 @@ def motley_scene(seed: int, rays: int, nearest_corner_mm: float = 1e-8) -> Scene
         for i, ((a, b), bins) in enumerate(zip(heights, (0, 50), strict=True))
     )
     return Scene(tuple(build.regions), tuple(build.interfaces), everything, monitors, f"motley {seed}")
+
+
+def treated_scene(seed: int, rays: int) -> Scene:
+    """A motley scene whose surfaces are rough, coated, grey or textured, with splitters, and some media turbid."""
+    scene, rng = motley_scene(seed, rays), np.random.default_rng((seed, 77))
+    sources = scene.sources
+    if not scene.wavelengths_nm:
+        sources = tuple(replace(source, spectrum=((633.0, 1.0),)) for source in sources)  # type: ignore[type-var]  # all are dataclasses
+    regions = tuple(
+        replace(
+            region, scattering_per_mm=float(rng.choice([0.0, 0.05, 0.2])), anisotropy=float(rng.uniform(-0.5, 0.95))
+        )
+        if region.name != "air"
+        else region
+        for region in scene.regions
+    )
+    interfaces = tuple(_treated(rng, interface) for interface in scene.interfaces)
+    return replace(scene, sources=sources, regions=regions, interfaces=interfaces)
+
+
+def _treated(rng: np.random.Generator, interface: Interface) -> Interface:
+    """An interface with a random surface of those that its behaviour may have, or with none."""
+    if rng.random() < 0.3:
+        return interface
+    low, high = (float(nm) for nm in rng.uniform(400.0, 900.0, 2))
+    band = (low, high) if rng.random() < 0.3 else None
+    if interface.behaviour in {"absorbing", "receiver"}:
+        return replace(interface, surface=Surface(band_nm=band))
+    scatters: list[Scatter | None] = [
+        None,
+        Lambertian(float(rng.random())),
+        Gaussian(float(rng.uniform(0.01, 0.5)), float(rng.random())),
+        HarveyShack(float(rng.uniform(0.01, 0.3)), float(rng.uniform(0.8, 4.0)), float(rng.random())),
+    ]
+    surface = Surface(
+        reflectance=float(rng.uniform(0.3, 1.0)),
+        transmitted=float(rng.random()),
+        partial=bool(rng.random() < 0.8),
+        band_nm=band,
+        scatter=scatters[int(rng.integers(4))],
+        texture=Texture(50.0, float(rng.uniform(0.0, 3.0))) if rng.random() < 0.3 else None,
+    )
+    if interface.behaviour == "mirror" and isinstance(interface.curve, Segment) and rng.random() < 0.5:
+        return replace(interface, surface=replace(surface, focal_mm=float(rng.choice([-8.0, 15.0]))))
+    if interface.left == interface.right and interface.behaviour == "refracting":
+        return replace(interface, behaviour="splitter", surface=surface)
+    if interface.behaviour == "refracting" and rng.random() < 0.4:
+        films = (Layer(float(rng.uniform(1.0, 2.5)), float(rng.uniform(0.0, 300.0)), float(rng.choice([0.0, 0.2]))),)
+        surface = replace(surface, coating=Coating(films + (Layer(1.0, 120.0),) * int(rng.integers(2))))
+    return replace(interface, surface=surface)
 
 
 def _spectrum(rng: np.random.Generator) -> tuple[Line, ...]:

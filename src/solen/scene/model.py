@@ -224,7 +224,12 @@ class Scene:
     def is_random(self) -> bool:
         """Whether rays are scattered by chance somewhere."""
         rough = any(i.surface is not None and i.surface.is_random for i in self.interfaces)
-        return rough or any(region.scattering_per_mm > 0.0 for region in self.regions)
+        return rough or self.is_turbid
+
+    @property
+    def is_turbid(self) -> bool:
+        """Whether some medium scatters."""
+        return any(region.scattering_per_mm > 0.0 for region in self.regions)
 
     def _check_monitor(self, monitor: Monitor) -> None:
         """A monitor along an interface would count by rounding what lies on it."""

@@ -193,6 +193,9 @@ class Cone:
         if len(scene.sources) != 1 or not isinstance(scene.sources[0], Fan):
             what = f"{len(scene.sources)} sources"
             raise DesignError("adaptive integration", value=what, limit="needs one fan alone")
+        if scene.is_random:
+            limit, remedy = "what is drawn by chance cannot be integrated", "trace it with sampling sobol"
+            raise DesignError("adaptive integration", value="a scene that scatters", limit=limit, remedy=remedy)
         fan = scene.sources[0]
         if not fan.cone_deg > 0.0:
             raise DesignError("fan cone_deg", value=fan.cone_deg, limit="must be above 0 to integrate over it")
@@ -201,7 +204,7 @@ class Cone:
             raise DesignError("adaptive integration", value=what, limit="needs one wavelength", remedy="do each apart")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
-        rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1)
+        rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         axis, shares = math.radians(fan.axis_deg), (fan.s_share, 1.0 - fan.s_share)
         family = Family(*fan.point, axis, *shares, colour=0, rules=rules, far=far_mm)
         return cls(scene, fan, mode, compile_scene(scene), family, ends)

@@ -61,7 +61,8 @@ class Job:
     @property
     def groups(self) -> int:
         """Estimates that the rays are divided into."""
-        return HALVES if self.sampling == "fan" and self.mode != "roulette" else REPLICATES
+        regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
+        return HALVES if regular else REPLICATES
 
 
 @dataclass(frozen=True)
@@ -132,4 +133,5 @@ def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
 def rules_of(job: Job, chunk: Chunk) -> Rules:
     """How the rays of a chunk are followed."""
     least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
-    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step)
+    turbid = job.scene.is_turbid
+    return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)

@@ -104,6 +104,8 @@ def trace(
     check_choice("device", device, get_args(Device))
     if legs and device == "cuda":
         raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
+    if scene.is_turbid and device == "cuda":
+        raise DesignError("device", value=device, limit="knows no medium that scatters", remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     check_seed(seed)

@@ -102,7 +102,7 @@ class _Batch:
         """Trace some of the tasks, with more room where it is not enough."""
         most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
         job, waiting = self.jobs[0], 64 * BLOCK
-        rules = rules_of(job, self.tasks[0][1])
+        rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
         dtype = job.tables.shape.dtype.type
         while not batch.trace_tasks(
             job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
@@ -163,7 +163,7 @@ def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
 
     def column(name: str) -> NDArray[Any]:
         parts: list[NDArray[Any]] = [getattr(one, name) for one in tables]
-        if name in {"refractive_index", "absorption"}:
+        if name in {"refractive_index", "absorption", "scattering", "anisotropy"}:
             parts = [np.pad(part, ((0, 0), (0, regions - part.shape[1]))) for part in parts]
         return np.concatenate(parts)
 
@@ -173,5 +173,7 @@ def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
         monitor=_starts(len(one.bins) for one in tables),
         cell=_starts(len(one.grid_first) for one in tables),
         item=_starts(len(one.grid_item) for one in tables),
+        treatment=_starts(len(one.treatments) for one in tables),
+        layer=_starts(len(one.layers) for one in tables),
     )
     return Tables(**{name: column(name) for name in Tables._fields}), starts

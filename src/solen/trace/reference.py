@@ -16,9 +16,10 @@ import numpy as np
 
 from solen.curve import ROUNDING
 from solen.interface import fresnel, reflected, refracted
-from solen.plane import Point, along, cross, dot, minus
-from solen.scene import Interface, Launch, Scene
-from solen.trace.kernel.surface import chance
+from solen.plane import Point, Rigid, along, cross, dot, minus
+from solen.scene import Interface, Launch, Region, Scene, Surface
+from solen.trace.kernel.surface import chance, chance_of
+from solen.trace.kernel.treated import FREE_PATH, PHASE
 from solen.trace.result import (
     ABSORBED,
     CORNER_MM,
@@ -37,6 +38,7 @@ from solen.trace.result import (
     check_mode,
     in_order,
 )
+from solen.trace.surfaces import Arrival, draws, treated
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,9 @@ class _Tracer:
         if ray.region not in (None, region):
             self._undefined(ray, at, interface, length_mm)
             return None
+        free_mm = self._free_path(ray, self.regions[region])
+        if free_mm < length_mm:
+            return self._scatter(ray, region, free_mm)
         way = ray.optical_mm + self.regions[region].index_at(ray.wavelength_nm) * length_mm
         arrived = replace(self._absorbed_on_the_way(ray, region, length_mm), optical_mm=way)
         self._monitor(ray, region, length_mm)
@@ -156,7 +161,10 @@ class _Tracer:
             return None
         facing = (-normal[0], -normal[1]) if from_right else normal
         back = arrived.onwards(at, reflected(arrived.direction, facing), region, interface)
-        if interface.behaviour == "mirror":
+        surface = interface.surface
+        if surface is not None and surface.acts_at(ray.wavelength_nm):
+            return self._treated(surface, arrived, back, facing, beyond, waiting)
+        if interface.behaviour == "mirror" and surface is None:
             return back
         return self._refract(arrived, back, facing, beyond, waiting)
 
@@ -174,9 +182,12 @@ class _Tracer:
 
     def _fate(self, ray: Ray, interface: Interface, from_right: bool) -> int:
         """What becomes of a ray that has arrived at an interface; the back of a receiver only absorbs."""
-        if interface.behaviour == "receiver":
+        behaviour = interface.behaviour
+        if interface.surface is not None and not interface.surface.acts_at(ray.wavelength_nm):
+            behaviour = "refracting"
+        if behaviour == "receiver":
             return ABSORBED if from_right else DETECTED
-        if interface.behaviour == "absorbing":
+        if behaviour == "absorbing":
             return ABSORBED
         worn_out = ray.hits + 1 >= self.limits.max_hits or ray.power < ray.least
         return TRUNCATED if worn_out else GOES_ON
@@ -208,6 +219,55 @@ class _Tracer:
         )
         return self._one_of(parts) if self.mode == "roulette" else self._split(parts, waiting)
 
+    def _treated(
+        self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
+    ) -> Ray | None:
+        """Send a ray from a treated surface on, back, or both ways."""
+        interface = back.last
+        if back.region is None or interface is None:
+            raise AssertionError("a ray that met an interface has a medium")
+        n1, n2 = (self.regions[name].index_at(ray.wavelength_nm) for name in (back.region, beyond))
+        from_right = dot(facing, interface.curve.normal_at(back.origin)) < 0.0
+        arrival = Arrival(back.origin, ray.direction, ray.s, ray.p, facing, n1, n2, ray.wavelength_nm, from_right)
+        draw, counting = draws(self.seed, ray.number, ray.hits), self.mode == "count"
+        on, returned = treated(interface, surface, arrival, draw, counting)
+        parts = (
+            replace(back, direction=returned.direction, s=returned.s, p=returned.p),
+            replace(ray.onwards(back.origin, on.direction, beyond, interface), s=on.s, p=on.p),
+        )
+        if counting:
+            return max(parts, key=lambda part: part.power)
+        self.sums[ABSORBED] += max(ray.s - on.s - returned.s + (ray.p - on.p - returned.p), 0.0)
+        both = min(part.power for part in parts) > 0.0
+        return self._split((self._one_of(parts),) if self.mode == "roulette" and both else parts, waiting)
+
+    def _free_path(self, ray: Ray, region: Region) -> float:
+        """How far a ray gets before a medium scatters it, drawn from the exponential distribution."""
+        if region.scattering_per_mm == 0.0:
+            return math.inf
+        share = chance_of(self.seed, ray.number, ray.hits, FREE_PATH)
+        return -math.log(1.0 - share) / region.scattering_per_mm
+
+    def _scatter(self, ray: Ray, region: str, length_mm: float) -> Ray | None:
+        """Turn a ray on its way by an angle of Henyey and Greenstein's distribution in the plane."""
+        at = along(ray.origin, ray.direction, length_mm)
+        arrived = self._absorbed_on_the_way(ray, region, length_mm)
+        self._monitor(ray, region, length_mm)
+        worn_out = ray.hits + 1 >= self.limits.max_hits or arrived.power < ray.least
+        self._leg(ray, TRUNCATED if worn_out else GOES_ON, None, length_mm, arrived.power / ray.power)
+        if worn_out:
+            self._truncated(at)
+            self._end(arrived, TRUNCATED, None)
+            return None
+        g = self.regions[region].anisotropy
+        share = chance_of(self.seed, ray.number, ray.hits, PHASE)
+        turn = 2.0 * math.atan((1.0 - g) / (1.0 + g) * math.tan(math.pi * (share - 0.5)))
+        direction = Rigid(math.cos(turn), math.sin(turn)).vector(ray.direction)
+        way = ray.optical_mm + self.regions[region].index_at(ray.wavelength_nm) * length_mm
+        return replace(
+            arrived, origin=at, direction=direction, region=region, last=None, hits=ray.hits + 1, optical_mm=way
+        )
+
     def _one_of(self, parts: tuple[Ray, Ray]) -> Ray:
         """One of both parts with the power of both, drawn by their powers."""
         back, on = parts
@@ -215,7 +275,7 @@ class _Tracer:
         taken = back if chance(self.seed, back.number, back.hits - 1) * power < back.power else on
         return replace(taken, s=taken.s * power / taken.power, p=taken.p * power / taken.power)
 
-    def _split(self, parts: tuple[Ray, Ray], waiting: list[Ray]) -> Ray | None:
+    def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
         """Cut what is below the least weight; of two parts left the weaker goes first under a new number."""
         cut = math.fsum(part.power for part in parts if part.power < part.least)
         if cut > 0.0:

@@ -18,6 +18,7 @@ from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus, right_of, unit
 from solen.scene import Interface, Scene
 from solen.scene.model import BEHAVIOURS
+from solen.scene.surface import Gaussian, Lambertian, Surface
 from solen.trace.grid import grid_of
 from solen.trace.kernel import rows
 
@@ -46,7 +47,9 @@ class Tables(NamedTuple):
     before: NDArray[np.int64]
     """(P,) the piece of the same curve that it continues smoothly, −1 where it begins or where there is a corner"""
     behaviour: NDArray[np.int64]
-    """(P,) index into BEHAVIOURS"""
+    """(P,) index into BEHAVIOURS, and TREATED more where the surface is more than smooth, clean and bare"""
+    treatment: NDArray[np.int64]
+    """(P,) row of ``treatments``, −1 where there is none"""
     left: NDArray[np.int64]
     """(P,) region on the left"""
     right: NDArray[np.int64]
@@ -57,6 +60,16 @@ class Tables(NamedTuple):
     """(W, R) refractive index by wavelength"""
     absorption: NDArray[np.floating[Any]]
     """(W, R) absorption per mm"""
+    scattering: NDArray[np.floating[Any]]
+    """(W, R) scattering per mm"""
+    anisotropy: NDArray[np.floating[Any]]
+    """(W, R) mean cosine of the angle of scattering"""
+    wavelength: NDArray[np.floating[Any]]
+    """(W,) nm; NaN where no source says what it emits"""
+    treatments: NDArray[np.floating[Any]]
+    """(T, 15) surfaces"""
+    layers: NDArray[np.floating[Any]]
+    """(L, 3) films of all coatings: index, extinction, thickness in nm"""
     monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
     bins: NDArray[np.int64]
@@ -87,6 +100,7 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
     bins = np.array([monitor.bins for monitor in scene.monitors], dtype=np.int64)
     curves = [piece.curve for piece in pieces]
     cells = grid_of(curves)
+    treatment, treatments, layers = _treatments(scene)
     return Tables(
         kind=_whole(piece.kind for piece in pieces),
         shape=np.array([piece.row for piece in pieces], dtype).reshape(-1, WIDTH),
@@ -94,12 +108,21 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
         box=np.array([piece.box for piece in pieces], dtype).reshape(-1, 4),
         owner=_whole(number),
         before=_before(scene.interfaces, number, curves),
-        behaviour=_whole(BEHAVIOURS.index(owner.behaviour) for owner in owners),
+        behaviour=_whole(
+            BEHAVIOURS.index(owner.behaviour) + rows.TREATED * (treatment[i] >= 0)
+            for i, owner in zip(number, owners, strict=True)
+        ),
+        treatment=_whole(treatment[i] for i in number),
         left=_whole(names[owner.left] for owner in owners),
         right=_whole(names[owner.right] for owner in owners),
         receiver=_whole(receivers[owner.receiver] for owner in owners),
         refractive_index=np.array([[region.index_at(nm) for region in scene.regions] for nm in colours], dtype),
         absorption=np.array([[region.absorption_per_mm for region in scene.regions] for _ in colours], dtype),
+        scattering=np.array([[region.scattering_per_mm for region in scene.regions] for _ in colours], dtype),
+        anisotropy=np.array([[region.anisotropy for region in scene.regions] for _ in colours], dtype),
+        wavelength=np.array([math.nan if nm is None else nm for nm in colours], dtype),
+        treatments=np.array(treatments, dtype).reshape(-1, len(rows.Treatment._fields)),
+        layers=np.array(layers, dtype).reshape(-1, 3),
         monitor=np.array([_segment(monitor.segment) for monitor in scene.monitors], dtype).reshape(-1, 5),
         bins=bins,
         first_bin=np.cumsum(bins) - bins,
@@ -113,6 +136,50 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
 
 def _whole(numbers: Any) -> NDArray[np.int64]:
     return np.array(list(numbers), dtype=np.int64)
+
+
+def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
+    """By interface the row of its treatment or −1, those rows, and the films of all coatings."""
+    which: list[int] = []
+    found: list[rows.Treatment] = []
+    layers: list[Row] = []
+    for interface in scene.interfaces:
+        surface = interface.surface
+        which.append(-1 if surface is None else len(found))
+        if surface is not None:
+            found.append(_treatment(surface, len(layers)))
+            films = surface.coating.layers if surface.coating else ()
+            layers += [(film.index, film.extinction, film.thickness_nm) for film in films]
+    return which, found, layers
+
+
+def _treatment(surface: Surface, first_layer: int) -> rows.Treatment:
+    low, high = sorted(surface.band_nm) if surface.band_nm else (-math.inf, math.inf)
+    scatter, texture = surface.scatter, surface.texture
+    kind, width, wing, share = rows.SMOOTH, 0.0, 0.0, 0.0
+    if isinstance(scatter, Lambertian):
+        kind, share = rows.LAMBERTIAN, scatter.share
+    elif isinstance(scatter, Gaussian):
+        kind, width, share = rows.GAUSSIAN, scatter.sigma, scatter.share
+    elif scatter is not None:
+        kind, width, wing, share = rows.HARVEY_SHACK, scatter.shoulder, scatter.slope, scatter.share
+    return rows.Treatment(
+        reflectance=surface.reflectance,
+        transmitted=surface.transmitted,
+        focal=surface.focal_mm or 0.0,
+        partial=float(surface.partial),
+        band_low=low,
+        band_high=high,
+        band_within=float(surface.band_nm is None or surface.band_nm[0] <= surface.band_nm[1]),
+        scatter=float(kind),
+        width=width,
+        wing=wing,
+        share=share,
+        tilt=texture.slope if texture else 0.0,
+        across=float(texture is not None and texture.direction == "across"),
+        first_layer=float(first_layer),
+        layers=float(len(surface.coating.layers) if surface.coating else 0),
+    )
 
 
 def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> NDArray[np.int64]:

@@ -17,6 +17,8 @@ class Starts(NamedTuple):
     monitor: Ints
     cell: Ints
     item: Ints
+    treatment: Ints
+    layer: Ints
 
 
 class Tasks(NamedTuple):
@@ -62,11 +64,17 @@ def trace_tasks(
             tables.owner[p:q],
             tables.before[p:q],
             tables.behaviour[p:q],
+            tables.treatment[p:q],
             tables.left[p:q],
             tables.right[p:q],
             tables.receiver[p:q],
             tables.refractive_index[v:w],
             tables.absorption[v:w],
+            tables.scattering[v:w],
+            tables.anisotropy[v:w],
+            tables.wavelength[v:w],
+            tables.treatments[starts.treatment[i] : starts.treatment[i + 1]],
+            tables.layers[starts.layer[i] : starts.layer[i + 1]],
             tables.monitor[m:n],
             tables.bins[m:n],
             tables.first_bin[m:n],
@@ -94,7 +102,15 @@ def trace_tasks(
         )
         x, y = tasks.ray[j], tasks.ray[j + 1]
         some = Rows(rays.x[x:y], rays.z[x:y], rays.dx[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y], rays.colour[x:y])
-        rule = Rules(rules.splitting, rules.min_weight, rules.max_hits, rules.seed, tasks.first[j], tasks.step[j])
+        rule = Rules(
+            rules.splitting,
+            rules.min_weight,
+            rules.max_hits,
+            rules.seed,
+            tasks.first[j],
+            tasks.step[j],
+            rules.turbid,
+        )
         room = Space(
             space.state, space.tags, space.found, space.waiting_state, space.waiting_tags, space.branches[: y - x]
         )

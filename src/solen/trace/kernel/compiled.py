@@ -16,7 +16,7 @@ R = TypeVar("R")
 
 HERE = Path(__file__).parent
 ROOT = HERE.parent.parent
-COMPILED_IN = ("trace/tables.py", "trace/result.py", "curve/base.py", "scene/model.py")
+COMPILED_IN = ("trace/tables.py", "trace/result.py", "curve/base.py", "scene/model.py", "scene/surface.py")
 """Other files whose constants the kernel takes over."""
 SOURCES = (*sorted(HERE.glob("*.py")), *(ROOT / name for name in COMPILED_IN))
 STAMP = (max(source.stat().st_mtime for source in SOURCES), sum(source.stat().st_size for source in SOURCES))

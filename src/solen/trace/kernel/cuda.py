@@ -130,9 +130,11 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                     if fate == DETECTED:
                         count_arrival(k, tables, sums, c, px, pz, place, dx * nz - dz * nx, power, optical)
                 else:
-                    tx, tz, on_s, on_p, bx, bz, back_s, back_p, cut, both, ends, goes_back = leave(
-                        k, tables, rules, c, colour, here, there, number, hits, dx, dz, nx, nz, s, p, least
+                    tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
+                        k, tables, rules, c, colour, here, there, number, hits, px, pz, dx, dz, nx, nz, s, p, least
                     )
+                    if lost > 0.0:
+                        sums.fate[ABSORBED] += lost
                     goes_on = not ends
                     if both and waits == len(state):  # powers too small for their type to be halved
                         both, cut = False, on_s + on_p if goes_back else back_s + back_p

@@ -16,7 +16,7 @@ from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import place_on
 from solen.trace.kernel.rows import Floats, Ints, Precision
-from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
+from solen.trace.kernel.step import Rules, corner_step, escape, free_path, leave, meet, phase_turn, turned
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
@@ -178,6 +178,49 @@ def note_place(sums: Sums, which: int, x: float, z: float) -> None:
 
 
 @called
+def scatter(
+    k: Precision,
+    tables: Tables,
+    sums: Sums,
+    rules: Rules,
+    state: Floats,
+    tags: Ints,
+    i: int,
+    left: int,
+    here: int,
+    way: float,
+    loss: float,
+) -> int:
+    """Scatter ray i in a medium after a ``way`` and put it in place ``left``; 1 where it goes on, 0 where it ends."""
+    colour, number, hits = tags[COLOUR, i], tags[NUMBER, i], tags[HIT, i]
+    power = state[S, i] + state[P, i]
+    kept = math.exp(-loss * way) if loss > 0.0 else k.one
+    s, p = kept * state[S, i], kept * state[P, i]
+    worn_out = hits + 1 >= rules.max_hits or s + p < state[LEAST, i]
+    if len(tables.monitor) > 0:
+        count_monitors(tables, sums, state[X, i], state[Z, i], state[DX, i], state[DZ, i], way, power, loss)
+    if len(sums.legs) > 0:
+        note_leg(sums, rules, state, tags, i, -1, TRUNCATED if worn_out else GOES_ON, way, kept)
+    sums.fate[ABSORBED] += power - (s + p)
+    x, z = state[X, i] + way * state[DX, i], state[Z, i] + way * state[DZ, i]
+    if worn_out:
+        sums.fate[TRUNCATED] += s + p
+        note_place(sums, CUT, x, z)
+        return 0
+    half = phase_turn(k, tables, rules, here, colour, number, hits)
+    for row in range(9):
+        state[row, left] = state[row, i]
+    for row in range(7):
+        tags[row, left] = tags[row, i]
+    state[DX, left], state[DZ, left] = turned(k, half, state[DX, left], state[DZ, left])
+    state[X, left], state[Z, left], state[S, left], state[P, left] = x, z, s, p
+    state[AT, left] = k.zero
+    state[OPTICAL, left] += tables.refractive_index[colour, here] * way
+    tags[HIT, left], tags[LAST, left], tags[REGION, left] = hits + 1, -1, here
+    return 1
+
+
+@called
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
     k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, space: Space
 ) -> bool:
@@ -236,6 +279,11 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                 left += 1
                 continue
             sums.counts[HITS] += 1
+            if rules.turbid and not undefined:
+                way = free_path(k, tables, rules, here, colour[i], number[i], hits[i])
+                if way < length:
+                    left += scatter(k, tables, sums, rules, state, tags, i, left, here, way, loss)
+                    continue
             if undefined:
                 note_place(sums, UNDEFINED, px, pz)
             elif has_monitors:
@@ -255,10 +303,12 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     sine = dx[i] * nz - dz[i] * nx  # along the curve, as its left normal is (nx, nz)
                     count_arrival(k, tables, sums, c, px, pz, place, sine, power, way)
                 continue
-            tx, tz, on_s, on_p, bx, bz, back_s, back_p, cut, both, ends, goes_back = leave(
-                k, tables, rules, c, colour[i], here, there, number[i], hits[i], dx[i], dz[i], nx, nz,
+            tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
+                k, tables, rules, c, colour[i], here, there, number[i], hits[i], px, pz, dx[i], dz[i], nx, nz,
                 s_here, p_here, least[i],
             )  # fmt: skip
+            if lost > 0.0:
+                sums.fate[ABSORBED] += lost
             if cut > 0.0:
                 sums.fate[TRUNCATED] += cut
                 note_place(sums, CUT, px, pz)

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from solen.curve import END_TOLERANCE_MM, ROUNDING, SMALL
@@ -18,6 +20,9 @@ Ints = NDArray[np.int64]
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
 REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS = range(len(BEHAVIOURS))
+TREATED = 8
+"""Added to the behaviour of an interface whose surface is more than smooth, clean and bare."""
+SMOOTH, LAMBERTIAN, GAUSSIAN, HARVEY_SHACK = range(4)
 
 
 class Precision(NamedTuple):
@@ -136,6 +141,49 @@ class Cubic(NamedTuple):
     after: float
     first: float  # parameter on the whole curve at its start
     last: float  # and at its end
+
+
+class Treatment(NamedTuple):
+    """What a surface is beyond smooth, clean and bare; see `solen.scene.surface`."""
+
+    reflectance: float
+    transmitted: float
+    focal: float  # 0: no ideal element
+    partial: float  # 1 where refraction loses to partial reflection
+    band_low: float  # wavelengths, nm
+    band_high: float
+    band_within: float  # 1: acts inside the band, 0: outside it
+    scatter: float  # which profile
+    width: float  # its sigma or shoulder
+    wing: float  # its slope
+    share: float
+    tilt: float  # steepest slope of the texture
+    across: float  # 1 where its crests stand one above another along y
+    first_layer: float
+    layers: float
+
+
+@compiled
+def treatment_row(treatments: Floats, i: int) -> Treatment:
+    """Row of a treated surface."""
+    t = treatments[i]
+    return Treatment(t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14])
+
+
+def as_in(sample: float, number: float) -> float:
+    """A number in the precision of another one."""
+    return type(sample)(number)
+
+
+@overload(as_in)
+def _as_in(sample: Any, number: Any) -> Any:  # noqa: ARG001  numba compares the names
+    def single(sample: Any, number: Any) -> Any:  # noqa: ARG001
+        return np.float32(number)
+
+    def double(sample: Any, number: Any) -> Any:  # noqa: ARG001
+        return np.float64(number)
+
+    return single if sample == types.float32 else double
 
 
 @compiled

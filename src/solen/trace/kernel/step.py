@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.nearest import normal_at, other_side
-from solen.trace.kernel.rows import Precision
-from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, drawn, end_fate
+from solen.trace.kernel.rows import TREATED, Precision, as_in
+from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, chance_of, drawn, end_fate
+from solen.trace.kernel.treated import FREE_PATH, PHASE, acting, at_treated
 from solen.trace.result import ABSORBED, ESCAPED, TRUNCATED
 from solen.trace.tables import Tables
 
@@ -26,6 +27,8 @@ class Rules(NamedTuple):
     """number of the first ray"""
     step: int
     """from one ray's number to the next one's"""
+    turbid: bool
+    """whether some medium scatters"""
 
 
 class Meeting(NamedTuple):
@@ -82,7 +85,10 @@ def meet(
     loss = tables.absorption[colour, here] if rules.splitting != COUNT and not undefined else k.zero
     kept = math.exp(-loss * length) if loss > 0.0 else k.one
     worn_out = undefined or hits + 1 >= rules.max_hits or kept * power < least
-    fate = TRUNCATED if undefined else end_fate(tables.behaviour[c], from_right, worn_out)
+    behaviour = tables.behaviour[c]
+    if behaviour >= TREATED:
+        behaviour = acting(tables, c, colour)
+    fate = TRUNCATED if undefined else end_fate(behaviour, from_right, worn_out)
     return Meeting(px, pz, nx, nz, here, there, undefined, corner, loss, kept, fate)
 
 
@@ -111,6 +117,8 @@ class Leaving(NamedTuple):
     back_z: float
     back_s: float
     back_p: float
+    lost: float
+    """power that the surface absorbs"""
     cut: float
     """power of the parts that are too weak to be followed"""
     both: bool
@@ -132,6 +140,8 @@ def leave(
     there: int,
     number: int,
     hits: int,
+    x: float,
+    z: float,
     dx: float,
     dz: float,
     nx: float,
@@ -141,17 +151,52 @@ def leave(
     least: float,
 ) -> Leaving:
     """What the surface of curve ``c`` makes of ray ``number``, which has met ``hits`` interfaces before this one."""
-    on_x, on_z, back_x, back_z, back_s, back_p = at_surface(
-        k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz,
-        tables.refractive_index[colour, here], tables.refractive_index[colour, there], s, p,
-    )  # fmt: skip
-    on_s, on_p = s - back_s, p - back_p
+    n1, n2, lost = tables.refractive_index[colour, here], tables.refractive_index[colour, there], k.zero
+    if tables.behaviour[c] < TREATED:
+        on_x, on_z, back_x, back_z, back_s, back_p = at_surface(
+            k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz, n1, n2, s, p
+        )
+        on_s, on_p = s - back_s, p - back_p
+    else:
+        ray = rules.first + rules.step * number
+        on_x, on_z, back_x, back_z, on_s, on_p, back_s, back_p = at_treated(
+            k, tables, rules.splitting, rules.seed, c, colour, ray, hits, x, z, dx, dz, nx, nz, n1, n2, s, p
+        )
+        lost = max((s - on_s - back_s) + (p - on_p - back_p), k.zero)
     on, back = on_s + on_p, back_s + back_p
     if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
-        ray = rules.first + rules.step * number
-        on_s, on_p, back_s, back_p, on, back = drawn(k, rules.seed, ray, hits, s + p, on_s, on_p, back_s, back_p)
+        ray, power = rules.first + rules.step * number, s + p - lost
+        on_s, on_p, back_s, back_p, on, back = drawn(k, rules.seed, ray, hits, power, on_s, on_p, back_s, back_p)
     cut = (on if on < least else k.zero) + (back if back < least else k.zero)
     both = on >= least and back >= least
     ends = not (on >= least or back >= least)
     goes_back = back <= on if both else back >= least
-    return Leaving(on_x, on_z, on_s, on_p, back_x, back_z, back_s, back_p, cut, both, ends, goes_back)
+    return Leaving(on_x, on_z, on_s, on_p, back_x, back_z, back_s, back_p, lost, cut, both, ends, goes_back)
+
+
+@compiled
+def free_path(k: Precision, tables: Tables, rules: Rules, region: int, colour: int, number: int, hits: int) -> float:
+    """How far a ray gets in a medium before it is scattered, mm: drawn from the exponential distribution."""
+    scattering = tables.scattering[colour, region]
+    if not scattering > 0.0:
+        return k.none
+    share = chance_of(rules.seed, rules.first + rules.step * number, hits, FREE_PATH)
+    path: float = as_in(k.zero, -math.log(1.0 - share)) / scattering
+    return path
+
+
+@compiled
+def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, colour: int, number: int, hits: int) -> float:
+    """Tangent of half the angle by which scattering turns a ray in the plane: the wrapped Cauchy distribution."""
+    share = chance_of(rules.seed, rules.first + rules.step * number, hits, PHASE)
+    g = tables.anisotropy[colour, region]
+    half: float = (k.one - g) / (k.one + g) * as_in(k.zero, math.tan(math.pi * (share - 0.5)))
+    return half
+
+
+@compiled
+def turned(k: Precision, half: float, dx: float, dz: float) -> tuple[float, float]:
+    """Direction turned by the angle of whose half this is the tangent."""
+    scale = k.one / (k.one + half * half)
+    cos, sin = (k.one - half * half) * scale, (half + half) * scale
+    return cos * dx - sin * dz, sin * dx + cos * dz

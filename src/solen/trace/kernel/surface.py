@@ -102,6 +102,15 @@ def chance(seed: int, ray: int, hit: int) -> float:
 
 
 @compiled
+def chance_of(seed: int, ray: int, hit: int, draw: int) -> float:
+    """As `chance`, for the several numbers that one hit may need: the n-th is that of ``draw`` n, from 1 on."""
+    number = scrambled(np.uint64(seed))
+    for part in (ray, hit, draw):
+        number = scrambled(number ^ np.uint64(part))
+    return float(number >> np.uint64(11)) * 2.0**-53
+
+
+@compiled
 def scrambled(number: np.uint64) -> np.uint64:
     """Scramble the bits of a number (Steele, Lea & Flood, 2014)."""
     number += np.uint64(0x9E3779B97F4A7C15)

@@ -106,9 +106,10 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 value[receivers + (0 if fate == ESCAPED else 1)] += s + p
             running = False
             continue
-        tx, tz, on_s, on_p, bx, bz, back_s, back_p, _, both, ends, goes_back = leave(
-            k, tables, family.rules, c, family.colour, here, there, 0, hits, dx, dz, nx, nz, s, p, least
+        tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, _, both, ends, goes_back = leave(
+            k, tables, family.rules, c, family.colour, here, there, 0, hits, px, pz, dx, dz, nx, nz, s, p, least
         )
+        value[receivers + 1] += lost
         if ends:
             running = False
             continue

@@ -1,0 +1,224 @@
+"""Surfaces that are more than smooth, clean and bare: grey mirrors, ideal elements, thin films, texture and scatter.
+
+One function, `at_treated`, stands for `solen.trace.kernel.surface.at_surface` where an interface says that it is
+treated. What is drawn belongs to the ray's number, the hits it has had and the number of the draw.
+"""
+
+import cmath
+import math
+
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.rows import (
+    GAUSSIAN,
+    HARVEY_SHACK,
+    LENS,
+    MIRROR,
+    REFRACTING,
+    SMOOTH,
+    SPLITTER,
+    TREATED,
+    Precision,
+    Treatment,
+    as_in,
+    treatment_row,
+)
+from solen.trace.kernel.surface import BRANCHES, COUNT, at_surface, chance_of
+from solen.trace.tables import Tables
+
+FREE_PATH, PHASE, FACET, ON, BACK = 1, 2, 1 << 10, 1 << 11, 1 << 12
+"""Where each purpose begins to count its draws."""
+TRIES = 256
+"""Draws that may be turned down before the smooth direction is taken instead."""
+OPAQUE = 300.0
+"""Imaginary phase of a film from which on nothing comes through that a number could hold."""
+
+
+@compiled
+def acting(tables: Tables, c: int, colour: int) -> int:
+    """Behaviour of a treated interface at a wavelength: outside its band it is a bare refracting one."""
+    t = treatment_row(tables.treatments, tables.treatment[c])
+    nm = tables.wavelength[colour]
+    within = t.band_low <= nm <= t.band_high
+    acts = within == (t.band_within > 0.0) or t.band_low == -math.inf
+    return int(tables.behaviour[c] - TREATED) if acts else -1
+
+
+@called
+def at_treated(
+    k: Precision,
+    tables: Tables,
+    splitting: int,
+    seed: int,
+    c: int,
+    colour: int,
+    ray: int,
+    hits: int,
+    x: float,
+    z: float,
+    dx: float,
+    dz: float,
+    nx: float,
+    nz: float,
+    n1: float,
+    n2: float,
+    s: float,
+    p: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """Direction through, direction back, powers in s and p that go through, and that go back; the rest is absorbed."""
+    t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
+    if behaviour < 0:
+        tx, tz, bx, bz, back_s, back_p = at_surface(k, REFRACTING, splitting, dx, dz, nx, nz, n1, n2, s, p)
+        return tx, tz, bx, bz, s - back_s, p - back_p, back_s, back_p
+    from_right = dx * nx + dz * nz > 0.0
+    if from_right:
+        nx, nz = -nx, -nz
+    fx, fz = nx, nz
+    if t.tilt > 0.0 and t.across == 0.0:
+        fx, fz = facet(seed, ray, hits, t.tilt, dx, dz, nx, nz, n1, n2)
+    as_mirror = MIRROR if behaviour == MIRROR else REFRACTING
+    split = COUNT if splitting == COUNT or t.partial == 0.0 else BRANCHES
+    fx, fz = as_in(k.zero, fx), as_in(k.zero, fz)
+    tx, tz, bx, bz, back_s, back_p = at_surface(k, as_mirror, split, dx, dz, fx, fz, n1, n2, s, p)
+    on_s, on_p = s - back_s, p - back_p
+    if behaviour == SPLITTER:
+        tx, tz, on_s, on_p = dx, dz, t.transmitted * s, t.transmitted * p
+        back_s, back_p = s - on_s, p - on_p
+        if splitting == COUNT:
+            on_s, on_p, back_s, back_p = s, p, k.zero, k.zero
+    elif behaviour == MIRROR and splitting != COUNT:
+        back_s, back_p = t.reflectance * s, t.reflectance * p
+    if t.focal != 0.0:
+        ex, ez = focused(tables.middle[c, 0], tables.middle[c, 1], t.focal, x, z, dx, dz, nx, nz)
+        if behaviour == LENS:
+            tx, tz, on_s, on_p, back_s, back_p = as_in(k.zero, ex), as_in(k.zero, ez), s, p, k.zero, k.zero
+        else:
+            cos = ex * nx + ez * nz
+            bx, bz = as_in(k.zero, ex - (cos + cos) * nx), as_in(k.zero, ez - (cos + cos) * nz)
+    if t.layers > 0.0 and splitting != COUNT:
+        cos_in = -(dx * fx + dz * fz)
+        through_s, through_p, r_s, r_p = film(tables, t, colour, from_right, cos_in, n1, n2)
+        on_s, on_p = as_in(k.zero, through_s * s), as_in(k.zero, through_p * p)
+        back_s, back_p = as_in(k.zero, r_s * s), as_in(k.zero, r_p * p)
+    if t.scatter != SMOOTH:
+        ex, ez = scattered(t, seed, ray, hits, ON, tx, tz, -nx, -nz)
+        tx, tz = as_in(k.zero, ex), as_in(k.zero, ez)
+        ex, ez = scattered(t, seed, ray, hits, BACK, bx, bz, nx, nz)
+        bx, bz = as_in(k.zero, ex), as_in(k.zero, ez)
+    return tx, tz, bx, bz, on_s, on_p, back_s, back_p
+
+
+@compiled
+def focused(
+    mx: float, mz: float, focal: float, x: float, z: float, dx: float, dz: float, nx: float, nz: float
+) -> tuple[float, float]:
+    """Direction behind an ideal thin lens about (mx, mz): its slope to the axis falls by the height over the lens/f."""
+    along, height = dx * -nz + dz * nx, (x - mx) * -nz + (z - mz) * nx
+    onwards = -(dx * nx + dz * nz)
+    slope = along / onwards - height / focal
+    scale = 1.0 / math.sqrt(1.0 + slope * slope)
+    return scale * (slope * -nz - nx), scale * (slope * nx - nz)
+
+
+@compiled
+def facet(
+    seed: int, ray: int, hits: int, tilt: float, dx: float, dz: float, nx: float, nz: float, n1: float, n2: float
+) -> tuple[float, float]:
+    """Normal of the stretch of a ripple that a ray meets, facing it.
+
+    Stretches are drawn by how large they look from the ray; those that would send light through the surface again are
+    drawn anew, as are those that it cannot see.
+    """
+    cos_in, sine = -(dx * nx + dz * nz), dx * -nz + dz * nx
+    steepest = 1.0 + tilt * abs(sine) / cos_in
+    for i in range(TRIES):
+        slope = tilt * math.cos(2.0 * math.pi * chance_of(seed, ray, hits, FACET + 2 * i))
+        seen = 1.0 - slope * sine / cos_in
+        if chance_of(seed, ray, hits, FACET + 2 * i + 1) * steepest > seen:
+            continue
+        scale = 1.0 / math.sqrt(1.0 + slope * slope)
+        fx, fz = scale * (nx + slope * -nz), scale * (nz + slope * nx)
+        cos = -(dx * fx + dz * fz)
+        if not cos > 0.0:
+            continue
+        back = -cos_in + 2.0 * cos * (fx * nx + fz * nz)
+        cos2 = n2 * n2 - n1 * n1 * (1.0 - cos * cos)
+        onwards = -1.0
+        if cos2 > 0.0:
+            bend = n1 * cos - math.sqrt(cos2)
+            onwards = -n1 * cos_in + bend * (fx * nx + fz * nz)
+        if back > 0.0 and onwards < 0.0:
+            return fx, fz
+    return nx, nz
+
+
+@compiled
+def scattered(
+    t: Treatment, seed: int, ray: int, hits: int, purpose: int, dx: float, dz: float, nx: float, nz: float
+) -> tuple[float, float]:
+    """Direction of a part that leaves on the side of the normal: as it was, or drawn from the profile about it."""
+    if not chance_of(seed, ray, hits, purpose) < t.share:
+        return dx, dz
+    smooth = dx * -nz + dz * nx
+    for i in range(TRIES):
+        one, two = chance_of(seed, ray, hits, purpose + 2 * i + 1), chance_of(seed, ray, hits, purpose + 2 * i + 2)
+        sine = 2.0 * one - 1.0
+        if t.scatter == GAUSSIAN:
+            sine = smooth + t.width * math.sqrt(-2.0 * math.log(1.0 - one)) * math.cos(2.0 * math.pi * two)
+        elif t.scatter == HARVEY_SHACK:
+            far = math.tan(math.pi * (one - 0.5))
+            sine = smooth + t.width * far
+            if not harvey_shack_kept(t.width, t.wing, far) > two:
+                continue
+        if abs(sine) < 1.0:
+            cos = math.sqrt((1.0 - sine) * (1.0 + sine))
+            return cos * nx - sine * nz, cos * nz + sine * nx
+    return dx, dz
+
+
+@compiled
+def harvey_shack_kept(width: float, wing: float, far: float) -> float:
+    """Chance with which a draw from Cauchy's distribution stands for one from (1 + far²)^(−wing/2), cut off at 2."""
+    widest = 2.0 / width
+    power = 1.0 - 0.5 * wing
+    most = (1.0 + widest * widest) ** power if power > 0.0 else 1.0
+    return (1.0 + far * far) ** power / most if abs(far) <= widest else 0.0
+
+
+@compiled
+def film(
+    tables: Tables, t: Treatment, colour: int, from_right: bool, cos_in: float, n1: float, n2: float
+) -> tuple[float, float, float, float]:
+    """Transmittance and reflectance of power in s and p of a stack of films, by characteristic matrices.
+
+    (Macleod, Thin-Film Optical Filters, chapter 2.) A film that decays beyond all numbers counts as without end.
+    """
+    q2 = n1 * n1 * (1.0 - cos_in * cos_in)
+    out = root(complex(n2 * n2 - q2, 0.0))
+    b_s, c_s, b_p, c_p = 1.0 + 0.0j, out, 1.0 + 0.0j, n2 * n2 / out
+    first, many = int(t.first_layer), int(t.layers)
+    last_s, last_p = c_s.real, c_p.real
+    for i in range(many):
+        row = tables.layers[first + (i if from_right else many - 1 - i)]
+        n = complex(row[0], -row[1])
+        axial = root(n * n - q2)
+        phase = 2.0 * math.pi / tables.wavelength[colour] * row[2] * axial
+        if phase.imag < -OPAQUE:
+            b_s, c_s, b_p, c_p = 1.0 + 0.0j, axial, 1.0 + 0.0j, n * n / axial
+            last_s, last_p = 0.0, 0.0
+            continue
+        cos, sin = cmath.cos(phase), 1j * cmath.sin(phase)
+        eta_p = n * n / axial
+        b_s, c_s = cos * b_s + sin / axial * c_s, axial * sin * b_s + cos * c_s
+        b_p, c_p = cos * b_p + sin / eta_p * c_p, eta_p * sin * b_p + cos * c_p
+    in_s, in_p = n1 * cos_in, n1 / cos_in
+    r_s, r_p = (in_s * b_s - c_s) / (in_s * b_s + c_s), (in_p * b_p - c_p) / (in_p * b_p + c_p)
+    through_s = 4.0 * in_s * last_s / abs(in_s * b_s + c_s) ** 2
+    through_p = 4.0 * in_p * last_p / abs(in_p * b_p + c_p) ** 2
+    return max(through_s, 0.0), max(through_p, 0.0), abs(r_s) ** 2, abs(r_p) ** 2
+
+
+@compiled
+def root(square: complex) -> complex:
+    """Root of a squared wave number along the normal: a wave that decays as it goes on (time as exp(+iωt))."""
+    axial = cmath.sqrt(square)
+    return -axial if axial.imag > 0.0 else axial

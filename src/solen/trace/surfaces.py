@@ -1,0 +1,195 @@
+"""What a treated surface makes of a ray, in plain Python: the truth for `solen.trace.kernel.treated`.
+
+See `solen.scene.surface` for what there is. Draws are those of the engine, number for number, so that both can be
+compared ray by ray; what is done with them is written down a second time, and films are computed by another method.
+"""
+
+import cmath
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from solen.interface import fresnel, reflected, refracted
+from solen.plane import Point, cross, dot, left_of, minus, unit
+from solen.scene import Coating, Gaussian, HarveyShack, Interface, Surface, Texture
+from solen.trace.kernel.surface import chance_of
+from solen.trace.kernel.treated import BACK, FACET, ON, TRIES
+
+Draw = Callable[[int], float]
+"""The n-th number in [0, 1) that belongs to a ray and a hit."""
+
+
+class Part(NamedTuple):
+    """Direction and powers of what leaves a surface on one side."""
+
+    direction: Point
+    s: float
+    p: float
+
+
+class Arrival(NamedTuple):
+    """A ray that meets a surface: where, which way, its powers, the normal that faces it, and both indices."""
+
+    at: Point
+    direction: Point
+    s: float
+    p: float
+    facing: Point
+    n1: float
+    n2: float
+    wavelength_nm: float | None
+    from_right: bool
+
+    @property
+    def cos(self) -> float:
+        """Cosine of the angle of incidence."""
+        return -dot(self.direction, self.facing)
+
+
+def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
+    """What goes on through the surface and what goes back, before anything is cut off; the rest is absorbed."""
+    tilted = ray
+    if surface.texture is not None and surface.texture.direction == "along":
+        tilted = ray._replace(facing=_facet(surface.texture, ray, draw))
+    on, back = _smooth(interface, surface, tilted, counting)
+    if surface.focal_mm is not None:
+        on, back = _focused(interface, surface.focal_mm, ray, on, back)
+    if surface.coating is not None and not counting:
+        on, back = _coated(surface.coating, tilted, on, back)
+    away = (-ray.facing[0], -ray.facing[1])
+    return _scattered(surface, on, away, draw, ON), _scattered(surface, back, ray.facing, draw, BACK)
+
+
+def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool) -> tuple[Part, Part]:
+    """Both parts at a smooth surface of a behaviour."""
+    back = reflected(ray.direction, ray.facing)
+    nothing = Part(ray.direction, 0.0, 0.0)
+    if interface.behaviour == "lens":
+        return Part(ray.direction, ray.s, ray.p), nothing
+    if interface.behaviour == "splitter":
+        t = 1.0 if counting else surface.transmitted
+        on = Part(ray.direction, t * ray.s, t * ray.p)
+        return on, Part(back, ray.s - on.s, ray.p - on.p)
+    if interface.behaviour == "mirror":
+        rho = 1.0 if counting else surface.reflectance
+        return nothing, Part(back, rho * ray.s, rho * ray.p)
+    through = refracted(ray.direction, ray.facing, ray.n1, ray.n2)
+    if through is None:
+        return nothing, Part(back, ray.s, ray.p)
+    if counting or not surface.partial:
+        return Part(through, ray.s, ray.p), Part(back, 0.0, 0.0)
+    share = fresnel(ray.cos, ray.n1, ray.n2)
+    on = Part(through, ray.s * (1.0 - share.s), ray.p * (1.0 - share.p))
+    return on, Part(back, ray.s * share.s, ray.p * share.p)
+
+
+def _focused(interface: Interface, focal_mm: float, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
+    """Paraxial optics at any angle: the slope to the axis falls by the height over the element's middle, over f."""
+    along = left_of(ray.facing)
+    height = dot(minus(ray.at, interface.curve.middle_point), along)
+    slope = dot(ray.direction, along) / ray.cos - height / focal_mm
+    if interface.behaviour == "lens":
+        return on._replace(direction=_towards(slope, along, (-ray.facing[0], -ray.facing[1]))), back
+    return on, back._replace(direction=_towards(slope, along, ray.facing))
+
+
+def _towards(slope: float, along: Point, axis: Point) -> Point:
+    return unit((slope * along[0] + axis[0], slope * along[1] + axis[1]))
+
+
+def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
+    if ray.wavelength_nm is None:
+        raise AssertionError("a scene with coatings has wavelengths")
+    layers = coating.layers[::-1] if ray.from_right else coating.layers
+    films = [(complex(layer.index, -layer.extinction), layer.thickness_nm) for layer in layers]
+    rs, ts = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "s")
+    rp, tp = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "p")
+    return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+
+
+def film_powers(
+    films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
+) -> tuple[float, float]:
+    """Reflectance and transmittance of films (complex index, nm) by Airy's sum, from the last boundary to the first.
+
+    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.)
+    """
+    k0, q = 2.0 * math.pi / wavelength_nm, n1 * math.sqrt(1.0 - cos * cos)
+    indices = [complex(n1), *(index for index, _ in films), complex(n2)]
+    normal = [_decaying(n * n - q * q) for n in indices]
+    tilt = [a if polarisation == "s" else n * n / a for n, a in zip(indices, normal, strict=True)]
+    r, t = 0.0 + 0.0j, 1.0 + 0.0j
+    for j in range(len(indices) - 2, -1, -1):
+        boundary = (tilt[j] - tilt[j + 1]) / (tilt[j] + tilt[j + 1])
+        thickness_nm = films[j][1] if j < len(films) else 0.0  # of the film behind this boundary
+        once = cmath.exp(-1j * k0 * normal[j + 1] * thickness_nm)
+        behind = r * once * once
+        below = 1.0 + boundary * behind
+        r, t = (boundary + behind) / below, t * (1.0 + boundary) * once / below
+    return abs(r) ** 2, abs(t) ** 2 * tilt[-1].real / tilt[0].real
+
+
+def _decaying(square: complex) -> complex:
+    """Root of a squared wave number of a wave that decays as it goes on, its time as exp(+iωt)."""
+    found = cmath.sqrt(square)
+    return -found if found.imag > 0.0 else found
+
+
+def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
+    """Normal of the stretch of a ripple that a ray meets, drawn by how large the stretch looks from it."""
+    along = left_of(ray.facing)
+    sine = dot(ray.direction, along)
+    for i in range(TRIES):
+        slope = texture.slope * math.cos(2.0 * math.pi * draw(FACET + 2 * i))
+        size, largest = 1.0 - slope * sine / ray.cos, 1.0 + texture.slope * abs(sine) / ray.cos
+        if draw(FACET + 2 * i + 1) * largest > size:
+            continue
+        normal = unit((ray.facing[0] + slope * along[0], ray.facing[1] + slope * along[1]))
+        if dot(ray.direction, normal) >= 0.0:
+            continue
+        back, on = reflected(ray.direction, normal), refracted(ray.direction, normal, ray.n1, ray.n2)
+        if dot(back, ray.facing) > 0.0 and (on is None or dot(on, ray.facing) < 0.0):
+            return normal
+    return ray.facing
+
+
+def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose: int) -> Part:
+    """A part as it was, or in a direction drawn from the profile about it, on the side of the normal."""
+    scatter = surface.scatter
+    if scatter is None or draw(purpose) >= scatter.share:
+        return part
+    along = left_of(normal)
+    smooth = cross(normal, part.direction)
+    for i in range(TRIES):
+        one, two = draw(purpose + 2 * i + 1), draw(purpose + 2 * i + 2)
+        if isinstance(scatter, Gaussian):
+            radius = math.sqrt(-2.0 * math.log(1.0 - one))
+            sine = smooth + scatter.sigma * radius * math.cos(2.0 * math.pi * two)
+        elif isinstance(scatter, HarveyShack):
+            off = math.tan(math.pi * (one - 0.5))
+            if two >= _kept(scatter, off):
+                continue
+            sine = smooth + scatter.shoulder * off
+        else:
+            sine = 2.0 * one - 1.0
+        if abs(sine) < 1.0:
+            cos = math.sqrt(1.0 - sine * sine)
+            direction = (cos * normal[0] + sine * along[0], cos * normal[1] + sine * along[1])
+            return part._replace(direction=direction)
+    return part
+
+
+def _kept(scatter: HarveyShack, off: float) -> float:
+    """Share of Cauchy's draws, at so many shoulders off, that are draws of the profile."""
+    if abs(off) > 2.0 / scatter.shoulder:
+        return 0.0
+
+    def ratio(x: float) -> float:
+        return float((1.0 + x * x) ** (1.0 - scatter.slope / 2.0))
+
+    return ratio(off) / max(1.0, ratio(2.0 / scatter.shoulder))
+
+
+def draws(seed: int, ray: int, hit: int) -> Draw:
+    """The numbers that belong to a ray and a hit."""
+    return lambda number: chance_of(seed, ray, hit, number)
