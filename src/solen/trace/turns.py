@@ -18,7 +18,9 @@ from dataclasses import dataclass, replace
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
 
-from solen.scene import Scene
+from solen.plane import Point
+from solen.scene import Interface, Scene
+from solen.scene.rayoptics import Facets
 from solen.trace.reference import Ray, _ray, _Tracer
 from solen.trace.result import TRUNCATED, Limits, Trace
 
@@ -145,6 +147,10 @@ class _InTurns(_Tracer):
         self._truncated(ray.origin)
         self._end(ray, TRUNCATED, None)
         self.places[self.turn] = None
+
+    def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:
+        curve = interface.curve
+        return curve.normal_met(at, direction) if isinstance(curve, Facets) else curve.normal_at(at)
 
     def _split(self, parts: tuple[Ray, Ray], waiting: list[Ray]) -> Ray | None:
         """Keep one part in its place; the other one is added, or dropped, or goes on for others that are dropped."""

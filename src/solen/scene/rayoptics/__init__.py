@@ -8,7 +8,8 @@ The interface: `load` and `loads` give an `Imported`; `recognised` tells whether
 curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
 """
 
+from solen.scene.rayoptics.facets import Facets
 from solen.scene.rayoptics.fields import NotUnderstood
 from solen.scene.rayoptics.reading import Detector, Imported, Reading, load, loads, recognised
 
-__all__ = ["Detector", "Imported", "NotUnderstood", "Reading", "load", "loads", "recognised"]
+__all__ = ["Detector", "Facets", "Imported", "NotUnderstood", "Reading", "load", "loads", "recognised"]

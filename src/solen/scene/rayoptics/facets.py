@@ -9,15 +9,17 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.curve import Curve
-from solen.plane import Point, Rigid, cross, left_of
+from solen.plane import Point, Rigid, cross, dot, left_of
 from solen.scene.rayoptics.fields import UnreadError
 
 Floats = NDArray[np.float64]
+Blend = Literal["images", "lengths", "units"]
 
 STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
 """Step along the base of a curve over a line, place of the first point and how far beyond the end the last may be."""
@@ -30,19 +32,19 @@ MOST_CORNERS = 200_000
 class Facets(Curve):
     """Polyline through ``corners``, from parameter ``low`` to ``high``; parameters count corners, with parts of chords.
 
-    ``blend`` is the power of a chord's length by which it weighs in a blended normal: 2 over a line, 0 of a parametric
-    curve, whose neighbours of very unlike length are left out. What a ray that leaves meets nearer than ``skin`` is the
-    place that it stands on.
+    ``blend`` says how: a mirror over a line blends *images* and a glass there normals, both by the chords' *lengths*
+    squared; a parametric curve blends normals by *units*, and not those of very unlike chords. What a ray that leaves
+    meets nearer than ``skin`` is the place that it stands on.
     """
 
     corners: tuple[Point, ...]
-    blend: int
+    blend: Blend
     skin: float
     low: float
     high: float
 
     @classmethod
-    def through(cls, corners: tuple[Point, ...], blend: int, skin: float) -> "Facets":
+    def through(cls, corners: tuple[Point, ...], blend: Blend, skin: float) -> "Facets":
         """All chords."""
         return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
 
@@ -71,31 +73,49 @@ class Facets(Curve):
         return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`; blended."""
+        """See :meth:`Curve.normal_at`; blended as a mirror's: two images add up to that of half their doubled angle."""
+        blended = self._blended(point)
+        doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)
+        half = np.sqrt(doubled / abs(doubled)) if doubled else 1.0
+        own = complex(*blended[0][1])
+        turned = half * math.copysign(1.0, (half * own.conjugate()).real)
+        return left_of((turned.real, turned.imag))
+
+    def normal_met(self, point: Point, direction: Point) -> Point:
+        """Left normal where a ray meets the curve: of glass, each chord's counts as the ray stands on it."""
+        if self.blend == "images":
+            return self.normal_at(point)
+        x = z = 0.0
+        for weight, tangent in self._blended(point):
+            normal = left_of(tangent)
+            stands = weight * dot(direction, normal)
+            x, z = x + stands * normal[0], z + stands * normal[1]
+        own = left_of(self._blended(point)[0][1])
+        way = math.copysign(1.0, dot((x, z), own)) / (math.hypot(x, z) or math.nan)
+        return (way * x, way * z) if way == way else own
+
+    def _blended(self, point: Point) -> list[tuple[float, Point]]:
+        """The chord next to a point and, where they blend, that behind it: weights and unit tangents."""
         chord, share = self._chord(point)
         other = chord - 1 if share < 0.5 else chord + 1
         own = 0.5 + share if share < 0.5 else 1.5 - share
         _, steps, lengths = self._table
-        if self.closed:
+        if self.closed and self.blend != "units":
             other %= len(steps)
         if not 0 <= other < len(steps) or lengths[other] == 0.0:
-            return self.facet_normal(chord)
-        if self.blend == 0 and not 1.0 / UNLIKE < lengths[other] / lengths[chord] < UNLIKE:
-            return self.facet_normal(chord)
-        # two mirrors' images add up to that of a third one, at half the angle of the sum of doubled angles
-        doubled = sum(
-            share * lengths[i] ** self.blend * complex(*(steps[i] / lengths[i])) ** 2
-            for i, share in ((chord, own), (other, 1.0 - own))
-        )
-        tangent = np.sqrt(doubled / abs(doubled))
-        along = tangent.real * steps[chord][0] + tangent.imag * steps[chord][1]
-        return left_of((math.copysign(1.0, along) * tangent.real, math.copysign(1.0, along) * tangent.imag))
+            return [(1.0, self._tangent(chord))]
+        if self.blend == "units":
+            if not 1.0 / UNLIKE < lengths[other] / lengths[chord] < UNLIKE:
+                return [(1.0, self._tangent(chord))]
+            weights = (own, 1.0 - own)
+        else:
+            weights = (own * float(lengths[chord]) ** 2, (1.0 - own) * float(lengths[other]) ** 2)
+        return [(weights[0], self._tangent(chord)), (weights[1], self._tangent(other))]
 
-    def facet_normal(self, chord: int) -> Point:
-        """Left normal of a chord itself."""
+    def _tangent(self, chord: int) -> Point:
         _, steps, lengths = self._table
         x, z = (steps[chord] / lengths[chord]).tolist()
-        return left_of((x, z))
+        return (x, z)
 
     def sign_at(self, point: Point, direction: Point) -> int:
         """1 where a ray goes through a chord to its right, −1 to its left."""

@@ -12,7 +12,7 @@ from solen.plane import Point, along, cross, dot, left_of, minus, unit
 from solen.scene.model import Behaviour
 from solen.scene.rayoptics.arrangement import Element, Glass
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, expression, finite, point_of
-from solen.scene.rayoptics.facets import Facets, along_parameter, over_line, sampled
+from solen.scene.rayoptics.facets import Blend, Facets, along_parameter, over_line, sampled
 from solen.scene.rayoptics.fit import At, fitted
 from solen.scene.rayoptics.formula import Function
 from solen.scene.rayoptics.modules import Expression
@@ -231,7 +231,7 @@ def _custom_glass(fields: Fields, name: str, world: World) -> list[Glass | Eleme
     if places:
         back = [upper(base.length_mm - place) for place in places]
         corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        return glass(fields, name, [_facets(corners, 2, world)], world, oriented=True)
+        return glass(fields, name, [_facets(corners, "lengths", world)], world, oriented=True)
     there, back_again = (fitted(one, 0.0, base.length_mm, key) for one, key in ((lower, "eqn1"), (upper, "eqn2")))
     outline = closed_outline([there, [one.reversed() for one in reversed(back_again)]])
     return glass(fields, name, outline, world, oriented=True)
@@ -248,7 +248,7 @@ def _over(base: Segment, formula: Expression) -> At:
     return at
 
 
-def _facets(corners: Sequence[Point], blend: int, world: World) -> Facets:
+def _facets(corners: Sequence[Point], blend: Blend, world: World) -> Facets:
     return Facets.through(tuple(corners), blend, SKIN * world.length_scale)
 
 
@@ -288,7 +288,7 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
         else:
             parts.append(fitted(at, low, high, what))
     if world.facets and corners:
-        return [[_facets(_closed(corners), 0, world)]]
+        return [[_facets(_closed(corners), "units", world)]]
     if not parts:
         raise UnreadError("pieces", "must be at least one")
     return parts
@@ -345,7 +345,7 @@ def _custom_mirror(fields: Fields, name: str, world: World) -> list[Glass | Elem
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if world.facets:
         corners = sampled(at, over_line(base.length_mm, world.length_scale), "eqn")
-        return element(fields, name, [_facets(corners, 2, world)], "mirror", world)
+        return element(fields, name, [_facets(corners, "images", world)], "mirror", world)
     return element(fields, name, fitted(at, 0.0, base.length_mm, "eqn"), "mirror", world)
 
 
