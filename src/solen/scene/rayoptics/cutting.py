@@ -25,6 +25,8 @@ Place = tuple[float, float]
 
 SAMPLES_PER_CUBIC = 48
 SAMPLES_PER_ARC = 128
+PARALLEL = 1e-7
+"""Sine of the angle below which two chords lie along one another rather than cross."""
 STEPS = 60
 """Halvings or Newton steps at most."""
 
@@ -196,7 +198,8 @@ def _of_polylines(a: Curve, b: Curve) -> list[Place]:
         slant = dp[..., 0] * dq[..., 1] - dp[..., 1] * dq[..., 0]
         s = (between[..., 0] * dq[..., 1] - between[..., 1] * dq[..., 0]) / slant
         t = (between[..., 0] * dp[..., 1] - between[..., 1] * dp[..., 0]) / slant
-    i, j = np.nonzero((s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))
+    apart = np.abs(slant) > PARALLEL * np.hypot(*np.moveaxis(dp, 2, 0)) * np.hypot(*np.moveaxis(dq, 2, 0))
+    i, j = np.nonzero(apart & (s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))
     pairs = zip(u[i] + s[i, j] * np.diff(u)[i], v[j] + t[i, j] * np.diff(v)[j], strict=True)
     return [(float(x), float(y)) for x, y in pairs]
 

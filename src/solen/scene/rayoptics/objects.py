@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -231,7 +231,7 @@ def _custom_glass(fields: Fields, name: str, world: World) -> list[Glass | Eleme
     if places:
         back = [upper(base.length_mm - place) for place in places]
         corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        return glass(fields, name, [_facets(corners, "lengths", world)], world, oriented=True)
+        return glass(fields, name, _facets(corners, (len(places),), "lengths", world), world, oriented=True)
     there, back_again = (fitted(one, 0.0, base.length_mm, key) for one, key in ((lower, "eqn1"), (upper, "eqn2")))
     outline = closed_outline([there, [one.reversed() for one in reversed(back_again)]])
     return glass(fields, name, outline, world, oriented=True)
@@ -248,8 +248,10 @@ def _over(base: Segment, formula: Expression) -> At:
     return at
 
 
-def _facets(corners: Sequence[Point], blend: Blend, world: World) -> Facets:
-    return Facets.through(tuple(corners), blend, SKIN * world.length_scale)
+def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Curve]:
+    """Polyline through corners, in parts that end at the joints, which may be corners of the outline."""
+    whole = Facets.through(tuple(corners), blend, SKIN * world.length_scale)
+    return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
 
 
 def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
@@ -273,6 +275,7 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
     fields.skip("origin")
     parts: list[list[Curve]] = []
     corners: list[Point] = []
+    joints: list[int] = []
     for i, piece in enumerate(fields.items("pieces", [CIRCLE])):
         what = f"pieces[{i}]"
         x, y = (expression(f"{what}.{key}", piece.get(key), "t").compiled() for key in ("eqnX", "eqnY"))
@@ -284,11 +287,12 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
             return (x0 + x(t), z0 - y(t))
 
         if world.facets:
+            joints += [len(corners)] if corners else []
             corners += sampled(at, along_parameter(low, high, step), what)
         else:
             parts.append(fitted(at, low, high, what))
     if world.facets and corners:
-        return [[_facets(_closed(corners), "units", world)]]
+        return [_facets(_closed(corners), joints, "units", world)]
     if not parts:
         raise UnreadError("pieces", "must be at least one")
     return parts
@@ -345,7 +349,7 @@ def _custom_mirror(fields: Fields, name: str, world: World) -> list[Glass | Elem
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if world.facets:
         corners = sampled(at, over_line(base.length_mm, world.length_scale), "eqn")
-        return element(fields, name, [_facets(corners, "images", world)], "mirror", world)
+        return element(fields, name, _facets(corners, (), "images", world), "mirror", world)
     return element(fields, name, fitted(at, 0.0, base.length_mm, "eqn"), "mirror", world)
 
 
