@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
-
 from solen.plane import Point
 from solen.scene import Interface, Scene
 from solen.scene.rayoptics import Facets
@@ -34,9 +33,9 @@ NOTHING = ""
 class Turns:
     """How rays are followed in turns; powers are in the unit of the scene's sources.
 
-    ``weak`` is the power up to which a part split off is dropped, ``weakest`` that up to which a ray ends. ``fresh`` says
-    of each ray whether it begins anew instead of following the one before it. Interfaces and monitors are one object
-    where their names agree up to the first dot.
+    ``weak`` is the power up to which a part split off is dropped, ``weakest`` that up to which a ray ends. ``fresh``
+    says of each ray whether it begins anew instead of following the one before it. Interfaces and monitors are one
+    object where their names agree up to the first dot.
     """
 
     weak: float = WEAK
@@ -53,7 +52,7 @@ class Turns:
 
 @dataclass
 class _Place:
-    """A place of the list: its ray, whether it stands alone, and the objects that it will still meet on this stretch."""
+    """A place of the list: its ray, whether that stands alone, and the objects still to be met on this stretch."""
 
     ray: Ray
     alone: bool
@@ -152,7 +151,7 @@ class _InTurns(_Tracer):
         curve = interface.curve
         return curve.normal_met(at, direction) if isinstance(curve, Facets) else curve.normal_at(at)
 
-    def _split(self, parts: tuple[Ray, Ray], waiting: list[Ray]) -> Ray | None:
+    def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
         """Keep one part in its place; the other one is added, or dropped, or goes on for others that are dropped."""
         back, on = parts
         splitter = back.last is not None and back.last.behaviour == "splitter"
@@ -187,5 +186,3 @@ def _object(name: str) -> str:
 def _transmitted(part: Ray) -> bool:
     """Whether a part that was split off is what a beam splitter lets through: that one never stands alone at first."""
     return part.last is not None and part.last.behaviour == "splitter"
-
-

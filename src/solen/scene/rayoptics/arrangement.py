@@ -21,8 +21,8 @@ from solen.errors import DesignError
 from solen.material import Cauchy
 from solen.plane import Point, cross, dot, heading, minus
 from solen.scene.model import Behaviour, Interface, Region
-from solen.scene.rayoptics.facets import Facets
 from solen.scene.rayoptics.cutting import crossings, part, place_of, unlooped
+from solen.scene.rayoptics.facets import Facets
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]
@@ -128,7 +128,9 @@ def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) 
     if not colours or not any(one.b_um2 for one, _ in held):
         return Region(name, math.prod(one.a**level for one, level in held))
     if min(level for _, level in held) < 0:
-        raise DesignError(f"region {name}", limit="a dispersive glass outside its outline: walk the outline the other way")
+        raise DesignError(
+            f"region {name}", limit="a dispersive glass outside its outline: walk the outline the other way"
+        )
     return Region(name, _product([one for one, level in held for _ in range(level)]))
 
 

@@ -106,7 +106,9 @@ def samples(curve: Curve) -> Floats:
         return np.array([0.0, 1.0])
     if isinstance(curve, Facets):
         inner = np.arange(math.ceil(curve.low), math.floor(curve.high) + 1.0)
-        return np.unique(np.concatenate([[0.0], np.clip((inner - curve.low) / (curve.high - curve.low), 0.0, 1.0), [1.0]]))
+        return np.unique(
+            np.concatenate([[0.0], np.clip((inner - curve.low) / (curve.high - curve.low), 0.0, 1.0), [1.0]])
+        )
     if isinstance(curve, CubicChain):
         n = len(curve.controls)
         return np.linspace(0.0, 1.0, n * max(4, SAMPLES_PER_CUBIC // n) + 1)
@@ -135,7 +137,7 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
     longest = float(np.hypot(*np.diff(points, axis=0).T).max())
     around = np.concatenate([[math.inf], away, [math.inf]])
     lowest = (away <= around[:-2]) & (away <= around[2:]) & (away <= longest + tolerance)
-    for i in np.flatnonzero(lowest):
+    for i in np.flatnonzero(lowest).tolist():
         low, high = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         for _ in range(STEPS):
             third = (high - low) / 3.0

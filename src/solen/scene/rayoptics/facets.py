@@ -1,7 +1,7 @@
 """Curves of formulas as ray-optics traces them: chords between sampled points, with normals blended from neighbours.
 
-ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from that
-of the chord before to that of the chord behind it. Who wants its numbers to the last bin has to do the same; who wants
+ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from
+that of the chord before to that of the chord behind it. Who wants its numbers to the last bin does the same; who wants
 the curve takes `solen.scene.rayoptics.fit`. Only the tracers in plain Python know these curves.
 """
 

@@ -1,11 +1,11 @@
-"""Formulas of one line, as ray-optics has them: LaTeX, or plain text as in a spreadsheet. Read here, never executed.
+r"""Formulas of one line, as ray-optics has them: LaTeX, or plain text as in a spreadsheet. Read here, never executed.
 
 A formula is cut into tokens and read by recursive descent into nested functions of its variables. Nothing in it can
 name anything but the variables, the constants pi and e and the functions listed here: there is no way from a formula
 to the program.
 
-Known are + − * / ^, ``\\cdot``, ``\\times``, ``\\frac{a}{b}``, ``\\sqrt{a}``, ``\\sqrt[n]{a}``, brackets of every
-kind, \\|a\\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
+Known are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every
+kind, \|a\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
 division go from left to right, so that 1/2x is x/2; a power binds more than a minus before it. Angles are radians.
 Where a function is not defined, as the root of a negative number, the value is NaN.
 """

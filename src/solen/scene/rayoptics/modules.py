@@ -15,7 +15,7 @@ from solen.errors import DataError
 from solen.scene.rayoptics.formula import Function, Values, parse
 
 MOST_TIMES = 1000
-"""Rounds of a loop where the module names no limit; the number of objects of all modules is limited by a hundredfold."""
+"""Rounds of a loop at most where the module names no limit; it may name a hundredfold."""
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
 
@@ -134,9 +134,9 @@ def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
         if not isinstance(item, dict):
             found.append(_any(item, scope, limit))
             continue
-        for inner in _rounds(item.get("for", []), scope, limit):
-            if "if" not in item or inner.number(str(item["if"])):
-                found.append(_any({key: value for key, value in item.items() if key not in ("for", "if")}, inner, limit))
+        kept = {key: value for key, value in item.items() if key not in ("for", "if")}
+        rounds = _rounds(item.get("for", []), scope, limit)
+        found += [_any(kept, one, limit) for one in rounds if "if" not in item or one.number(str(item["if"]))]
     return found
 
 
@@ -149,8 +149,8 @@ def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
         total *= len(values)
     if total > limit:
         raise DataError("for", value=f"{total} rounds", limit=f"must be at most {limit} (maxLoopLength)")
-    for values in itertools.product(*series):
-        yield scope.with_values(dict(zip((one[0] for one in ranges), values, strict=True)))
+    for chosen in itertools.product(*series):
+        yield scope.with_values(dict(zip((one[0] for one in ranges), chosen, strict=True)))
 
 
 def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:

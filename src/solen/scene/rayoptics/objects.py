@@ -11,8 +11,8 @@ from solen.errors import DesignError
 from solen.plane import Point, along, cross, dot, left_of, minus, unit
 from solen.scene.model import Behaviour
 from solen.scene.rayoptics.arrangement import Element, Glass
-from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, expression, finite, point_of
 from solen.scene.rayoptics.facets import Blend, Facets, along_parameter, over_line, sampled
+from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, expression, finite, point_of
 from solen.scene.rayoptics.fit import At, fitted
 from solen.scene.rayoptics.formula import Function
 from solen.scene.rayoptics.modules import Expression
@@ -125,7 +125,9 @@ def _circle(fields: Fields) -> Arc:
 def _plane_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
     edge = line(fields)
     direction, far = unit(minus(edge.b, edge.a)), FAR * max(world.span, 1.0)
-    return glass(fields, name, [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))], world, endless=True)
+    return glass(
+        fields, name, [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))], world, endless=True
+    )
 
 
 def _spherical_lens(fields: Fields, name: str, world: World) -> list[Glass | Element]:
@@ -340,7 +342,9 @@ def _parabolic_mirror(fields: Fields, name: str, world: World) -> list[Glass | E
         return element(fields, name, [base], "mirror", world)
     handles = (along(end, left_of(direction), 4.0 / 3.0 * height) for end in (base.a, base.b))
     third = base.length_mm / 3.0
-    control_a, control_b = (along(handle, direction, way * third) for handle, way in zip(handles, (1.0, -1.0), strict=True))
+    control_a, control_b = (
+        along(handle, direction, way * third) for handle, way in zip(handles, (1.0, -1.0), strict=True)
+    )
     return element(fields, name, [Bezier(base.a, control_a, control_b, base.b)], "mirror", world)
 
 
@@ -368,7 +372,7 @@ def _ideal_mirror(fields: Fields, name: str, world: World) -> list[Glass | Eleme
     return element(fields, name, [line(fields)], "mirror", world, focal_mm=_focal(fields))
 
 
-def _ideal_lens(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _ideal_lens(fields: Fields, name: str, world: World) -> list[Glass | Element]:  # noqa: ARG001  one of several
     return [Element(name, (line(fields),), "lens", Surface(focal_mm=_focal(fields)))]
 
 

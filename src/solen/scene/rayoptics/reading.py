@@ -32,23 +32,43 @@ WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
 """Objects that light does not see."""
 LOOKS = frozenset(
-    "version name importedFromBeta showGrid snapToGrid lockObjs gridSize observer origin scale width height "
-    "redWavelength violetWavelength showRayArrows symbolicBodyMerging theme backgroundImage".split()
+    (
+        *(
+            "version",
+            "name",
+            "importedFromBeta",
+            "showGrid",
+            "snapToGrid",
+            "lockObjs",
+            "gridSize",
+            "observer",
+            "origin",
+        ),
+        *("scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"),
+        *("theme", "backgroundImage", "numericalTolerances"),
+    )
 )
-"""Keys of a scene that say nothing about light."""
+"""Keys of a scene that say nothing about light, or only how another program computes it."""
 LIGHT = frozenset(
-    "objs modules mode rayModeDensity imageModeDensity lengthScale simulateColors colorMode randomSeed "
-    "maxRayDepth numericalTolerances".split()
+    (
+        *("objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors"),
+        *("colorMode", "randomSeed", "maxRayDepth"),
+    )
 )
 MODES = ("rays", "extended", "images", "observer")
 MOST_MODULES_DEEP = 8
 
 
 class Counted(Protocol):
-    """What a trace says of a monitor: power and map as shares of the emitted power."""
+    """What a trace says of a monitor."""
 
-    power: float
-    map: NDArray[np.float64]
+    @property
+    def power(self) -> float:
+        """Net power, as a share of the emitted power."""
+
+    @property
+    def map(self) -> NDArray[np.float64]:
+        """The same by bins."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +99,7 @@ class Detector:
         values = np.zeros(self.bins)
         joined = np.concatenate(parts)
         values[: len(joined)] = joined
-        return Reading(power, np.arange(self.bins) * self.bin_size, values * (emitted / self.bin_size))
+        return Reading(power, np.arange(float(self.bins)) * self.bin_size, values * (emitted / self.bin_size))
 
 
 @dataclass(frozen=True)
