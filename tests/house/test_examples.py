@@ -133,7 +133,7 @@ def test_own_outline_agrees_with_the_reference() -> None:
     sampled, u, even = result("own_outline")
     assert abs(sampled - even) < 4 * u
     scene = runpy.run_path(str(ROOT / "examples" / "own_outline.py"))["drop"]()
-    few = trace_reference(replace(scene, sources=(replace(scene.sources[0], rays=1500),)), "power")
+    few = trace_reference(replace(scene, sources=(scene.sources[0].with_rays(1500),)), "power")
     assert even == pytest.approx(few.detectors["screen"].power, abs=4e-3)
 
 

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from solen.plane import heading
-from solen.scene import Beam, Chip, Fan, Launch, Rays, Source
+from solen.scene import Beam, Chip, CosinePower, Emitter, Fan, Launch, Rays, Source
 from solen.scene.json import SOURCES
 
 EVERY: dict[type[Source], Source] = {
     Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, 2.5, 0.3),
     Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, 2.5, 0.3),
+    Emitter: Emitter((0.3, -1.0), 12.0, 57, CosinePower(2.5), 95.0, 0.4, 0.2, 0.1, 2.5, 0.3),
     Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, 0.7, 1.0),
     Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), 3.0, 0.0),
 }
@@ -26,14 +27,14 @@ every_source = pytest.mark.parametrize("source", EVERY.values(), ids=lambda sour
 
 
 SPECTRUM = ((850.0, 1.0), (620.0, 2.5), (940.0, 0.5))
-COLOURED = [dataclasses.replace(source, spectrum=SPECTRUM) for source in EVERY.values()]  # type: ignore[type-var]
+COLOURED = [source.with_spectrum(SPECTRUM) for source in EVERY.values()]
 every_coloured = pytest.mark.parametrize(
     "source", [*EVERY.values(), *COLOURED], ids=lambda source: f"{type(source).__name__}-{len(source.spectrum)}"
 )
 
 
 def columns(launch: Launch) -> list[NDArray[np.float64] | NDArray[np.int64]]:
-    return [getattr(launch, field.name) for field in dataclasses.fields(launch)]
+    return [column for field in dataclasses.fields(launch) if (column := getattr(launch, field.name)) is not None]
 
 
 def angles_deg(launch: Launch) -> NDArray[np.float64]:
@@ -77,7 +78,7 @@ def test_rays_by_number_are_those_of_the_whole(source: Source, numbers: list[int
 def test_rays_by_number_are_rays_at_points_of_the_lattice(source: Source) -> None:
     """The first coordinate is the midpoint rule whatever the others are, so colours leave a fan where it was."""
     u = source.lattice(np.arange(source.rays, dtype=float))
-    assert u.shape == (source.rays, source.dimensions)
+    assert u.shape == (source.rays, source.dimensions())
     assert np.all((u >= 0.0) & (u < 1.0))
     assert u[:, 0] == pytest.approx((np.arange(source.rays) + 0.5) / source.rays, abs=1e-15)
     for column, whole in zip(columns(source.launch_at(u, source.rays)), columns(source.launch()), strict=True):
@@ -86,7 +87,7 @@ def test_rays_by_number_are_rays_at_points_of_the_lattice(source: Source) -> Non
 
 @every_coloured
 def test_a_ray_has_the_share_of_one_of_so_many(source: Source) -> None:
-    launch = source.launch_at(np.full((3, source.dimensions), 0.25), 500)
+    launch = source.launch_at(np.full((3, source.dimensions()), 0.25), 500)
     assert launch.power_s + launch.power_p == pytest.approx([source.power / 500] * 3, rel=1e-15)
     assert launch.power_s == pytest.approx([source.s_share * source.power / 500] * 3, rel=1e-15)
 
@@ -182,17 +183,12 @@ def test_a_chip_averages_as_its_integral_does() -> None:
     assert np.mean(launch.dz * np.exp(launch.x_mm)) == pytest.approx(exact, abs=2.0 / 2**14)  # two rays of 2^14
 
 
-def alone(source: Source, **values: object) -> Source:
-    """The source with some other values."""
-    return dataclasses.replace(source, **values)  # type: ignore[type-var]  # all sources are dataclasses
-
-
 @every_source
 def test_lines_are_drawn_by_their_weights(source: Source) -> None:
     """Of N points that are even in their last coordinate each line has its share, to one ray at each of its ends."""
-    coloured = alone(source, spectrum=SPECTRUM)
-    assert coloured.dimensions == source.dimensions + 1
-    u = np.full((4000, coloured.dimensions), 0.5)
+    coloured = source.with_spectrum(SPECTRUM)
+    assert coloured.dimensions() == source.dimensions() + 1
+    u = np.full((4000, coloured.dimensions()), 0.5)
     u[:, -1] = (np.arange(4000) + 0.5) / 4000
     line = coloured.launch_at(u, 4000).line
     assert line.dtype == np.int64
@@ -203,8 +199,8 @@ def test_lines_are_drawn_by_their_weights(source: Source) -> None:
 @every_source
 def test_one_line_or_none_takes_no_number(source: Source) -> None:
     for spectrum in ((), ((860.0, 7.0),)):
-        other = alone(source, spectrum=spectrum)
-        assert other.dimensions == source.dimensions
+        other = source.with_spectrum(spectrum)
+        assert other.dimensions() == source.dimensions()
         assert not np.any(other.launch().line)
         for column, same in zip(columns(other.launch()), columns(source.launch()), strict=True):
             assert np.array_equal(column, same)
@@ -232,3 +228,25 @@ def test_every_line_has_its_share_everywhere(
         for part in np.linspace(0.05, 1.0, 20):
             found = np.mean((launch.line == which) & (share(launch) < part))
             assert found == pytest.approx(weight / 4.0 * part, abs=6.0 / rays)
+
+
+@every_coloured
+def test_in_space_a_source_of_the_plane_stays_in_it(source: Source) -> None:
+    if type(source).place_in_space is not Source.place_in_space:
+        pytest.skip("it knows space")
+    flat, deep = source.launch(), source.launch(in_space=True)
+    assert flat.y_mm is None
+    assert flat.dy is None
+    assert deep.y_mm is not None
+    assert deep.dy is not None
+    assert not np.any(deep.y_mm)
+    assert not np.any(deep.dy)
+    for name in ("x_mm", "z_mm", "dx", "dz", "power_s", "power_p", "line"):
+        assert np.array_equal(getattr(flat, name), getattr(deep, name))
+
+
+@every_source
+def test_a_source_takes_another_number_of_rays(source: Source) -> None:
+    more = source.with_rays(101)
+    assert more.rays == (source.rays if isinstance(source, Rays) else 101)
+    assert more.with_rays(source.rays) == source

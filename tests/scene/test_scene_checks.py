@@ -9,7 +9,7 @@ import pytest
 from solen.curve import Segment
 from solen.errors import DataError, DesignError
 from solen.material import Cauchy, Dispersion, Sellmeier, Tabulated
-from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.scene import Beam, Chip, Emitter, Fan, Interface, Monitor, Rays, Region, Scene, Source
 from solen.scene.json import SOURCES
 from solen.trace import trace
 
@@ -123,6 +123,14 @@ REFUSED: list[tuple[str, Source]] = [
     ("a chip's cone below nothing", Chip((0.0, 0.0), 1.0, 0.0, -1.0, 3)),
     ("a chip's cone beyond the full circle", Chip((0.0, 0.0), 1.0, 0.0, 361.0, 3)),
     ("a chip's cone that is no number", Chip((0.0, 0.0), 1.0, 0.0, math.nan, 3)),
+    ("an emitter without rays", Emitter((0.0, 0.0), 0.0, 0)),
+    ("an emitter without power", Emitter((0.0, 0.0), 0.0, 3, power=0.0)),
+    ("an emitter at no number", Emitter((0.0, math.nan), 0.0, 3)),
+    ("an emitter at no height", Emitter((0.0, 0.0), 0.0, 3, y_mm=math.nan)),
+    ("an emitter towards no number", Emitter((0.0, 0.0), math.inf, 3)),
+    ("an emitter narrower than nothing", Emitter((0.0, 0.0), 0.0, 3, width_mm=-1e-9)),
+    ("an emitter lower than nothing", Emitter((0.0, 0.0), 0.0, 3, height_mm=-1e-9)),
+    ("an emitter of more than all directions", Emitter((0.0, 0.0), 0.0, 3, cone_deg=361.0)),
 ]
 
 
@@ -228,6 +236,7 @@ def test_a_spectrum_is_of_wavelengths_and_weights_above_0(kind: str, spectrum: A
     sound: dict[str, Source] = {
         "fan": FAN,
         "chip": Chip((0.0, -1.0), 0.1, 0.0, 60.0, 10),
+        "emitter": Emitter((0.0, -1.0), 0.0, 10),
         "beam": Beam((0.0, -1.0), (1.0, -1.0), 0.0, 10),
         "rays": Rays(((0.0, -1.0),), ((0.0, 1.0),)),
     }

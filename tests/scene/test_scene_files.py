@@ -16,7 +16,19 @@ from solen import scene as scenes
 from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DataError, DesignError, SolenError
 from solen.material import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated
-from solen.scene import Beam, Chip, Fan, Interface, Monitor, Rays, Region, Scene
+from solen.scene import (
+    Beam,
+    Chip,
+    CosinePower,
+    Emitter,
+    Fan,
+    Interface,
+    Monitor,
+    PatternTable,
+    Rays,
+    Region,
+    Scene,
+)
 from solen.scene.json import CURVES, SOURCES
 
 CURVES_HERE: tuple[Curve, ...] = (
@@ -33,6 +45,9 @@ SOURCES_HERE = (
     Beam((-1.0, -2.0), (1.0, -2.0), -5.0, 7, s_share=0.0),
     Rays(((0.0, 0.0), (1.0, 2.0)), ((0.0, 1.0), (3.0, 4.0)), power=2.0),
     Chip((0.1, -1.0), 1 / 3, -3.0, 120.0, 101, 0.25, 1.0),
+    Emitter((0.1, -1.0), -3.0, 101, PatternTable((0.0, 60.0, 1 / 3 + 90.0), (1.0, 0.5, 0.0)), 250.0, 0.2, 0.1, 0.3),
+    Emitter((0.1, -1.0), -3.0, 101, CosinePower(1 / 3)),
+    Emitter((0.1, -1.0), -3.0, 101, s_share=0.1),
 )
 FULL = Scene(
     (Region("air", 1.0), Region("body", 1.44, 0.01)),
@@ -323,7 +338,7 @@ def test_a_spectrum_that_is_none_is_refused_with_its_place(spectrum: object) -> 
 def test_spectra_of_a_file_are_checked_by_the_scene() -> None:
     wrong = data()
     wrong["sources"][0]["spectrum"] = [[860.0, 1.0]]
-    assert "source spectrum = 'missing in 3 of 4'" in refused(json.dumps(wrong))
+    assert "source spectrum = 'missing in 6 of 7'" in refused(json.dumps(wrong))
     wrong = json.loads(scenes.dumps(COLOURFUL))
     wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
     assert "index at 1000.5 nm; known from 400 to 1000 nm only" in refused(json.dumps(wrong))

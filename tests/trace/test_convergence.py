@@ -62,13 +62,22 @@ def test_errors_are_the_largest_of_any_receiver() -> None:
     assert error == pytest.approx(max(abs(counted[name] - share) for name, share in SHARES.items()), abs=REACH)
 
 
+def test_what_cannot_be_integrated_is_held_to_a_denser_fan() -> None:
+    """A beam has no angle to integrate over."""
+    found = convergence(scene(Beam((0.4, 0.0), (-0.6, 0.0), 0.0, 5)), most_rays=MOST)
+    assert (found.reference.method, found.reference.rays) == ("fan", 4 * MOST)
+    assert [series.method for series in found.series] == ["fan", "sobol"]
+    for name, share in (("left", 0.3), ("right", 0.2)):
+        assert found.reference.detectors[name].power == pytest.approx(share, abs=1e-3)
+
+
 @pytest.mark.parametrize(
     "sources", [(Chip((0.0, 0.0), 0.01, 0.0, CONE_DEG, 5),), (FAN, dataclasses.replace(FAN, power=2.0))], ids=str
 )
-def test_what_cannot_be_integrated_is_held_to_a_denser_fan(sources: tuple[Source, ...]) -> None:
+def test_chips_and_several_sources_are_integrated(sources: tuple[Source, ...]) -> None:
     found = convergence(scene(*sources), most_rays=MOST)
-    assert (found.reference.method, found.reference.rays) == ("fan", 4 * MOST)
-    assert [series.method for series in found.series] == ["fan", "sobol"]
+    assert (found.reference.method, found.reference.u <= TIGHT) == ("adaptive", True)
+    assert [series.method for series in found.series] == ["fan", "sobol", "adaptive"]
     for name, share in SHARES.items():  # a chip of 0.01 mm sees hardly another picture
         assert found.reference.detectors[name].power == pytest.approx(share, abs=1e-3)
 

@@ -54,7 +54,7 @@ class Case:
 
 
 def one_source(scene: Scene, number: int, rays: int) -> Scene:
-    return replace(scene, sources=(replace(scene.sources[number], rays=rays),))  # type: ignore[type-var]  # a dataclass
+    return replace(scene, sources=(scene.sources[number].with_rays(rays),))
 
 
 def open_scene() -> Scene:

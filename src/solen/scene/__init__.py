@@ -3,22 +3,26 @@
 from solen.scene.json import dumps, load, loads, save
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sensor import sensor_scene
-from solen.scene.sources import Beam, Chip, Fan, Launch, Rays, Source
+from solen.scene.sources import Beam, Chip, CosinePower, Emitter, Fan, Isotropic, Launch, PatternTable, Rays, Source
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 
 __all__ = [
     "Beam",
     "Chip",
     "Coating",
+    "CosinePower",
+    "Emitter",
     "Extrusion",
     "Fan",
     "Gaussian",
     "HarveyShack",
     "Interface",
+    "Isotropic",
     "Lambertian",
     "Launch",
     "Layer",
     "Monitor",
+    "PatternTable",
     "Rays",
     "Region",
     "Scatter",

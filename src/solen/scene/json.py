@@ -16,7 +16,7 @@ from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segm
 from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
-from solen.scene.sources import Beam, Chip, Fan, Rays, Source
+from solen.scene.sources import Beam, Chip, Emitter, Fan, Rays, Source
 from solen.spec.strict import told_of
 
 SCHEMA = 1
@@ -29,7 +29,7 @@ CURVES: dict[str, type[Curve]] = {
     "bezier": Bezier,
     "spline": Spline,
 }
-SOURCES: dict[str, type[Source]] = {"fan": Fan, "chip": Chip, "beam": Beam, "rays": Rays}
+SOURCES: dict[str, type[Source]] = {"fan": Fan, "chip": Chip, "emitter": Emitter, "beam": Beam, "rays": Rays}
 PARTS = ("regions", "interfaces", "sources", "monitors")
 
 T = TypeVar("T")

@@ -114,7 +114,7 @@ def _of_a_sample(
         return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each))
 
     for group in range(REPLICATES):
-        sequence = qmc.Sobol(source.dimensions, scramble=True, rng=np.random.default_rng((seed, number, group)))
+        sequence = qmc.Sobol(source.dimensions(), scramble=True, rng=np.random.default_rng((seed, number, group)))
         for start in range(0, each, most):
             points = sequence.random(min(most, each - start))
             yield partial(make, points, before + group * each + start, group)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.errors import DesignError
-from solen.scene import Rays, Scene, Source
+from solen.scene import Rays, Scene
 from solen.trace.adaptive import integrate
 from solen.trace.engine import trace
 from solen.trace.result import Limits, Method, Mode, Trace, check_mode
@@ -100,11 +100,11 @@ def convergence(
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that is not one fan."""
+    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that it does not know."""
     for tolerance in (*TOLERANCES, TIGHT):
         try:
             found = integrate(scene, mode, tolerance, limits)
-        except DesignError:  # another source than one fan
+        except DesignError:  # a beam, say, or a scene that scatters
             return
         if not found.reached:
             return
@@ -114,11 +114,7 @@ def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trac
 def _with_rays(scene: Scene, rays: int) -> Scene:
     """The scene with so many rays, shared out evenly among its sources."""
     each = max(1, rays // len(scene.sources))
-    return replace(scene, sources=tuple(_of(source, each) for source in scene.sources))
-
-
-def _of(source: Source, rays: int) -> Source:
-    return replace(source, rays=rays)  # type: ignore[type-var]  # all sources are dataclasses
+    return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
 
 
 def _series(reference: Trace, traces: list[Trace]) -> Series:

@@ -7,6 +7,9 @@ second: to differentiate along each ray's path alone would miss it. So the scene
 found again, its edges bisected to the last digit, and integrated at nodes that keep their share of it: Leibniz' rule,
 in which what the quadrature leaves out cancels. Two steps, one half the other, are extrapolated (Richardson), and how
 far they are apart bounds the error.
+
+What a source with a size gives is smooth where that of its points is not, so that plain differences of its integral
+serve: over larger steps, and to the error of the integral over the step.
 """
 
 import math
@@ -19,11 +22,12 @@ from numpy.typing import NDArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.trace.adaptive import LEAST_SHARE, Cone, Integral
+from solen.trace.adaptive import LEAST_SHARE, Lights
+from solen.trace.cone import Parts
 from solen.trace.result import Limits, Mode
 
-TOLERANCE = 1e-9
-RELATIVE_STEP = 2e-4
+TOLERANCE, EXTENDED_TOLERANCE = 1e-9, 1e-7
+RELATIVE_STEP, EXTENDED_STEP = 2e-4, 5e-3
 MOST_HALVINGS = 6
 MOST_LEGS = 400_000
 
@@ -55,7 +59,7 @@ def derivative(
     value: float,
     step: float | None = None,
     mode: Mode = "power",
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     limits: Limits | None = None,
 ) -> Derivative:
     """Derivative of the power at every receiver with respect to one parameter.
@@ -63,14 +67,15 @@ def derivative(
     Parameters
     ----------
     scene_at
-        The scene (with one `Fan`) for a value of the parameter.
+        The scene for a value of the parameter, as `solen.trace.integrate` takes it.
     value
         Where the derivative is taken.
     step
-        Largest change of the parameter; by default 2e-4 of ``value`` or, near 0, 2e-4. It is halved, up to six times,
-        where the light's ways change within it.
+        Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
+        colours 5e-3. For a point source it is halved, up to six times, where the light's ways change within it.
     mode, tolerance, limits
-        As in `solen.trace.integrate`, for the integral at ``value``.
+        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, or of 1e-7 for
+        sources with a size or several colours.
 
     Returns
     -------
@@ -83,42 +88,73 @@ def derivative(
         As `solen.trace.integrate`, a step that is not above 0, or an integral that does not reach its tolerance.
     """
     check_numbers("parameter", value)
-    step = RELATIVE_STEP * (abs(value) or 1.0) if step is None else step
+    point = Lights.of(scene_at(value), mode, limits or Limits()).is_point
+    step = (RELATIVE_STEP if point else EXTENDED_STEP) * (abs(value) or 1.0) if step is None else step
     check_numbers("step", step)
     if not step > 0.0:
         raise DesignError("step", value=step, limit="must be above 0")
+    if tolerance is None:
+        tolerance = TOLERANCE if point else EXTENDED_TOLERANCE
     limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
-    cone = Cone.of(scene_at(value), mode, limits)
-    found = cone.integral(tolerance, MOST_LEGS)
-    if not found.trace.reached:
-        raise DesignError("derivative", value=found.trace.why, limit=f"the integral must reach {tolerance:g}")
-    for _ in range(MOST_HALVINGS + 1):
-        wide = _difference(scene_at, value, step, mode, limits, found)
-        close = _difference(scene_at, value, 0.5 * step, mode, limits, found) if wide is not None else None
-        if wide is not None and close is not None:
-            best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
-            names = cone.scene.receivers
-            noise = NOISE / step
-            slopes = {name: Slope(float(best[i]), float(apart[i] + noise)) for i, name in enumerate(names)}
-            return Derivative(slopes, step, reached=True)
-        step *= 0.5
-    nothing = {name: Slope(math.nan, math.nan) for name in cone.scene.receivers}
-    why = f"the ways of light change within {step:.1e} of {value:g}"
-    return Derivative(nothing, step, reached=False, why=why)
+
+    def at(value: float) -> Lights:
+        return Lights.of(scene_at(value), mode, limits)
+
+    return _of_a_point(at, value, step, tolerance) if point else _of_integrals(at, value, step, tolerance)
 
 
 NOISE = 1e-13
 """What rounding leaves of an integral over the same pieces."""
+At = Callable[[float], Lights]
 
 
-def _difference(
-    scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits, found: Integral
-) -> NDArray[np.float64] | None:
+def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivative:
+    """Derivative for a point source in one colour, over pieces that are found again."""
+    lights = at(value)
+    found, parts = lights.each[0].cone().integral(tolerance, MOST_LEGS)
+    base = lights.trace_of([found], tolerance)
+    if not base.reached:
+        raise DesignError("derivative", value=base.why, limit=f"the integral must reach {tolerance:g}")
+    names = lights.scene.receivers
+    for _ in range(MOST_HALVINGS + 1):
+        wide = _difference(at, value, step, parts)
+        close = _difference(at, value, 0.5 * step, parts) if wide is not None else None
+        if wide is not None and close is not None:
+            return Derivative(_slopes(names, wide, close, NOISE / step), step, reached=True)
+        step *= 0.5
+    nothing = {name: Slope(math.nan, math.nan) for name in names}
+    why = f"the ways of light change within {step:.1e} of {value:g}"
+    return Derivative(nothing, step, reached=False, why=why)
+
+
+def _difference(at: At, value: float, step: float, parts: tuple[Parts, ...]) -> NDArray[np.float64] | None:
     """Central difference of the powers, None where a piece is not found again."""
     ends = []
     for sign in (1.0, -1.0):
-        powers = Cone.of(scene_at(value + sign * step), mode, limits).again(found)
+        powers = at(value + sign * step).each[0].cone().again(parts)
         if powers is None:
             return None
         ends.append(powers)
     return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+
+
+def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Derivative:
+    """Derivative for sources with a size or several colours, by differences of whole integrals."""
+    differences, u = [], 0.0
+    for half in (step, 0.5 * step):
+        low, high = (at(value + sign * half).trace(tolerance, MOST_LEGS) for sign in (-1.0, 1.0))
+        for end in (low, high):
+            if not end.reached:
+                raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
+        powers = [np.array([one.power for one in end.detectors.values()]) for end in (low, high)]
+        differences.append((powers[1] - powers[0]) / (2.0 * half))
+        u = (low.u + high.u) / (2.0 * half)
+    return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)
+
+
+def _slopes(
+    names: tuple[str, ...], wide: NDArray[np.float64], close: NDArray[np.float64], noise: float
+) -> dict[str, Slope]:
+    """Two central differences, extrapolated; how far they are apart, and the noise of the numbers, bound the error."""
+    best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
+    return {name: Slope(float(best[i]), float(apart[i] + noise)) for i, name in enumerate(names)}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.errors import DesignError
-from solen.scene import Rays, Scene, Source
+from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Device, Digits, Job, Sampling, check_seed, chunks, rows_of, rules_of
 from solen.trace.kernel import loop
 from solen.trace.kernel.block import BLOCK
@@ -194,20 +194,15 @@ def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
 
 def _single_error(job: Job, threads: int) -> float:
     """Largest difference of a receiver's power between both precisions, on fans of few rays of each source."""
-    few = replace(job.scene, sources=tuple(_thinned(source) for source in job.scene.sources))
+    few = replace(
+        job.scene, sources=tuple(source.with_rays(min(source.rays, COMPARED_RAYS)) for source in job.scene.sources)
+    )
     double, single = (
         _run(Job.of(few, job.mode, job.limits, dtype, seed=job.seed, device=job.device), threads)
         for dtype in DTYPES.values()
     )
     pairs = zip(double.detectors.values(), single.detectors.values(), strict=True)
     return max((abs(one.power - other.power) for one, other in pairs), default=0.0)
-
-
-def _thinned(source: Source) -> Source:
-    """The source with few rays; a list of rays as it is."""
-    if isinstance(source, Rays):
-        return source
-    return replace(source, rays=min(source.rays, COMPARED_RAYS))  # type: ignore[type-var]  # all sources are dataclasses
 
 
 def _run(job: Job, threads: int, progress: Progress | None = None) -> Trace:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import Floats, Precision
-from solen.trace.kernel.tree import NO_ROOM, Family, trace_tree
+from solen.trace.kernel.tree import NO_ROOM, Family, intensity, trace_tree
 from solen.trace.tables import Tables
 
 Real = NDArray[np.float64]
@@ -62,6 +62,15 @@ class Pieces(NamedTuple):
     part_of: Ints
     waiting: Real
     """(room, 2) parts still to be integrated"""
+
+
+@called
+def weigh(family: Family, angle: float, value: Real) -> None:
+    """Multiply what a ray gives by how much it counts."""
+    weight = intensity(family, angle)
+    if weight != 1.0:
+        for d in range(len(value)):
+            value[d] *= weight
 
 
 @called
@@ -237,6 +246,7 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
                 samples.counts[UNDEFINED] += 1 if undefined else 0
                 if many == NO_ROOM or samples.counts[ALL_LEGS] > most_legs:
                     return math.inf, parts, 0
+                weigh(family, angle, work[node])
                 if tree != pieces.tree[piece]:
                     clean = False
                     if insert_stray(k, tables, family, samples, pieces.first[piece], angle) == NO_ROOM:
@@ -283,23 +293,25 @@ def integrate_cone(
     pieces: Pieces,
     ends: Real,
     rule: Rule,
-    half: float,
-    tolerance: float,
+    density: float,
     narrow: float,
     narrowest: float,
+    widest: float,
     first_stretches: int,
     most_legs: int,
     work: Real,
     total: Real,
 ) -> tuple[float, float, int, bool]:
-    """Integral over angles from −half to half of all that one ray gives.
+    """Integral over the family's angles of all that one ray gives, to an error of ``density`` per angle.
 
-    Returns the error, the width of all gaps, how many parts, and whether it came to an end.
+    Gaps are cut on down to ``narrow`` at first, and further where they are wider than ``widest`` together, down to
+    ``narrowest``. Returns the error, the width of all gaps, how many parts, and whether it came to an end.
     """
+    middle, half = 0.5 * (family.low + family.high), 0.5 * (family.high - family.low)
     for i in range(len(samples.counts)):
         samples.counts[i] = 0
     for i in range(first_stretches + 1):
-        if add_sample(k, tables, family, samples, half * (2.0 * i / first_stretches - 1.0)) == NO_ROOM:
+        if add_sample(k, tables, family, samples, middle + half * (2.0 * i / first_stretches - 1.0)) == NO_ROOM:
             return math.inf, 2.0 * half, 0, False
         if i > 0:
             samples.after[i - 1] = i
@@ -310,11 +322,11 @@ def integrate_cone(
         if cut(k, tables, family, samples, ends, opened, narrow) == FULL:
             return math.inf, 2.0 * half, 0, False
         gaps = gather(samples, pieces)
-        if gaps > 0.5 * tolerance * 2.0 * half and narrow > narrowest:
+        if gaps > widest and narrow > narrowest:
             narrow = max(0.1 * narrow, narrowest)
             continue
         error, parts, strays = integrate_pieces(
-            k, tables, family, samples, pieces, rule, 0.25 * tolerance, narrowest, most_legs, work, total
+            k, tables, family, samples, pieces, rule, density, narrowest, most_legs, work, total
         )
         if strays == 0:
             return error, gaps, parts, error < math.inf
@@ -378,7 +390,6 @@ def integrate_again(
     many: int,
     parts: int,
     rule: Rule,
-    half: float,
     work: Real,
     total: Real,
 ) -> tuple[float, bool]:
@@ -396,11 +407,11 @@ def integrate_again(
         middle, new_low, new_high = 0.5 * (low + high), low, high
         if low - before > NEIGHBOURS:
             shift = 0.0  # else the piece is sought where the one before it has gone: it may be narrower than that
-        if low > -half:
-            new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, -half)
+        if low > family.low:
+            new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, family.low)
             shift = new_low - low
-        if high < half:
-            new_high = moved_edge(k, tables, family, samples, tree, high + shift, middle + shift, half)
+        if high < family.high:
+            new_high = moved_edge(k, tables, family, samples, tree, high + shift, middle + shift, family.high)
         if not new_low < new_high:
             return math.inf, False
         before, shift = high, new_high - high
@@ -414,8 +425,9 @@ def integrate_again(
                 found, tree_there, _ = trace_tree(k, tables, family, angle, work[node], samples.legs, samples.stack)
                 if found == NO_ROOM or tree_there != tree:
                     return math.inf, False
+                weigh(family, angle, work[node])
                 for d in range(len(total)):
                     total[d] += 0.5 * (b - a) * rule.kronrod[node] * work[node, d]
             part += 1
         pieces.low[piece], pieces.high[piece] = new_low, new_high
-    return 2.0 * half - width, True
+    return family.high - family.low - width, True

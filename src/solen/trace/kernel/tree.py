@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.trace.kernel.compiled import called
+from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import nearest
 from solen.trace.kernel.rows import SEGMENT, Floats, Precision
 from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
@@ -27,7 +27,11 @@ NO_ROOM = -1
 
 
 class Family(NamedTuple):
-    """Rays of one point source: where it is, its axis in radians, the shares of s and p, how they are followed."""
+    """Rays of one point source: where it is, its axis in radians, the shares of s and p, how they are followed.
+
+    They go from the angle ``low`` to ``high``, in radians from the axis; what one carries counts
+    (``base`` + ``slope`` angle) cos(angle)^``power`` times.
+    """
 
     x: float
     z: float
@@ -38,6 +42,18 @@ class Family(NamedTuple):
     rules: Rules
     far: float
     """where an escaping ray's last leg ends, mm"""
+    low: float
+    high: float
+    base: float
+    slope: float
+    power: float
+
+
+@compiled
+def intensity(family: Family, angle: float) -> float:
+    """How much the ray at an angle counts."""
+    value = family.base + family.slope * angle
+    return value if family.power == 0.0 else value * math.cos(angle) ** family.power
 
 
 @called

@@ -1,0 +1,28 @@
+"""What launches rays: fans, chips, emitters with a pattern, beams, single rays.
+
+Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees counter-clockwise from +z.
+"""
+
+from solen.scene.sources.base import Emission, Launch, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.emitter import Emitter
+from solen.scene.sources.pattern import CosinePower, Isotropic, Pattern, PatternTable, Stretch
+from solen.scene.sources.plain import Beam, Chip, Fan, Rays
+
+__all__ = [
+    "Beam",
+    "Chip",
+    "CosinePower",
+    "Emission",
+    "Emitter",
+    "Fan",
+    "Isotropic",
+    "Launch",
+    "Line",
+    "Pattern",
+    "PatternTable",
+    "Placed",
+    "PlacedInSpace",
+    "Rays",
+    "Source",
+    "Stretch",
+]

@@ -1,0 +1,189 @@
+"""What every source is: numbered rays, each a point of the unit cube.
+
+In the plane a ray is placed by some numbers, in space by as many or more; a source that knows nothing of space stays in
+the plane y = 0 there.
+"""
+
+import dataclasses
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_count, check_numbers
+from solen.errors import DesignError
+from solen.scene.sources.pattern import Real, Stretch
+
+LEAST_POWER, MOST_POWER = 1e-12, 1e12
+"""Powers of sources: what even single precision can divide among any number of rays."""
+
+
+@dataclass(frozen=True)
+class Launch:
+    """Rays as arrays (N,): origin in mm, unit direction, power in each polarisation.
+
+    In the plane s has its field out of the plane and p in it. In space, where ``y_mm`` and ``dy`` are given, s has its
+    field in the plane of the ray and the y-axis, p across both: the same for a ray in the plane.
+    """
+
+    x_mm: Real
+    z_mm: Real
+    dx: Real
+    dz: Real
+    power_s: Real
+    power_p: Real
+    line: NDArray[np.int64]
+    """which line of the source's spectrum"""
+    y_mm: Real | None = None
+    """None in the plane"""
+    dy: Real | None = None
+
+    def __len__(self) -> int:
+        return len(self.x_mm)
+
+
+Line = tuple[float, float]
+"""Wavelength in nm, and its weight in a spectrum."""
+
+
+Placed = tuple[Real, Real, Real, Real]
+"""Rays of the plane as arrays (N,): origin x, z in mm, unit direction x, z."""
+PlacedInSpace = tuple[Real, Real, Real, Real, Real, Real]
+"""Rays in space as arrays (N,): origin x, y, z in mm, unit direction x, y, z."""
+
+
+class Emission(NamedTuple):
+    """A source of the plane as point sources side by side, to be integrated over.
+
+    Attributes
+    ----------
+    at
+        Gives for a place from 0 to 1 the point there, x and z in mm, and its axis in degrees.
+    stretches
+        Intensity by the angle from the axis, the same at all places.
+    whole
+        Its integral over all angles, in radians.
+    panels
+        Stretches that the places are divided into at first; 0 where there is a single point.
+    """
+
+    at: Callable[[float], tuple[float, float, float]]
+    stretches: tuple[Stretch, ...]
+    whole: float
+    panels: int
+
+
+class Source(ABC):
+    """Something that launches rays; they are numbered, so that any of them can be launched on their own.
+
+    A ray is a point of the unit cube of so many ``dimensions``: an angle, a place, a wavelength. By number the points
+    form a regular lattice; a sample hands in its own. Where ``spectrum`` names lines, each ray has the wavelength of
+    one, drawn by their weights; without it the wavelength is unknown, which serves where no index depends on it.
+
+    Directions are those in the medium that the source stands in.
+    """
+
+    rays: int
+    power: float
+    s_share: float
+    spectrum: tuple[Line, ...]
+
+    @property
+    @abstractmethod
+    def shape_dimensions(self) -> int:
+        """Numbers that place a ray in the plane."""
+
+    @property
+    def space_dimensions(self) -> int:
+        """Numbers that place a ray in space."""
+        return self.shape_dimensions
+
+    @abstractmethod
+    def place(self, u: Real) -> Placed:
+        """Origins and unit directions of the rays at points ``u`` (N, shape_dimensions or more)."""
+
+    def place_in_space(self, u: Real) -> PlacedInSpace:
+        """Origins and unit directions in space at points ``u`` (N, space_dimensions or more); by default with y = 0."""
+        x, z, dx, dz = self.place(u)
+        return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
+
+    def emission(self) -> Emission | None:
+        """What integration over the source needs; None where it is not made of point sources, as a beam."""
+        return None
+
+    def dimensions(self, in_space: bool = False) -> int:
+        """Numbers in [0, 1) that make a ray: those that place it, and one for its wavelength if there are several."""
+        return (self.space_dimensions if in_space else self.shape_dimensions) + (len(self.spectrum) > 1)
+
+    def check(self) -> None:
+        """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
+        check_count("source rays", self.rays, 1)
+        check_numbers("source", self.power, self.s_share)
+        if not LEAST_POWER <= self.power <= MOST_POWER:
+            limit = f"must be from {LEAST_POWER:g} to {MOST_POWER:g}"
+            raise DesignError("source power", value=self.power, limit=limit, remedy="powers count against one another")
+        if not 0.0 <= self.s_share <= 1.0:
+            raise DesignError("source s_share", value=self.s_share, limit="must be from 0 to 1")
+        for line in self.spectrum:
+            _check_line(line)
+
+    def with_rays(self, rays: int) -> Self:
+        """The same source with so many rays; a list of rays as it is."""
+        return self._with(rays=rays)
+
+    def with_spectrum(self, spectrum: tuple[Line, ...]) -> Self:
+        """The same source with another spectrum."""
+        return self._with(spectrum=spectrum)
+
+    def _with(self, **values: object) -> Self:
+        """The same source with other values of some fields."""
+        return dataclasses.replace(self, **values)  # type: ignore[type-var]  # all sources are dataclasses
+
+    def lattice(self, number: Real, in_space: bool = False) -> Real:
+        """Points (N, dimensions) of the rays of those numbers.
+
+        The first coordinate has equal steps, a ray in the middle of each, so that one dimension is the midpoint rule.
+        The others follow a rank-1 lattice by powers of the generalised golden ratio (the root of x^d = x + 1).
+        """
+        first = ((number + 0.5) / self.rays)[:, None]
+        dimensions = self.dimensions(in_space)
+        if dimensions == 1:
+            return first
+        ratio = 2.0
+        for _ in range(60):
+            ratio = (1.0 + ratio) ** (1.0 / dimensions)
+        powers = ratio ** -np.arange(1.0, dimensions)
+        return np.hstack([first, ((number + 0.5)[:, None] * powers + 0.5) % 1.0])
+
+    def launch(self, numbers: Real | None = None, in_space: bool = False) -> Launch:
+        """Rays of those numbers, by default all; together they have the source's power."""
+        numbers = np.arange(self.rays, dtype=float) if numbers is None else numbers
+        return self.launch_at(self.lattice(numbers, in_space), self.rays, in_space)
+
+    def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
+        """Rays at points (N, dimensions), each with the share of the source's power that one of ``rays`` has."""
+        each = np.full(len(u), self.power / rays)
+        y, dy = None, None
+        if in_space:
+            x, y, z, dx, dy, dz = self.place_in_space(u)
+        else:
+            x, z, dx, dz = self.place(u)
+        return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share), self.lines(u), y, dy)
+
+    def lines(self, u: Real) -> NDArray[np.int64]:
+        """Which line of the spectrum each of the rays at points ``u`` has: by the last coordinate."""
+        if len(self.spectrum) < 2:
+            return np.zeros(len(u), dtype=np.int64)
+        share = np.cumsum([weight for _, weight in self.spectrum])
+        return np.minimum(np.searchsorted(share / share[-1], u[:, -1], side="right"), len(share) - 1)
+
+
+def _check_line(line: object) -> None:
+    if not (isinstance(line, tuple) and len(line) == 2):
+        raise DesignError("source spectrum", value=repr(line), limit="must be pairs (wavelength in nm, weight)")
+    check_numbers("source spectrum", *line)
+    if not min(line) > 0.0:
+        raise DesignError("source spectrum", value=line, limit="wavelengths and weights must be above 0")

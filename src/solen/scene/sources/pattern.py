@@ -1,0 +1,263 @@
+"""How an emitter's intensity depends on the angle from its axis.
+
+A pattern is a relative intensity I(θ), power per solid angle, the same all round the axis, cut off at half a cone. In
+space a ray's angle is drawn from I(θ) sin θ. In the plane there is a slice of it: rays are drawn from I(θ) on both
+sides of the axis. Both are done by the inverse of the cumulative distribution: in closed form for the analytic
+patterns, and for a table, linear between its angles, by a quadratic in the plane and Newton's method in space.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_numbers
+from solen.errors import DesignError
+
+Real = NDArray[np.float64]
+
+MOST_EXPONENT = 10_000.0
+SAME_ANGLE = 1e-15
+"""Step of Newton's method in radians below which an angle is found."""
+
+
+class Stretch(NamedTuple):
+    """Angles (radians from the axis) over which the intensity in the plane is (base + slope angle) cos(angle)^power."""
+
+    low: float
+    high: float
+    base: float
+    slope: float
+    power: float
+
+    @property
+    def most(self) -> float:
+        """Largest intensity, or a little more."""
+        ends = (self.base + self.slope * self.low, self.base + self.slope * self.high)
+        return max(abs(end) for end in ends)
+
+
+class AngularPattern(ABC):
+    """Relative intensity by the angle from the axis; ``half`` is where the cone cuts it off, in radians up to π."""
+
+    @abstractmethod
+    def intensity(self, angle: Real) -> Real:
+        """Relative intensity at angles (N,) in radians, 0 to π."""
+
+    @abstractmethod
+    def in_plane(self, u: Real, half: float) -> Real:
+        """Angles (N,) from −half to half at shares ``u`` (N,) of the slice in the plane."""
+
+    @abstractmethod
+    def in_space(self, u: Real, half: float) -> Real:
+        """Angles (N,) from 0 to half at shares ``u`` (N,) of the power in space."""
+
+    @abstractmethod
+    def stretches(self, half: float) -> tuple[Stretch, ...]:
+        """The slice in the plane, in the order of the angle, in stretches over which it is smooth."""
+
+    @abstractmethod
+    def solid_angle_sr(self, half: float) -> float:
+        """Power in space over the intensity on the axis."""
+
+    @abstractmethod
+    def plane_angle(self, half: float) -> float:
+        """Integral of the relative intensity over the slice in the plane, in radians."""
+
+
+@dataclass(frozen=True)
+class Isotropic(AngularPattern):
+    """The same intensity at all angles."""
+
+    kind: Literal["uniform"] = "uniform"
+
+    def intensity(self, angle: Real) -> Real:
+        """See :meth:`AngularPattern.intensity`."""
+        return np.ones_like(angle)
+
+    def in_plane(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_plane`."""
+        return 2.0 * half * (u - 0.5)
+
+    def in_space(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_space`; sin²(θ/2) is uniform."""
+        return 2.0 * np.arcsin(np.sqrt(u) * math.sin(0.5 * half))
+
+    def stretches(self, half: float) -> tuple[Stretch, ...]:
+        """See :meth:`AngularPattern.stretches`."""
+        return (Stretch(-half, half, 1.0, 0.0, 0.0),)
+
+    def solid_angle_sr(self, half: float) -> float:
+        """See :meth:`AngularPattern.solid_angle_sr`."""
+        return 4.0 * math.pi * math.sin(0.5 * half) ** 2
+
+    def plane_angle(self, half: float) -> float:
+        """See :meth:`AngularPattern.plane_angle`."""
+        return 2.0 * half
+
+
+@dataclass(frozen=True)
+class CosinePower(AngularPattern):
+    """cos^m θ up to 90°, nothing beyond; m = 1 is Lambert's law."""
+
+    exponent: float = 1.0
+    kind: Literal["lambertian"] = "lambertian"
+
+    def __post_init__(self) -> None:
+        check_numbers("pattern", self.exponent)
+        if not 0.0 <= self.exponent <= MOST_EXPONENT:
+            limit = f"must be from 0 to {MOST_EXPONENT:g}"
+            raise DesignError("pattern exponent", value=self.exponent, limit=limit)
+
+    def intensity(self, angle: Real) -> Real:
+        """See :meth:`AngularPattern.intensity`."""
+        within = angle <= 0.5 * math.pi
+        return np.where(within, np.maximum(np.cos(angle), 0.0) ** self.exponent, 0.0)
+
+    def in_plane(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_plane`; sin²θ has a beta distribution."""
+        from scipy.special import betainc, betaincinv  # it takes long to import, and few sources need it
+
+        side, top = 2.0 * u - 1.0, math.sin(_up_to_90(half))
+        if self.exponent == 1.0:
+            return np.asarray(np.arcsin(side * top))
+        a, b = 0.5, 0.5 * (self.exponent + 1.0)
+        square = np.asarray(betaincinv(a, b, np.abs(side) * float(betainc(a, b, top * top))), dtype=np.float64)
+        return np.asarray(np.copysign(np.arcsin(np.sqrt(square)), side))
+
+    def in_space(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_space`; cos^(m + 1) θ is uniform."""
+        m = self.exponent + 1.0
+        with np.errstate(divide="ignore"):  # at 90° the logarithm of 0, whose exponential is 0 again
+            lost: Real = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
+        return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * lost)))
+
+    def stretches(self, half: float) -> tuple[Stretch, ...]:
+        """See :meth:`AngularPattern.stretches`."""
+        half = _up_to_90(half)
+        return (Stretch(-half, half, 1.0, 0.0, self.exponent),)
+
+    def solid_angle_sr(self, half: float) -> float:
+        """See :meth:`AngularPattern.solid_angle_sr`."""
+        m = self.exponent + 1.0
+        return 2.0 * math.pi / m * (1.0 - float(math.cos(_up_to_90(half)) ** m))
+
+    def plane_angle(self, half: float) -> float:
+        """See :meth:`AngularPattern.plane_angle`."""
+        from scipy.special import beta, betainc
+
+        a, b = 0.5, 0.5 * (self.exponent + 1.0)
+        return float(beta(a, b) * betainc(a, b, math.sin(_up_to_90(half)) ** 2))
+
+
+@dataclass(frozen=True)
+class PatternTable(AngularPattern):
+    """Relative intensity at angles in degrees from the axis, ascending from 0; linear in between, nothing beyond."""
+
+    angle_deg: tuple[float, ...]
+    relative: tuple[float, ...]
+    kind: Literal["table"] = "table"
+
+    def __post_init__(self) -> None:
+        check_numbers("pattern angle_deg", *self.angle_deg)
+        check_numbers("pattern relative", *self.relative)
+        if len(self.angle_deg) != len(self.relative) or len(self.angle_deg) < 2:
+            found = f"{len(self.angle_deg)} angles, {len(self.relative)} intensities"
+            raise DesignError("pattern", value=found, limit="must be as many of both, at least 2")
+        if self.angle_deg[0] != 0.0 or self.angle_deg[-1] > 180.0 or any(a >= b for a, b in pairwise(self.angle_deg)):
+            raise DesignError("pattern angle_deg", value=self.angle_deg, limit="must ascend from 0, up to 180 at most")
+        if not min(self.relative) >= 0.0 or not max(self.relative) > 0.0:
+            limit = "must be at least 0, and not 0 everywhere"
+            raise DesignError("pattern relative", value=self.relative, limit=limit)
+
+    def intensity(self, angle: Real) -> Real:
+        """See :meth:`AngularPattern.intensity`."""
+        return np.interp(angle, np.radians(self.angle_deg), self.relative, right=0.0)
+
+    def in_plane(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_plane`."""
+        angle, value = self._within(half)
+        side = 2.0 * u - 1.0
+        which, rest = _segment(np.abs(side), 0.5 * (value[1:] + value[:-1]) * np.diff(angle))
+        slope = (np.diff(value) / np.diff(angle))[which]
+        root = value[which] + np.sqrt(np.maximum(value[which] ** 2 + 2.0 * slope * rest, 0.0))
+        step = np.divide(2.0 * rest, root, out=np.zeros_like(rest), where=root > 0.0)
+        return np.copysign(np.minimum(angle[which] + step, angle[which + 1]), side)
+
+    def in_space(self, u: Real, half: float) -> Real:
+        """See :meth:`AngularPattern.in_space`."""
+        angle, value = self._within(half)
+        width, slope = np.diff(angle), np.diff(value) / np.diff(angle)
+        which, rest = _segment(u, _band(angle[:-1], value[:-1], slope, width))
+        start, first, rise = angle[which], value[which], slope[which]
+        low, high = np.zeros_like(u), width[which]
+        step = 0.5 * high
+        for _ in range(80):
+            over = _band(start, first, rise, step) - rest
+            low, high = np.where(over < 0.0, step, low), np.where(over < 0.0, high, step)
+            steep = (first + rise * step) * np.sin(start + step)
+            newton = step - np.divide(over, steep, out=np.full_like(u, np.inf), where=steep > 0.0)
+            new = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
+            if np.all(np.abs(new - step) <= SAME_ANGLE):
+                break
+            step = new
+        return start + step
+
+    def stretches(self, half: float) -> tuple[Stretch, ...]:
+        """See :meth:`AngularPattern.stretches`."""
+        angle, value = (column.tolist() for column in self._within(half))
+        left: list[Stretch] = []
+        for (low, first), (high, last) in pairwise(zip(angle, value, strict=True)):
+            slope = (last - first) / (high - low)
+            left.append(Stretch(low, high, first - slope * low, slope, 0.0))
+        right = [Stretch(-one.high, -one.low, one.base, -one.slope, 0.0) for one in reversed(left)]
+        return tuple(one for one in (*right, *left) if one.most > 0.0)
+
+    def solid_angle_sr(self, half: float) -> float:
+        """See :meth:`AngularPattern.solid_angle_sr`."""
+        if not self.relative[0] > 0.0:
+            return math.inf
+        angle, value = self._within(half)
+        slope = np.diff(value) / np.diff(angle)
+        return float(2.0 * math.pi * np.sum(_band(angle[:-1], value[:-1], slope, np.diff(angle))) / value[0])
+
+    def plane_angle(self, half: float) -> float:
+        """See :meth:`AngularPattern.plane_angle`."""
+        angle, value = self._within(half)
+        return float(np.sum((value[1:] + value[:-1]) * np.diff(angle)))
+
+    def _within(self, half: float) -> tuple[Real, Real]:
+        """Angles in radians and intensities up to the cut; `DesignError` where all is dark there."""
+        angle, value = np.radians(self.angle_deg), np.asarray(self.relative, dtype=float)
+        last = min(half, float(angle[-1]))
+        inside = angle < last
+        angle, value = np.append(angle[inside], last), np.append(value[inside], np.interp(last, angle, value))
+        if not (len(value) > 1 and np.any(value > 0.0)):
+            raise DesignError("cone_deg", value=2.0 * math.degrees(half), limit="the pattern is dark within the cone")
+        return angle, value
+
+
+Pattern = Isotropic | CosinePower | PatternTable
+
+
+def _up_to_90(half: float) -> float:
+    return min(half, 0.5 * math.pi)
+
+
+def _segment(share: Real, parts: Real) -> tuple[NDArray[np.intp], Real]:
+    """Which of the parts a share of their sum falls in, and how much of the part lies before it."""
+    whole = np.concatenate([[0.0], np.cumsum(parts)])
+    place = share * whole[-1]
+    which = np.clip(np.searchsorted(whole, place, side="right") - 1, 0, len(parts) - 1)
+    return which, np.clip(place - whole[which], 0.0, parts[which])
+
+
+def _band(start: Real, first: Real, slope: Real, step: Real) -> Real:
+    """Integral of (first + slope t) sin(start + t) over t from 0 to ``step``."""
+    end = start + step
+    flat = 2.0 * np.sin(start + 0.5 * step) * np.sin(0.5 * step)  # the difference of two cosines
+    return np.asarray(first * flat + slope * (np.sin(end) - np.sin(start) - step * np.cos(end)))
