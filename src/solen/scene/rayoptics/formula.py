@@ -312,6 +312,8 @@ class _Reader:
             arguments = [self.atom()]
         if name in FUNCTIONS and name not in ANY_NUMBER_OF and len(arguments) != 1:
             self.refuse(f"{name} takes one argument, not {len(arguments)}")
+        if name in ANY_NUMBER_OF and len(arguments) < 2:
+            self.refuse(f"{name} takes two arguments or more, not {len(arguments)}")
         node = _called(self.functions[name], arguments)
         return node if exponent is None else _calculated(_raise, node, exponent)
 

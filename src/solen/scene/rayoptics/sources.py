@@ -14,7 +14,8 @@ from itertools import groupby
 from solen.plane import Point, minus
 from solen.scene.rayoptics.chance import drawn
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError
-from solen.scene.sources import LEAST_POWER, Rays
+from solen.scene.sources import Rays
+from solen.scene.sources.base import LEAST_POWER
 
 MOST_RAYS = 2_000_000
 """Rays of a scene at most: each is listed on its own."""
