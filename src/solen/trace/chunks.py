@@ -17,6 +17,7 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
 from solen.trace.kernel import loop
+from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
@@ -78,21 +79,23 @@ class Chunk:
 
 def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
     """What makes each chunk of at most so many rays, source by source and group by group."""
-    before = 0
+    before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
-            yield from _of_a_fan(source, number, before, job.groups, most)
+            yield from _of_a_fan(source, number, before, job.groups, most, in_space)
             before += source.rays
         else:
             each = _sample_size(source)
-            yield from _of_a_sample(source, number, before, each, job.seed, most)
+            yield from _of_a_sample(source, number, before, each, job.seed, most, in_space)
             before += REPLICATES * each
 
 
-def _of_a_fan(source: Source, number: int, before: int, groups: int, most: int) -> Iterator[Callable[[], Chunk]]:
+def _of_a_fan(
+    source: Source, number: int, before: int, groups: int, most: int, in_space: bool
+) -> Iterator[Callable[[], Chunk]]:
     def make(first: int, stop: int, group: int) -> Chunk:
         numbers = np.arange(first, stop, groups, dtype=float)
-        return Chunk(number, group, before + first, groups, source.launch(numbers))
+        return Chunk(number, group, before + first, groups, source.launch(numbers, in_space))
 
     for group in range(groups):
         for first in range(group, source.rays, most * groups):
@@ -105,16 +108,18 @@ def _sample_size(source: Source) -> int:
 
 
 def _of_a_sample(
-    source: Source, number: int, before: int, each: int, seed: int, most: int
+    source: Source, number: int, before: int, each: int, seed: int, most: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
     """Points are drawn in order, whoever traces them."""
     from scipy.stats import qmc  # it takes long to import, and few traces need it
 
     def make(points: NDArray[np.float64], first: int, group: int) -> Chunk:
-        return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each))
+        return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each, in_space))
 
     for group in range(REPLICATES):
-        sequence = qmc.Sobol(source.dimensions(), scramble=True, rng=np.random.default_rng((seed, number, group)))
+        sequence = qmc.Sobol(
+            source.dimensions(in_space), scramble=True, rng=np.random.default_rng((seed, number, group))
+        )
         for start in range(0, each, most):
             points = sequence.random(min(most, each - start))
             yield partial(make, points, before + group * each + start, group)
@@ -128,6 +133,14 @@ def rows_of(job: Job, chunk: Chunk) -> loop.Rows:
     columns = (launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p)
     x, z, dx, dz, s, p = (column.astype(dtype, copy=False) for column in columns)
     return loop.Rows(x, z, dx, dz, s, p, colours[launch.line])
+
+
+def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
+    """The rays of a chunk of an extruded scene as the kernel takes them."""
+    launch, flat = chunk.launch, rows_of(job, chunk)
+    if launch.y_mm is None or launch.dy is None:
+        raise AssertionError("rays of an extruded scene are launched in space")
+    return RowsInSpace(flat.x, launch.y_mm, flat.z, flat.dx, launch.dy, flat.dz, flat.s, flat.p, flat.colour)
 
 
 def rules_of(job: Job, chunk: Chunk) -> Rules:

@@ -18,9 +18,21 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.errors import DesignError
-from solen.scene import Scene
-from solen.trace.chunks import DTYPES, Chunk, Device, Digits, Job, Sampling, check_seed, chunks, rows_of, rules_of
-from solen.trace.kernel import loop
+from solen.scene import Extrusion, Scene
+from solen.trace.chunks import (
+    DTYPES,
+    Chunk,
+    Device,
+    Digits,
+    Job,
+    Sampling,
+    check_seed,
+    chunks,
+    rows_in_space,
+    rows_of,
+    rules_of,
+)
+from solen.trace.kernel import extruded, loop
 from solen.trace.kernel.block import BLOCK
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode, in_order
@@ -104,6 +116,8 @@ def trace(
     check_choice("device", device, get_args(Device))
     if legs and device == "cuda":
         raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
+    if scene.extrusion is not None:
+        _check_extruded(scene, precision, device, legs)
     if scene.is_turbid and device == "cuda":
         raise DesignError("device", value=device, limit="knows no medium that scatters", remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
@@ -125,6 +139,20 @@ def trace(
     )
     found = _run(job, threads, progress)
     return found if precision == "double" else replace(found, single_error=_single_error(job, threads))
+
+
+def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> None:
+    """`DesignError` for what rays in space cannot do."""
+    for what, value, asked in (
+        ("precision", precision, precision != "double"),
+        ("device", device, device != "cpu"),
+        ("legs", legs, legs),
+    ):
+        if asked:
+            raise DesignError(what, value=value, limit="is for scenes of the plane", remedy="leave it out")
+    for interface in scene.interfaces:
+        if interface.surface is not None and interface.surface.focal_mm is not None:
+            raise DesignError(f"interface {interface.name}", value="focal_mm", limit="ideal elements are of the plane")
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, loop.Sums]]:
@@ -181,6 +209,8 @@ def _card(job: Job) -> "Card":
 
 def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
     launch, dtype = chunk.launch, job.tables.shape.dtype.type
+    if job.scene.extrusion is not None:
+        return _trace_in_space(job, chunk, job.scene.extrusion)
     rays, rules = rows_of(job, chunk), rules_of(job, chunk)
     legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
     while True:
@@ -190,6 +220,16 @@ def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
             return sums
         legs = max(legs, int(sums.counts[loop.LEGS]) if job.legs else 0)
         waiting = waiting if enough else 2 * waiting
+
+
+def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> loop.Sums:
+    rays, rules, waiting = rows_in_space(job, chunk), rules_of(job, chunk), 64 * BLOCK
+    slab = extruded.Slab(0.5 * extrusion.thickness_mm, extrusion.index_above, extrusion.index_below)
+    while True:
+        sums, room = empty(job), extruded.room_in_space(waiting)
+        if extruded.trace_in_space(job.constants, job.tables, sums, rays, rules, slab, room):
+            return sums
+        waiting *= 2
 
 
 def _single_error(job: Job, threads: int) -> float:

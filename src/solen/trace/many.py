@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.curve import check_count
+from solen.errors import DesignError
 from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Digits, Job, check_seed, chunks, rows_of, rules_of
 from solen.trace.kernel import batch, loop
@@ -49,6 +50,9 @@ def trace_many(
     check_count("threads", threads, 1)
     if not scenes:
         return []
+    if any(scene.extrusion is not None for scene in scenes):
+        limit, remedy = "trace_many knows scenes of the plane", "trace each on its own"
+        raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
     batched = _Batch(jobs, tasks)
@@ -78,7 +82,7 @@ class _Batch:
             bin=_starts(bins),
         )
         self.sums = loop.Sums(
-            fate=np.zeros((len(tasks), 5)),
+            fate=np.zeros((len(tasks), loop.LEAKED + 1)),
             detected=np.zeros(sum(receivers)),
             arrived=np.zeros(sum(receivers), dtype=np.int64),
             optical=np.zeros(sum(receivers)),

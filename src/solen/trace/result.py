@@ -152,7 +152,9 @@ class Trace:
     samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at`` says where the first
     of them were. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
     not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
-    largest difference of a receiver's power between single and double precision, found on a part of the rays.
+    largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
+    extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
+    left them through top or bottom.
     """
 
     mode: Mode
@@ -170,6 +172,8 @@ class Trace:
     reached: bool = True
     why: str = ""
     single_error: float | None = None
+    missed: float = 0.0
+    leaked: float = 0.0
     legs: NDArray[np.void] | None = field(default=None, repr=False, compare=False)
 
     @property

@@ -30,7 +30,7 @@ def empty(job: Job, legs: int = 0) -> loop.Sums:
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
     return loop.Sums(
-        fate=np.zeros(5),
+        fate=np.zeros(loop.LEAKED + 1),
         detected=np.zeros(receivers),
         arrived=np.zeros(receivers, dtype=np.int64),
         optical=np.zeros(receivers),
@@ -121,6 +121,8 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: NDArray[np.int64], leg
         undefined_at=undefined_at,
         truncated=int(total.counts[loop.CUT]),
         truncated_at=truncated_at,
+        missed=float(total.fate[loop.MISSED] / emitted),
+        leaked=float(total.fate[loop.LEAKED] / emitted),
         legs=legs,
     )
 

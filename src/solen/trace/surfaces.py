@@ -110,9 +110,18 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
 def film_powers(
     films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
 ) -> tuple[float, float]:
-    """Reflectance and transmittance of films (complex index, nm) by Airy's sum, from the last boundary to the first.
+    """Reflectance and transmittance of films; see `film_fields`."""
+    r, t, ratio = film_fields(films, cos, n1, n2, wavelength_nm, polarisation)
+    return abs(r) ** 2, abs(t) ** 2 * ratio
 
-    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.)
+
+def film_fields(
+    films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
+) -> tuple[complex, complex, float]:
+    """Amplitudes of films (complex index, nm) by Airy's sum, from the last boundary to the first.
+
+    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.) They belong to fields along the surface, their time
+    as exp(+iωt); the third number is what the power of a transmitted field is to be multiplied by.
     """
     k0, q = 2.0 * math.pi / wavelength_nm, n1 * math.sqrt(1.0 - cos * cos)
     indices = [complex(n1), *(index for index, _ in films), complex(n2)]
@@ -126,7 +135,7 @@ def film_powers(
         behind = r * once * once
         below = 1.0 + boundary * behind
         r, t = (boundary + behind) / below, t * (1.0 + boundary) * once / below
-    return abs(r) ** 2, abs(t) ** 2 * tilt[-1].real / tilt[0].real
+    return r, t, tilt[-1].real / tilt[0].real
 
 
 def _decaying(square: complex) -> complex:

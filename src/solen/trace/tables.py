@@ -56,6 +56,8 @@ class Tables(NamedTuple):
     """(P,) region on the right"""
     receiver: NDArray[np.int64]
     """(P,) receiver, −1 where it is none"""
+    height: NDArray[np.floating[Any]]
+    """(P, 2) from which y to which a receiver reaches, mm"""
     refractive_index: NDArray[np.floating[Any]]
     """(W, R) refractive index by wavelength"""
     absorption: NDArray[np.floating[Any]]
@@ -116,6 +118,7 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
         left=_whole(names[owner.left] for owner in owners),
         right=_whole(names[owner.right] for owner in owners),
         receiver=_whole(receivers[owner.receiver] for owner in owners),
+        height=np.array([owner.height_mm or (-math.inf, math.inf) for owner in owners], dtype).reshape(-1, 2),
         refractive_index=np.array([[region.index_at(nm) for region in scene.regions] for nm in colours], dtype),
         absorption=np.array([[region.absorption_per_mm for region in scene.regions] for _ in colours], dtype),
         scattering=np.array([[region.scattering_per_mm for region in scene.regions] for _ in colours], dtype),

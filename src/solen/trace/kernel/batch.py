@@ -68,6 +68,7 @@ def trace_tasks(
             tables.left[p:q],
             tables.right[p:q],
             tables.receiver[p:q],
+            tables.height[p:q],
             tables.refractive_index[v:w],
             tables.absorption[v:w],
             tables.scattering[v:w],

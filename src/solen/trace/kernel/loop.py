@@ -17,10 +17,12 @@ from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import place_on
 from solen.trace.kernel.rows import Floats, Ints, Precision
 from solen.trace.kernel.step import Rules, corner_step, escape, free_path, leave, meet, phase_turn, turned
-from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
+from solen.trace.result import ABSORBED, DETECTED, FATES, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
 HITS, UNDEFINED, CUT, LEGS = range(4)
+MISSED, LEAKED = len(FATES), len(FATES) + 1
+"""Of what escaped in an extruded scene, what left over top and bottom from around the bodies, and what from them."""
 LEG_WIDTH = 15
 X, Z, DX, DZ, S, P, LEAST, AT, OPTICAL = range(9)
 REGION, LAST, HIT, BRANCH, NUMBER, PARENT, COLOUR = range(7)
@@ -30,7 +32,7 @@ class Sums(NamedTuple):
     """What one chunk of rays adds up, in double precision."""
 
     fate: NDArray[np.float64]
-    """(5,) power by fate"""
+    """(7,) power by fate, and of what escaped in an extruded scene what missed and what leaked"""
     detected: NDArray[np.float64]
     """(D,) power per receiver"""
     arrived: NDArray[np.int64]
@@ -83,19 +85,23 @@ class Space(NamedTuple):
     """(N,) branches of each ray so far; ones to begin with"""
 
 
-def room(rays: int, dtype: type[np.floating[Any]], capacity: int = 64 * BLOCK) -> Space:
-    """Room for as many rays and as many waiting branches."""
-    found = Found(
+def room_of_block(dtype: type[np.floating[Any]]) -> Found:
+    """Room for what lies ahead of the rays of a block."""
+    return Found(
         np.empty(BLOCK, dtype),
         np.empty(BLOCK, np.int64),
         np.empty(BLOCK, dtype),
         np.empty((13, BLOCK + 1), dtype),
         np.empty(BLOCK + 1, np.int64),
     )
+
+
+def room(rays: int, dtype: type[np.floating[Any]], capacity: int = 64 * BLOCK) -> Space:
+    """Room for as many rays and as many waiting branches."""
     return Space(
         np.empty((9, BLOCK), dtype),
         np.empty((7, BLOCK), np.int64),
-        found,
+        room_of_block(dtype),
         np.empty((capacity, 9), dtype),
         np.empty((capacity, 7), np.int64),
         np.ones(rays, np.int64),

@@ -6,6 +6,7 @@ treated. What is drawn belongs to the ray's number, the hits it has had and the 
 
 import cmath
 import math
+from typing import NamedTuple
 
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import (
@@ -31,6 +32,19 @@ TRIES = 256
 """Draws that may be turned down before the smooth direction is taken instead."""
 OPAQUE = 300.0
 """Imaginary phase of a film from which on nothing comes through that a number could hold."""
+
+
+class Amplitudes(NamedTuple):
+    """Shares of power in s and p that go back and on, and what the product of the field s with p* is multiplied by."""
+
+    back_s: float
+    back_p: float
+    back_cr: float
+    back_ci: float
+    on_s: float
+    on_p: float
+    on_cr: float
+    on_ci: float
 
 
 @compiled
@@ -96,9 +110,9 @@ def at_treated(
             bx, bz = as_in(k.zero, ex - (cos + cos) * nx), as_in(k.zero, ez - (cos + cos) * nz)
     if t.layers > 0.0 and splitting != COUNT:
         cos_in = -(dx * fx + dz * fz)
-        through_s, through_p, r_s, r_p = film(tables, t, colour, from_right, cos_in, n1, n2)
-        on_s, on_p = as_in(k.zero, through_s * s), as_in(k.zero, through_p * p)
-        back_s, back_p = as_in(k.zero, r_s * s), as_in(k.zero, r_p * p)
+        found = film(tables, t, colour, from_right, cos_in, n1, n2)
+        on_s, on_p = as_in(k.zero, found.on_s * s), as_in(k.zero, found.on_p * p)
+        back_s, back_p = as_in(k.zero, found.back_s * s), as_in(k.zero, found.back_p * p)
     if t.scatter != SMOOTH:
         ex, ez = scattered(t, seed, ray, hits, ON, tx, tz, -nx, -nz)
         tx, tz = as_in(k.zero, ex), as_in(k.zero, ez)
@@ -187,8 +201,8 @@ def harvey_shack_kept(width: float, wing: float, far: float) -> float:
 @compiled
 def film(
     tables: Tables, t: Treatment, colour: int, from_right: bool, cos_in: float, n1: float, n2: float
-) -> tuple[float, float, float, float]:
-    """Transmittance and reflectance of power in s and p of a stack of films, by characteristic matrices.
+) -> Amplitudes:
+    """What a stack of films does to power and fields, by characteristic matrices.
 
     (Macleod, Thin-Film Optical Filters, chapter 2.) A film that decays beyond all numbers counts as without end.
     """
@@ -211,10 +225,14 @@ def film(
         b_s, c_s = cos * b_s + sin / axial * c_s, axial * sin * b_s + cos * c_s
         b_p, c_p = cos * b_p + sin / eta_p * c_p, eta_p * sin * b_p + cos * c_p
     in_s, in_p = n1 * cos_in, n1 / cos_in
-    r_s, r_p = (in_s * b_s - c_s) / (in_s * b_s + c_s), (in_p * b_p - c_p) / (in_p * b_p + c_p)
-    through_s = 4.0 * in_s * last_s / abs(in_s * b_s + c_s) ** 2
-    through_p = 4.0 * in_p * last_p / abs(in_p * b_p + c_p) ** 2
-    return max(through_s, 0.0), max(through_p, 0.0), abs(r_s) ** 2, abs(r_p) ** 2
+    below_s, below_p = in_s * b_s + c_s, in_p * b_p + c_p
+    r_s, r_p = (in_s * b_s - c_s) / below_s, (in_p * b_p - c_p) / below_p
+    on_s = max(4.0 * in_s * last_s / abs(below_s) ** 2, 0.0)
+    on_p = max(4.0 * in_p * last_p / abs(below_p) ** 2, 0.0)
+    turn = below_p * below_s.conjugate()  # the phases of both transmitted fields, one against the other
+    both = math.sqrt(on_s * on_p) * turn / abs(turn)
+    back = -r_s * r_p.conjugate()  # of fields along the surface p has the other sign
+    return Amplitudes(abs(r_s) ** 2, abs(r_p) ** 2, back.real, back.imag, on_s, on_p, both.real, both.imag)
 
 
 @compiled

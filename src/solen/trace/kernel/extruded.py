@@ -1,0 +1,381 @@
+"""The compiled loop over rays in space, in scenes that reach along y from a bottom to a top.
+
+Walls are upright: in projection along y a ray is straight between two of them, so that the search of the plane finds
+the next one, whatever happens at top and bottom on the way. A ray is stored as its projection, a unit vector (ux, uz),
+with ``flat``, the length of the projection of its direction. What leaves through top or bottom never comes back: what
+was in the medium that is there too has *missed* the bodies, the rest has *leaked* from them.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.loop import (
+    CUT,
+    HITS,
+    LEAKED,
+    MISSED,
+    UNDEFINED,
+    Sums,
+    count_arrival,
+    count_monitors,
+    note_place,
+    room_of_block,
+)
+from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Ints, Precision
+from solen.trace.kernel.space import (
+    Coherency,
+    Parts,
+    Vector,
+    bare,
+    divided,
+    scalar,
+    scaled,
+    unpolarised,
+    upright,
+)
+from solen.trace.kernel.step import Rules, corner_step, escape, free_path, meet
+from solen.trace.kernel.surface import COUNT, ROULETTE, chance, chance_of, end_fate
+from solen.trace.kernel.treated import PHASE, Amplitudes, acting
+from solen.trace.kernel.treated_space import henyey_greenstein, treated_parts
+from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
+from solen.trace.tables import Tables
+
+X, Z, UX, UZ, AT, Y, DY, FLAT, I1, I2, CR, CI, EX, EY, EZ, LEAST, OPTICAL = range(17)
+REGION, LAST, HIT, NUMBER, COLOUR = range(5)
+NUMBERS, TAGS = 17, 5
+UPRIGHT = 1e-12
+"""Least length of a projection: a ray along y is all but that."""
+
+
+class RowsInSpace(NamedTuple):
+    """Rays to be traced (N,)."""
+
+    x: Floats
+    y: Floats
+    z: Floats
+    dx: Floats
+    dy: Floats
+    dz: Floats
+    s: Floats
+    p: Floats
+    colour: Ints
+
+
+class Slab(NamedTuple):
+    """Half the thickness in mm, and the indices above and below."""
+
+    half: float
+    above: float
+    below: float
+
+
+class RoomInSpace(NamedTuple):
+    """Room to work in."""
+
+    state: Floats
+    """(NUMBERS, BLOCK)"""
+    tags: Ints
+    """(TAGS, BLOCK)"""
+    found: Found
+    waiting_state: Floats
+    """(capacity, NUMBERS) branches that wait"""
+    waiting_tags: Ints
+    """(capacity, TAGS)"""
+
+
+def room_in_space(capacity: int) -> RoomInSpace:
+    """Room for as many waiting branches."""
+    return RoomInSpace(
+        np.empty((NUMBERS, BLOCK)),
+        np.empty((TAGS, BLOCK), np.int64),
+        room_of_block(np.float64),
+        np.empty((capacity, NUMBERS)),
+        np.empty((capacity, TAGS), np.int64),
+    )
+
+
+class Flight(NamedTuple):
+    """A ray after its way through a medium, bounces off top and bottom included."""
+
+    y: float
+    d: Vector
+    e: Vector
+    light: Coherency
+    hits: int
+    ended: bool
+
+
+@compiled
+def fly(
+    tables: Tables,
+    sums: Sums,
+    rules: Rules,
+    slab: Slab,
+    x: float,
+    z: float,
+    y: float,
+    d: Vector,
+    e: Vector,
+    light: Coherency,
+    flat: float,
+    way: float,
+    n1: float,
+    loss: float,
+    hits: int,
+    least: float,
+) -> Flight:
+    """Carry a ray over a ``way`` in mm through a medium; add up what is absorbed and what leaves at top and bottom."""
+    gone, ended = 0.0, False
+    ux, uz, has_monitors = d.x / flat, d.z / flat, len(tables.monitor) > 0
+    while True:
+        to = way - gone
+        reaches = False
+        if d.y != 0.0:
+            end = slab.half if d.y > 0.0 else -slab.half
+            face = max((end - y) / d.y, 0.0)
+            reaches = face < to
+            to = face if reaches else to
+        power = light.i1 + light.i2
+        if has_monitors:
+            start = gone * flat
+            count_monitors(tables, sums, x + start * ux, z + start * uz, ux, uz, to * flat, power, loss / flat)
+        if loss > 0.0:
+            light = scaled(light, math.exp(-loss * to))
+            sums.fate[ABSORBED] += power - (light.i1 + light.i2)
+        gone += to
+        if not reaches:
+            return Flight(y + to * d.y, d, e, light, hits, False)
+        y, upwards = (slab.half, 1.0) if d.y > 0.0 else (-slab.half, -1.0)
+        n2 = slab.above if d.y > 0.0 else slab.below
+        sums.counts[HITS] += 1
+        hits += 1
+        power = light.i1 + light.i2
+        parts = divided(d, e, Vector(0.0, -upwards, 0.0), light, n1, n2, bare(n1, n2, n1 * abs(d.y)))
+        leaves = parts.on_light.i1 + parts.on_light.i2
+        if n1 == n2 or (rules.splitting == COUNT and leaves > 0.0):
+            leaves, ended = power, True
+        sums.fate[ESCAPED] += leaves
+        sums.fate[MISSED if n1 == n2 else LEAKED] += leaves
+        d, e, light = parts.back, parts.s, parts.back_light
+        power = light.i1 + light.i2
+        if not ended and (hits + 1 >= rules.max_hits or power < least):
+            sums.fate[TRUNCATED] += power
+            note_place(sums, CUT, x + gone * flat * ux, z + gone * flat * uz)
+            ended = True
+        if ended:
+            return Flight(y, d, e, light, hits, True)
+
+
+@compiled
+def wall_parts(
+    tables: Tables,
+    rules: Rules,
+    behaviour: int,
+    c: int,
+    colour: int,
+    number: int,
+    hits: int,
+    d: Vector,
+    e: Vector,
+    n: Vector,
+    from_right: bool,
+    light: Coherency,
+    n1: float,
+    n2: float,
+) -> tuple[Parts, Vector, Vector]:
+    """Both parts at a wall, and the basis that each is described in."""
+    if behaviour >= TREATED:
+        ray = rules.first + rules.step * number
+        return treated_parts(
+            tables, rules.splitting, rules.seed, c, colour, ray, hits, from_right, d, e, n, light, n1, n2
+        )
+    a = bare(n1, n2, -n1 * scalar(d, n))
+    if behaviour == MIRROR:
+        a = Amplitudes(1.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    elif rules.splitting == COUNT and a.on_s > 0.0:
+        a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    found = divided(d, e, n, light, n1, n2, a)
+    return found, found.s, found.s
+
+
+@compiled
+def note_direction(row: Floats, d: Vector, e: Vector, light: Coherency) -> None:
+    """Write direction, basis and coherency of a ray."""
+    flat = math.sqrt(d.x * d.x + d.z * d.z)
+    if flat < UPRIGHT:
+        row[UX], row[UZ], row[FLAT] = 1.0, 0.0, UPRIGHT
+    else:
+        row[UX], row[UZ], row[FLAT] = d.x / flat, d.z / flat, flat
+    row[DY], row[EX], row[EY], row[EZ] = d.y, e.x, e.y, e.z
+    row[I1], row[I2], row[CR], row[CI] = light.i1, light.i2, light.cr, light.ci
+
+
+@compiled
+def copy_ray(state: Floats, tags: Ints, i: int, j: int) -> None:
+    """Put ray i in place j."""
+    for row in range(NUMBERS):
+        state[row, j] = state[row, i]
+    for row in range(TAGS):
+        tags[row, j] = tags[row, i]
+
+
+@called
+def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
+    k: Precision, tables: Tables, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab, room: RoomInSpace
+) -> bool:
+    """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait."""
+    state, tags, found = room.state, room.tags, room.found
+    waiting_state, waiting_tags = room.waiting_state, room.waiting_tags
+    block = Rays(state[X], state[Z], state[UX], state[UZ], tags[LAST], state[AT])
+    n, waiting, launched = 0, 0, 0
+    while True:
+        while n < BLOCK and waiting > 0:
+            waiting -= 1
+            for row in range(NUMBERS):
+                state[row, n] = waiting_state[waiting, row]
+            for row in range(TAGS):
+                tags[row, n] = waiting_tags[waiting, row]
+            n += 1
+        while n < BLOCK and launched < len(rays.x):
+            d = Vector(rays.dx[launched], rays.dy[launched], rays.dz[launched])
+            s, p = rays.s[launched], rays.p[launched]
+            if abs(rays.y[launched]) > slab.half:
+                sums.fate[ESCAPED] += s + p
+                sums.fate[MISSED] += s + p
+                launched += 1
+                continue
+            state[X, n], state[Y, n], state[Z, n] = rays.x[launched], rays.y[launched], rays.z[launched]
+            note_direction(state[:, n], d, upright(d), Coherency(s, p, 0.0, 0.0))
+            state[LEAST, n], state[AT, n], state[OPTICAL, n] = rules.min_weight * (s + p), 0.0, 0.0
+            tags[REGION, n], tags[LAST, n], tags[HIT, n] = -1, -1, 0
+            tags[NUMBER, n], tags[COLOUR, n] = launched, rays.colour[launched]
+            launched += 1
+            n += 1
+        if n == 0:
+            return True
+        find_block(k, tables, n, block, found)
+        left = 0
+        for i in range(n):
+            c, length, place = found.curve[i], found.distance[i], found.place[i]
+            x, z, y, flat, least = state[X, i], state[Z, i], state[Y, i], state[FLAT, i], state[LEAST, i]
+            d = Vector(flat * state[UX, i], state[DY, i], flat * state[UZ, i])
+            e = Vector(state[EX, i], state[EY, i], state[EZ, i])
+            light = Coherency(state[I1, i], state[I2, i], state[CR, i], state[CI, i])
+            region, colour, number, hits = tags[REGION, i], tags[COLOUR, i], tags[NUMBER, i], tags[HIT, i]
+            power = light.i1 + light.i2
+            if c < 0:
+                loss, fate = escape(k, tables, rules, region, colour)
+                if len(tables.monitor) > 0:
+                    above = (slab.half - math.copysign(y, y * d.y)) / abs(d.y) if d.y != 0.0 else math.inf
+                    ux, uz = state[UX, i], state[UZ, i]
+                    count_monitors(tables, sums, x, z, ux, uz, above * flat, power, loss / flat)
+                sums.fate[fate] += power
+                continue
+            met = meet(
+                k, tables, rules, c, length, place, x, z, state[UX, i], state[UZ, i], tags[LAST, i], state[AT, i],
+                region, colour, hits, power, least,
+            )  # fmt: skip
+            if met.corner:
+                copy_ray(state, tags, i, left)
+                step = corner_step(k, x, z)
+                state[X, left], state[Z, left] = x + step * state[UX, i], z + step * state[UZ, i]
+                tags[LAST, left], state[AT, left] = c, place
+                left += 1
+                continue
+            sums.counts[HITS] += 1
+            if met.undefined:
+                note_place(sums, UNDEFINED, met.x, met.z)
+                sums.fate[TRUNCATED] += power
+                continue
+            n1, way = tables.refractive_index[colour, met.here], length / flat
+            scatters = False
+            if rules.turbid:
+                free = free_path(k, tables, rules, met.here, colour, number, hits)
+                scatters = free < way
+                way = min(free, way)
+            flight = fly(tables, sums, rules, slab, x, z, y, d, e, light, flat, way, n1, met.loss, hits, least)
+            if flight.ended:
+                continue
+            y, d, e, light, hits = flight.y, flight.d, flight.e, flight.light, flight.hits
+            power, optical = light.i1 + light.i2, state[OPTICAL, i] + n1 * way
+            worn_out = hits + 1 >= rules.max_hits or power < least
+            if scatters:
+                px, pz = x + way * d.x, z + way * d.z
+                if worn_out:
+                    sums.fate[TRUNCATED] += power
+                    note_place(sums, CUT, px, pz)
+                    continue
+                ray = rules.first + rules.step * number
+                one = chance_of(rules.seed, ray, hits, PHASE)
+                two = chance_of(rules.seed, ray, hits, PHASE + 1)
+                d = henyey_greenstein(one, two, tables.anisotropy[colour, met.here], d)
+                copy_ray(state, tags, i, left)
+                note_direction(state[:, left], d, upright(d), unpolarised(light))
+                state[X, left], state[Y, left], state[Z, left] = px, y, pz
+                state[AT, left], state[OPTICAL, left] = 0.0, optical
+                tags[HIT, left], tags[LAST, left], tags[REGION, left] = hits + 1, -1, met.here
+                left += 1
+                continue
+            from_right = d.x * met.nx + d.z * met.nz > 0.0
+            behaviour = tables.behaviour[c]
+            acts = acting(tables, c, colour) if behaviour >= TREATED else behaviour
+            if acts == RECEIVER and not tables.height[c, 0] <= y <= tables.height[c, 1]:
+                behaviour, acts = REFRACTING, REFRACTING
+            fate = end_fate(acts, from_right, worn_out)
+            if fate != GOES_ON:
+                sums.fate[fate] += power
+                if fate == TRUNCATED:
+                    note_place(sums, CUT, met.x, met.z)
+                if fate == DETECTED:
+                    sine = d.x * met.nz - d.z * met.nx
+                    count_arrival(k, tables, sums, c, met.x, met.z, place, sine, power, optical)
+                continue
+            normal = Vector(-met.nx, 0.0, -met.nz) if from_right else Vector(met.nx, 0.0, met.nz)
+            n2 = tables.refractive_index[colour, met.there]
+            parts, on_e, back_e = wall_parts(
+                tables, rules, behaviour, c, colour, number, hits, d, e, normal, from_right, light, n1, n2
+            )
+            on_light, back_light = parts.on_light, parts.back_light
+            on, back = on_light.i1 + on_light.i2, back_light.i1 + back_light.i2
+            sums.fate[ABSORBED] += max(power - on - back, 0.0) if behaviour >= TREATED else 0.0
+            if rules.splitting == ROULETTE and on > 0.0 and back > 0.0:
+                whole = on + back
+                if chance(rules.seed, rules.first + rules.step * number, hits) * whole < back:
+                    back_light, back, on = scaled(back_light, whole / back), whole, 0.0
+                else:
+                    on_light, on, back = scaled(on_light, whole / on), whole, 0.0
+            cut = (on if on < least else 0.0) + (back if back < least else 0.0)
+            if cut > 0.0:
+                sums.fate[TRUNCATED] += cut
+                note_place(sums, CUT, met.x, met.z)
+            both = on >= least and back >= least
+            if not (on >= least or back >= least):
+                continue
+            goes_back = back <= on if both else back >= least  # of two parts the weaker goes first
+            if both and waiting == len(waiting_state):
+                return False
+            if both:
+                row, tag = waiting_state[waiting], waiting_tags[waiting]
+                if goes_back:
+                    note_direction(row, parts.on, on_e, on_light)
+                else:
+                    note_direction(row, parts.back, back_e, back_light)
+                row[X], row[Y], row[Z], row[AT] = met.x, y, met.z, place
+                row[LEAST], row[OPTICAL] = least, optical
+                tag[REGION], tag[LAST], tag[HIT] = met.there if goes_back else met.here, c, hits + 1
+                tag[NUMBER], tag[COLOUR] = number, colour
+                waiting += 1
+            if goes_back:
+                note_direction(state[:, left], parts.back, back_e, back_light)
+            else:
+                note_direction(state[:, left], parts.on, on_e, on_light)
+            state[X, left], state[Y, left], state[Z, left], state[AT, left] = met.x, y, met.z, place
+            state[LEAST, left], state[OPTICAL, left] = least, optical
+            tags[REGION, left], tags[LAST, left], tags[HIT, left] = met.here if goes_back else met.there, c, hits + 1
+            tags[NUMBER, left], tags[COLOUR, left] = number, colour
+            left += 1
+        n = left

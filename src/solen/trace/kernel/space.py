@@ -1,0 +1,172 @@
+"""Rays in space: vectors, polarisation, and what a surface makes of them.
+
+A ray carries its coherency matrix [[i1, c], [c*, i2]] in the basis (e, d × e), e a unit vector across its direction d;
+c = cr + i·ci. At a surface the basis is turned so that e lies along s = d × N; Fresnel's amplitudes then act on the two
+fields apart (Born & Wolf, sections 1.5 and 10.9), total reflection with its phases. Fields go as exp(+iωt).
+"""
+
+import math
+from typing import NamedTuple
+
+from solen.trace.kernel.compiled import compiled
+from solen.trace.kernel.treated import Amplitudes
+
+PARALLEL = 1e-12
+"""Sine of the angle of incidence below which every basis is as good as another."""
+
+
+class Vector(NamedTuple):
+    """x, y, z."""
+
+    x: float
+    y: float
+    z: float
+
+
+class Coherency(NamedTuple):
+    """Powers along e and across it, and how the two fields belong together."""
+
+    i1: float
+    i2: float
+    cr: float
+    ci: float
+
+
+class Parts(NamedTuple):
+    """What goes on through a surface and what goes back: directions and coherencies in the basis of ``s``."""
+
+    on: Vector
+    back: Vector
+    s: Vector
+    on_light: Coherency
+    back_light: Coherency
+
+
+@compiled
+def scalar(a: Vector, b: Vector) -> float:
+    """Scalar product."""
+    return a.x * b.x + a.y * b.y + a.z * b.z
+
+
+@compiled
+def vector(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
+
+
+@compiled
+def unit_of(a: Vector) -> Vector:
+    """Vector of length 1."""
+    scale = 1.0 / math.sqrt(scalar(a, a))
+    return Vector(scale * a.x, scale * a.y, scale * a.z)
+
+
+@compiled
+def upright(d: Vector) -> Vector:
+    """Unit vector across d that lies in the plane of d and the y-axis; x for a ray along y."""
+    flat = d.x * d.x + d.z * d.z
+    if flat < PARALLEL * PARALLEL:
+        return Vector(1.0, 0.0, 0.0)
+    return unit_of(Vector(-d.y * d.x, flat, -d.y * d.z))
+
+
+@compiled
+def turned_basis(light: Coherency, cos: float, sin: float) -> Coherency:
+    """Coherency in the basis turned by an angle from e towards d × e."""
+    both, cross = 2.0 * cos * sin * light.cr, cos * sin * (light.i2 - light.i1)
+    return Coherency(
+        cos * cos * light.i1 + sin * sin * light.i2 + both,
+        sin * sin * light.i1 + cos * cos * light.i2 - both,
+        cross + (cos * cos - sin * sin) * light.cr,
+        light.ci,
+    )
+
+
+@compiled
+def scaled(light: Coherency, by: float) -> Coherency:
+    """Coherency of so many times the power."""
+    return Coherency(by * light.i1, by * light.i2, by * light.cr, by * light.ci)
+
+
+@compiled
+def unpolarised(light: Coherency) -> Coherency:
+    """The same power without polarisation."""
+    half = 0.5 * (light.i1 + light.i2)
+    return Coherency(half, half, 0.0, 0.0)
+
+
+@compiled
+def bare(n1: float, n2: float, axial: float) -> Amplitudes:
+    """Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
+    square = (n2 - n1) * (n2 + n1) + axial * axial
+    if square <= 0.0:
+        behind = complex(0.0, -math.sqrt(-square))
+        s = (axial - behind) / (axial + behind)
+        p = (n2 * n2 * axial - n1 * n1 * behind) / (n2 * n2 * axial + n1 * n1 * behind)
+        both = s * p.conjugate()
+        return Amplitudes(1.0, 1.0, both.real, both.imag, 0.0, 0.0, 0.0, 0.0)
+    behind_real = math.sqrt(square)
+    rs = (axial - behind_real) / (axial + behind_real)
+    rp = (n2 * n2 * axial - n1 * n1 * behind_real) / (n2 * n2 * axial + n1 * n1 * behind_real)
+    on_s, on_p = 1.0 - rs * rs, 1.0 - rp * rp
+    return Amplitudes(rs * rs, rp * rp, rs * rp, 0.0, on_s, on_p, math.sqrt(max(on_s * on_p, 0.0)), 0.0)
+
+
+@compiled
+def passed(amount_s: float, amount_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
+    """Coherency after both fields were weakened and their product multiplied by a complex number."""
+    return Coherency(
+        amount_s * light.i1, amount_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
+    )
+
+
+@compiled
+def in_plane_of_incidence(d: Vector, e: Vector, n: Vector, light: Coherency) -> tuple[Vector, Coherency]:
+    """The unit vector s across the plane of incidence, and the coherency in its basis."""
+    across = vector(d, n)
+    size = math.sqrt(scalar(across, across))
+    if size < PARALLEL:
+        return e, light
+    s = Vector(across.x / size, across.y / size, across.z / size)
+    return s, turned_basis(light, scalar(s, e), scalar(s, vector(d, e)))
+
+
+@compiled
+def mirrored(d: Vector, n: Vector, cos: float) -> Vector:
+    """Direction after a reflection, of length 1 however many went before."""
+    twice = cos + cos
+    x, y, z = d.x + twice * n.x, d.y + twice * n.y, d.z + twice * n.z
+    mend = 1.0 + 0.5 * (1.0 - (x * x + y * y + z * z))
+    return Vector(mend * x, mend * y, mend * z)
+
+
+@compiled
+def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
+    """Direction behind a surface by Snell's law; what is totally reflected has none."""
+    square = (n2 - n1) * (n2 + n1) + (n1 * cos) * (n1 * cos)
+    if square <= 0.0:
+        return d
+    bend = (n1 * cos - math.sqrt(square)) / n2
+    ratio = n1 / n2
+    return unit_of(Vector(ratio * d.x + bend * n.x, ratio * d.y + bend * n.y, ratio * d.z + bend * n.z))
+
+
+@compiled
+def divided(d: Vector, e: Vector, n: Vector, light: Coherency, n1: float, n2: float, amplitudes: Amplitudes) -> Parts:
+    """Both parts of a ray at a surface whose normal ``n`` faces it."""
+    cos = -scalar(d, n)
+    s, own = in_plane_of_incidence(d, e, n, light)
+    a = amplitudes
+    return Parts(
+        bent(d, n, cos, n1, n2),
+        mirrored(d, n, cos),
+        s,
+        passed(a.on_s, a.on_p, a.on_cr, a.on_ci, own),
+        passed(a.back_s, a.back_p, a.back_cr, a.back_ci, own),
+    )
+
+
+@compiled
+def smooth_parts(d: Vector, e: Vector, n: Vector, light: Coherency, n1: float, n2: float) -> Parts:
+    """Both parts at a smooth, clean and bare surface."""
+    return divided(d, e, n, light, n1, n2, bare(n1, n2, -n1 * scalar(d, n)))

@@ -1,0 +1,154 @@
+"""Treated surfaces in space: what `solen.trace.kernel.treated` does in the plane.
+
+Profiles of scatter are round in the disc of direction cosines, what is scattered is unpolarised, and a texture tilts
+the surface along the interface or along y. Ideal elements are of the plane alone.
+"""
+
+import math
+
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.rows import (
+    GAUSSIAN,
+    HARVEY_SHACK,
+    MIRROR,
+    SMOOTH,
+    SPLITTER,
+    Treatment,
+    treatment_row,
+)
+from solen.trace.kernel.space import (
+    Coherency,
+    Parts,
+    Vector,
+    bare,
+    divided,
+    scalar,
+    smooth_parts,
+    unit_of,
+    unpolarised,
+    upright,
+)
+from solen.trace.kernel.surface import COUNT, chance_of
+from solen.trace.kernel.treated import BACK, FACET, ON, TRIES, Amplitudes, acting, film
+from solen.trace.tables import Tables
+
+
+@called
+def treated_parts(
+    tables: Tables,
+    splitting: int,
+    seed: int,
+    c: int,
+    colour: int,
+    ray: int,
+    hits: int,
+    from_right: bool,
+    d: Vector,
+    e: Vector,
+    n: Vector,
+    light: Coherency,
+    n1: float,
+    n2: float,
+) -> tuple[Parts, Vector, Vector]:
+    """Both parts at a treated wall whose normal faces the ray, and for each the basis that it is then described in."""
+    t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
+    if behaviour < 0:
+        found = smooth_parts(d, e, n, light, n1, n2)
+        return found, found.s, found.s
+    f = facet(t, seed, ray, hits, d, n, n1, n2) if t.tilt > 0.0 else n
+    counting = splitting == COUNT
+    cos = -scalar(d, f)
+    if behaviour == MIRROR:
+        rho = 1.0 if counting else t.reflectance
+        a = Amplitudes(rho, rho, -rho, 0.0, 0.0, 0.0, 0.0, 0.0)
+    elif behaviour == SPLITTER:
+        on = 1.0 if counting else t.transmitted
+        a = Amplitudes(1.0 - on, 1.0 - on, on - 1.0, 0.0, on, on, on, 0.0)
+    elif t.layers > 0.0 and not counting:
+        a = film(tables, t, colour, from_right, cos, n1, n2)
+    else:
+        a = bare(n1, n2, n1 * cos)
+        if a.on_s > 0.0 and (counting or t.partial == 0.0):
+            a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    found = divided(d, e, f, light, n1, n2, a)
+    on_d, back_d, on_e, back_e = found.on, found.back, found.s, found.s
+    on_light, back_light = found.on_light, found.back_light
+    if behaviour == SPLITTER:
+        on_d = d
+    if t.scatter != SMOOTH:
+        away = Vector(-n.x, -n.y, -n.z)
+        if chance_of(seed, ray, hits, ON) < t.share:
+            on_d = scattered(t, seed, ray, hits, ON, on_d, away)
+            on_e, on_light = upright(on_d), unpolarised(on_light)
+        if chance_of(seed, ray, hits, BACK) < t.share:
+            back_d = scattered(t, seed, ray, hits, BACK, back_d, n)
+            back_e, back_light = upright(back_d), unpolarised(back_light)
+    return Parts(on_d, back_d, found.s, on_light, back_light), on_e, back_e
+
+
+@compiled
+def facet(t: Treatment, seed: int, ray: int, hits: int, d: Vector, n: Vector, n1: float, n2: float) -> Vector:
+    """Normal of the stretch of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
+    along = Vector(0.0, 1.0, 0.0) if t.across > 0.0 else Vector(-n.z, 0.0, n.x)
+    cos_in, sine = -scalar(d, n), scalar(d, along)
+    steepest = 1.0 + t.tilt * abs(sine) / cos_in
+    for i in range(TRIES):
+        slope = t.tilt * math.cos(2.0 * math.pi * chance_of(seed, ray, hits, FACET + 2 * i))
+        seen = 1.0 - slope * sine / cos_in
+        if chance_of(seed, ray, hits, FACET + 2 * i + 1) * steepest > seen:
+            continue
+        f = unit_of(Vector(n.x + slope * along.x, n.y + slope * along.y, n.z + slope * along.z))
+        cos, upwards = -scalar(d, f), scalar(f, n)
+        if not cos > 0.0:
+            continue
+        back = -cos_in + 2.0 * cos * upwards
+        cos2 = n2 * n2 - n1 * n1 * (1.0 - cos * cos)
+        onwards = -n1 * cos_in + (n1 * cos - math.sqrt(cos2)) * upwards if cos2 > 0.0 else -1.0
+        if back > 0.0 and onwards < 0.0:
+            return f
+    return n
+
+
+@compiled
+def scattered(t: Treatment, seed: int, ray: int, hits: int, purpose: int, d: Vector, n: Vector) -> Vector:
+    """Direction drawn from the profile about the smooth one, on the side of the normal of a wall."""
+    flat = d.x * -n.z + d.z * n.x
+    for i in range(TRIES):
+        one, two = chance_of(seed, ray, hits, purpose + 2 * i + 1), chance_of(seed, ray, hits, purpose + 2 * i + 2)
+        radius, along, up = math.sqrt(one), flat, d.y
+        if t.scatter == GAUSSIAN:
+            radius = t.width * math.sqrt(-2.0 * math.log(1.0 - one))
+        elif t.scatter == HARVEY_SHACK:
+            radius = t.width * harvey_shack_radius(t.width, t.wing, one)
+        else:
+            along, up = 0.0, 0.0
+        along += radius * math.cos(2.0 * math.pi * two)
+        up += radius * math.sin(2.0 * math.pi * two)
+        rest = 1.0 - along * along - up * up
+        if rest > 0.0:
+            cos = math.sqrt(rest)
+            return Vector(cos * n.x - along * n.z, up, cos * n.z + along * n.x)
+    return d
+
+
+@compiled
+def harvey_shack_radius(width: float, wing: float, share: float) -> float:
+    """Distance in shoulders within which the ``share`` of the profile lies that is no farther than 2 off."""
+    widest, power = 1.0 + (2.0 / width) ** 2, 1.0 - 0.5 * wing
+    if abs(power) < 1e-9:
+        return math.sqrt(math.expm1(share * math.log(widest)))
+    return math.sqrt(max((1.0 + share * (widest**power - 1.0)) ** (1.0 / power) - 1.0, 0.0))
+
+
+@compiled
+def henyey_greenstein(one: float, two: float, g: float, d: Vector) -> Vector:
+    """Direction after scattering in a turbid medium (Astrophys. J. 93, 70, 1941), of two numbers in [0, 1)."""
+    cos = 1.0 - 2.0 * one
+    if abs(g) > 1e-6:
+        part = (1.0 - g * g) / (1.0 + g - 2.0 * g * one)
+        cos = (1.0 + g * g - part * part) / (2.0 * g)
+    sin = math.sqrt(max(1.0 - cos * cos, 0.0))
+    e = upright(d)
+    f = Vector(d.y * e.z - d.z * e.y, d.z * e.x - d.x * e.z, d.x * e.y - d.y * e.x)
+    a, b = sin * math.cos(2.0 * math.pi * two), sin * math.sin(2.0 * math.pi * two)
+    return unit_of(Vector(cos * d.x + a * e.x + b * f.x, cos * d.y + a * e.y + b * f.y, cos * d.z + a * e.z + b * f.z))

@@ -1,0 +1,384 @@
+"""The plain tracer in space: rays one by one, by brute force, to which the engine's extruded scenes are held.
+
+Nothing is taken from the engine but the scene: vectors have three components, light is two independent complex fields
+(their powers add up), random numbers are Python's own. At a partial reflection one part is followed, drawn by its
+power. Profiles of scatter are drawn by turning down uniform draws, so that only their definition enters.
+"""
+
+import math
+import random
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from solen.errors import DesignError
+from solen.scene import Extrusion, Gaussian, HarveyShack, Interface, Region, Scene, Surface, Texture
+from solen.trace.result import Limits
+from solen.trace.surfaces import film_fields
+
+Vector = tuple[float, float, float]
+Field = tuple[complex, complex, complex]
+Light = tuple[Field, Field]
+UP: Vector = (0.0, 1.0, 0.0)
+
+
+@dataclass
+class Reading:
+    """Sums over rays of what became of their power, with squares for the standard error."""
+
+    rays: int = 0
+    sums: dict[str, float] = field(default_factory=dict)
+    squares: dict[str, float] = field(default_factory=dict)
+
+    def mean(self, what: str) -> float:
+        """Share of the emitted power."""
+        return self.sums.get(what, 0.0) / self.rays
+
+    def error(self, what: str) -> float:
+        """Standard error of the share."""
+        mean = self.mean(what)
+        return math.sqrt(max(self.squares.get(what, 0.0) / self.rays - mean * mean, 0.0) / self.rays)
+
+
+class Ray(NamedTuple):
+    """A ray on its way: ``last`` is the wall it stands on, ``region`` its medium (None: not known yet)."""
+
+    at: Vector
+    d: Vector
+    light: Light
+    region: str | None = None
+    last: Interface | None = None
+
+
+class Meeting(NamedTuple):
+    """A wall, its normal that faces the ray, and the media before and behind it."""
+
+    wall: Interface
+    normal: Vector
+    from_right: bool
+    here: str
+    there: str
+
+
+def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: int = 0) -> Reading:
+    """Trace every ray of every source of an extruded scene.
+
+    What is read: power at receivers by name, and ``escaped`` with its parts ``missed`` and ``leaked`` (see `Trace`),
+    ``absorbed`` and ``truncated``, as shares of the emitted power. All rays are taken to carry the same power. Corners
+    are not mended: a ray within some 1e-9 mm of one may end as truncated.
+
+    Raises
+    ------
+    DesignError
+        Where the scene is not extruded.
+    """
+    if scene.extrusion is None:
+        raise DesignError("scene", value="of the plane", limit="must be extruded", remedy="use trace_reference")
+    tracer = _Tracer(scene, scene.extrusion, limits or Limits(), random.Random(seed))  # noqa: S311  no secret hangs on it
+    for source in scene.sources:
+        launch = source.launch(in_space=True)
+        if launch.y_mm is None or launch.dy is None:
+            raise AssertionError("rays of an extruded scene are launched in space")
+        for i in range(len(launch)):
+            d = (float(launch.dx[i]), float(launch.dy[i]), float(launch.dz[i]))
+            e, whole = _upright(d), launch.power_s[i] + launch.power_p[i]
+            light = (
+                _field(math.sqrt(launch.power_s[i] / whole), e),
+                _field(math.sqrt(launch.power_p[i] / whole), _cross(d, e)),
+            )
+            at = (float(launch.x_mm[i]), float(launch.y_mm[i]), float(launch.z_mm[i]))
+            tracer.follow(Ray(at, d, light), source.spectrum[launch.line[i]][0] if source.spectrum else None)
+    return tracer.reading
+
+
+class _Tracer:
+    """Follows rays through one scene and adds up what becomes of them."""
+
+    def __init__(self, scene: Scene, slab: Extrusion, limits: Limits, draw: random.Random) -> None:
+        self.scene, self.slab, self.limits, self.draw = scene, slab, limits, draw
+        self.regions = {region.name: region for region in scene.regions}
+        self.half = 0.5 * slab.thickness_mm
+        self.reading = Reading()
+        self.sums: dict[str, float] = {}
+        self.nm: float | None = None
+
+    def follow(self, ray: Ray, wavelength_nm: float | None) -> None:
+        """Follow one ray to its end."""
+        self.sums, self.nm = {}, wavelength_nm
+        going: Ray | None = ray
+        for _ in range(self.limits.max_hits):
+            if going is not None and _power(going.light) >= self.limits.min_weight:
+                going = self._step(going)
+        if going is not None:
+            self._count("truncated", going.light)
+        self.reading.rays += 1
+        for what, power in self.sums.items():
+            self.reading.sums[what] = self.reading.sums.get(what, 0.0) + power
+            self.reading.squares[what] = self.reading.squares.get(what, 0.0) + power * power
+
+    def _count(self, what: str, light: Light) -> "Ray | None":
+        """Add up power that is gone; no ray is left of it."""
+        self.sums[what] = self.sums.get(what, 0.0) + _power(light)
+        return None
+
+    def _step(self, ray: Ray) -> Ray | None:
+        """Carry a ray to what comes first: a wall, top or bottom, or a place where a medium scatters it."""
+        if abs(ray.at[1]) > self.half * (1.0 + 1e-12):
+            self._count("missed", ray.light)
+            return self._count("escaped", ray.light)
+        wall, far = self._wall(ray)
+        if wall is None:
+            lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
+            return self._count("absorbed" if lossy else "escaped", ray.light)
+        met = _meeting(wall, _ahead(ray, far))
+        if ray.region not in (None, met.here):
+            return self._count("truncated", ray.light)
+        medium = self.regions[met.here]
+        free = self._free_path(medium)
+        face = ((self.half if ray.d[1] > 0.0 else -self.half) - ray.at[1]) / ray.d[1] if ray.d[1] != 0.0 else math.inf
+        way = min(far, free, max(face, 0.0))
+        kept = math.exp(-medium.absorption_per_mm * way)
+        self._count("absorbed", _weakened(ray.light, 1.0 - kept))
+        ray = _ahead(ray, way)._replace(light=_weakened(ray.light, kept), region=met.here)
+        if way == free:
+            d = self._turned(ray.d, medium.anisotropy)
+            return ray._replace(d=d, light=_depolarised(ray.light, d), last=None)
+        return self._over(ray) if way < far else self._at_wall(ray._replace(last=wall), met)
+
+    def _wall(self, ray: Ray) -> tuple[Interface | None, float]:
+        """The wall that a ray meets first if nothing comes between, and how far it is."""
+        flat = math.hypot(ray.d[0], ray.d[2])
+        if flat == 0.0:
+            return None, math.inf
+        found, nearest = None, math.inf
+        for interface in self.scene.interfaces:
+            origin, along = (ray.at[0], ray.at[2]), (ray.d[0] / flat, ray.d[2] / flat)
+            for t in interface.curve.hits(origin, along, leaving=interface is ray.last):
+                if t < nearest:
+                    found, nearest = interface, t
+        return found, nearest / flat
+
+    def _free_path(self, medium: Region) -> float:
+        return self.draw.expovariate(medium.scattering_per_mm) if medium.scattering_per_mm > 0.0 else math.inf
+
+    def _turned(self, d: Vector, g: float) -> Vector:
+        """Direction after scattering, by turning down directions drawn evenly from the sphere."""
+        while True:
+            new = self._anywhere()
+            value = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * _dot(d, new)) ** 1.5
+            if self.draw.random() * (1.0 + abs(g)) / (1.0 - abs(g)) ** 2 < value:
+                return new
+
+    def _anywhere(self) -> Vector:
+        """Unit vector drawn evenly from the sphere."""
+        while True:
+            v = (self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0))
+            if 1e-6 < _dot(v, v) < 1.0:
+                return _unit(v)
+
+    def _over(self, ray: Ray) -> Ray | None:
+        """At top or bottom: what goes through is gone."""
+        up = 1.0 if ray.d[1] > 0.0 else -1.0
+        ray = ray._replace(at=(ray.at[0], up * self.half, ray.at[2]))
+        n1 = self.regions[str(ray.region)].index_at(self.nm)
+        n2 = self.slab.index_above if up > 0.0 else self.slab.index_below
+        if n1 == n2:
+            self._count("missed", ray.light)
+            return self._count("escaped", ray.light)
+        normal = (0.0, -up, 0.0)
+        amplitudes = _fresnel(n1, n2, -_dot(ray.d, normal))
+        on = _through(ray.d, normal, n1, n2)
+        if on is not None:
+            gone = _acted(ray, on, normal, amplitudes.ts, amplitudes.tp)
+            self._count("leaked", gone)
+            self._count("escaped", gone)
+        back = _mirrored(ray.d, normal)
+        return ray._replace(d=back, light=_acted(ray, back, normal, amplitudes.rs, amplitudes.rp))
+
+    def _at_wall(self, ray: Ray, met: Meeting) -> Ray | None:
+        """At a wall: one part is followed, drawn by its power."""
+        wall, surface = met.wall, met.wall.surface or Surface()
+        acts = surface.acts_at(self.nm)
+        surface, behaviour = (surface, wall.behaviour) if acts else (Surface(), "refracting")
+        if wall.height_mm is not None and not wall.height_mm[0] <= ray.at[1] <= wall.height_mm[1]:
+            behaviour = "refracting"
+        if behaviour in ("receiver", "absorbing"):
+            seen = behaviour == "receiver" and not met.from_right
+            return self._count(str(wall.receiver) if seen else "absorbed", ray.light)
+        n1, n2 = (self.regions[name].index_at(self.nm) for name in (met.here, met.there))
+        normal = self._facet(surface.texture, ray.d, met.normal, n1, n2) if surface.texture else met.normal
+        a = self._amplitudes(behaviour, surface, met.from_right, n1, n2, -_dot(ray.d, normal))
+        back, on = _mirrored(ray.d, normal), _through(ray.d, normal, n1, n2)
+        on = ray.d if behaviour == "splitter" else on
+        back_light = _acted(ray, back, normal, a.rs, a.rp)
+        on_light = _weakened(ray.light, 0.0) if on is None else _acted(ray, on, normal, a.ts, a.tp)
+        whole, returned = _power(back_light) + _power(on_light), _power(back_light)
+        self.sums["absorbed"] = self.sums.get("absorbed", 0.0) + max(_power(ray.light) - whole, 0.0)
+        if whole == 0.0:
+            return None
+        if on is None or self.draw.random() * whole < returned:
+            back, light = self._scattered(surface, back, _weakened(back_light, whole / returned), met.normal)
+            return ray._replace(d=back, light=light)
+        away = _times(-1.0, met.normal)
+        on, light = self._scattered(surface, on, _weakened(on_light, whole / _power(on_light)), away)
+        return ray._replace(d=on, light=light, region=met.there)
+
+    def _amplitudes(
+        self, behaviour: str, surface: Surface, from_right: bool, n1: float, n2: float, cos: float
+    ) -> "Amplitudes":
+        """What both fields are multiplied by on either side."""
+        if behaviour == "mirror":
+            r = math.sqrt(surface.reflectance)
+            return Amplitudes(-r, r, 0.0, 0.0)
+        if behaviour == "splitter":
+            r, t = math.sqrt(1.0 - surface.transmitted), math.sqrt(surface.transmitted)
+            return Amplitudes(-r, r, t, t)
+        if surface.coating is not None and self.nm is not None:
+            layers = surface.coating.layers[::-1] if from_right else surface.coating.layers
+            films = [(complex(layer.index, -layer.extinction), layer.thickness_nm) for layer in layers]
+            (rs, ts, by_s), (rp, tp, by_p) = (film_fields(films, cos, n1, n2, self.nm, one) for one in "sp")
+            return Amplitudes(rs, -rp, math.sqrt(max(by_s, 0.0)) * ts, math.sqrt(max(by_p, 0.0)) * tp)
+        a = _fresnel(n1, n2, cos)
+        return Amplitudes(0.0, 0.0, 1.0, 1.0) if not surface.partial and abs(a.ts) > 0.0 else a
+
+    def _facet(self, texture: Texture, d: Vector, normal: Vector, n1: float, n2: float) -> Vector:
+        """Normal of the stretch of a ripple that a ray meets, drawn by its size as seen from the ray."""
+        along = UP if texture.direction == "across" else _cross(normal, UP)
+        largest = 1.0 + texture.slope * abs(_dot(d, along)) / -_dot(d, normal)
+        while True:
+            slope = texture.slope * math.cos(self.draw.uniform(0.0, 2.0 * math.pi))
+            raised = tuple(n + slope * t for n, t in zip(normal, along, strict=True))
+            seen = sum(-a * b for a, b in zip(d, raised, strict=True)) / -_dot(d, normal)
+            if self.draw.random() * largest >= seen:
+                continue
+            facet = _unit((raised[0], raised[1], raised[2]))
+            on = _through(d, facet, n1, n2)
+            if _dot(_mirrored(d, facet), normal) > 0.0 and (on is None or _dot(on, normal) < 0.0):
+                return facet
+
+    def _scattered(self, surface: Surface, d: Vector, light: Light, normal: Vector) -> tuple[Vector, Light]:
+        """A part as it was, or in a direction drawn from the profile, on the side of the normal."""
+        scatter = surface.scatter
+        if scatter is None or self.draw.random() >= scatter.share:
+            return d, light
+        while True:
+            along, up = self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0)
+            if along * along + up * up >= 1.0:
+                continue
+            across = _cross(normal, UP)
+            off = math.hypot(along - _dot(d, across), up - d[1])
+            value = 1.0
+            if isinstance(scatter, Gaussian):
+                value = math.exp(-0.5 * (off / scatter.sigma) ** 2)
+            elif isinstance(scatter, HarveyShack):
+                value = float((1.0 + (off / scatter.shoulder) ** 2) ** (-0.5 * scatter.slope))
+            if self.draw.random() < value:
+                cos = math.sqrt(1.0 - along * along - up * up)
+                new = (cos * normal[0] + along * across[0], up, cos * normal[2] + along * across[2])
+                return new, _depolarised(light, new)
+
+
+class Amplitudes(NamedTuple):
+    """What the fields across the plane of incidence and in it are multiplied by, back and on, as roots of power."""
+
+    rs: complex
+    rp: complex
+    ts: complex
+    tp: complex
+
+
+def _fresnel(n1: float, n2: float, cos: float) -> Amplitudes:
+    """Fresnel's amplitudes for fields that go as exp(+iωt); p = d × s on either side."""
+    a1 = n1 * cos
+    square = n2 * n2 - n1 * n1 + a1 * a1
+    a2 = math.sqrt(square) if square > 0.0 else complex(0.0, -math.sqrt(-square))
+    rs, rp = (a1 - a2) / (a1 + a2), (n2 * n2 * a1 - n1 * n1 * a2) / (n2 * n2 * a1 + n1 * n1 * a2)
+    if square <= 0.0:
+        return Amplitudes(rs, rp, 0.0, 0.0)
+    root = math.sqrt(abs(a2) / a1)
+    return Amplitudes(rs, rp, root * 2.0 * a1 / (a1 + a2), root * 2.0 * n1 * n2 * a1 / (n2 * n2 * a1 + n1 * n1 * a2))
+
+
+def _acted(ray: Ray, d: Vector, normal: Vector, on_s: complex, on_p: complex) -> Light:
+    """Fields of a ray after a surface sent them in a direction: each split into its parts across and in the plane."""
+    across = _cross(ray.d, normal)
+    s = _unit(across) if _dot(across, across) > 1e-24 else _upright(ray.d)
+    p_in, p_out = _cross(ray.d, s), _cross(d, s)
+    one, two = (_sum(_field(on_s * _onto(e, s), s), _field(on_p * _onto(e, p_in), p_out)) for e in ray.light)
+    return one, two
+
+
+def _meeting(wall: Interface, ray: Ray) -> Meeting:
+    """A wall as a ray meets it that has arrived there."""
+    nx, nz = wall.curve.normal_at((ray.at[0], ray.at[2]))
+    if ray.d[0] * nx + ray.d[2] * nz > 0.0:
+        return Meeting(wall, (-nx, 0.0, -nz), True, wall.right, wall.left)
+    return Meeting(wall, (nx, 0.0, nz), False, wall.left, wall.right)
+
+
+def _ahead(ray: Ray, way: float) -> Ray:
+    x, y, z = (a + way * b for a, b in zip(ray.at, ray.d, strict=True))
+    return ray._replace(at=(x, y, z))
+
+
+def _through(d: Vector, normal: Vector, n1: float, n2: float) -> Vector | None:
+    """Direction behind a surface by Snell's law; None under total reflection."""
+    cos = -_dot(d, normal)
+    square = 1.0 - (n1 / n2) ** 2 * (1.0 - cos * cos)
+    if square <= 0.0:
+        return None
+    x, y, z = (n1 / n2 * a + (n1 / n2 * cos - math.sqrt(square)) * b for a, b in zip(d, normal, strict=True))
+    return _unit((x, y, z))
+
+
+def _mirrored(d: Vector, normal: Vector) -> Vector:
+    x, y, z = (a - 2.0 * _dot(d, normal) * b for a, b in zip(d, normal, strict=True))
+    return _unit((x, y, z))
+
+
+def _depolarised(light: Light, d: Vector) -> Light:
+    """The same power in two independent fields of the same strength."""
+    each, e = math.sqrt(0.5 * _power(light)), _upright(d)
+    return _field(each, e), _field(each, _cross(d, e))
+
+
+def _upright(d: Vector) -> Vector:
+    """Unit vector across d, in the plane of d and the y-axis."""
+    x, y, z = (a - d[1] * b for a, b in zip(UP, d, strict=True))
+    return _unit((x, y, z)) if x * x + y * y + z * z > 1e-24 else (1.0, 0.0, 0.0)
+
+
+def _power(light: Light) -> float:
+    return sum(abs(component) ** 2 for one in light for component in one)
+
+
+def _weakened(light: Light, share: float) -> Light:
+    one, two = (_sum(_field(math.sqrt(share), e), (0.0, 0.0, 0.0)) for e in light)
+    return one, two
+
+
+def _field(amplitude: complex, direction: Vector | Field) -> Field:
+    return (amplitude * direction[0], amplitude * direction[1], amplitude * direction[2])
+
+
+def _sum(a: Field, b: Field) -> Field:
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+def _onto(e: Field, direction: Vector) -> complex:
+    return e[0] * direction[0] + e[1] * direction[1] + e[2] * direction[2]
+
+
+def _times(by: float, a: Vector) -> Vector:
+    return (by * a[0], by * a[1], by * a[2])
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def _unit(a: Vector) -> Vector:
+    return _times(1.0 / math.sqrt(_dot(a, a)), a)
