@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from solen.curve import Curve
 from solen.plane import Point, Rigid, cross, dot, left_of
-from solen.scene.rayoptics.fields import UnreadError
+from solen.scene.rayoptics.fields import LARGEST, UnreadError
 
 Floats = NDArray[np.float64]
 Blend = Literal["images", "lengths", "units"]
@@ -180,6 +180,6 @@ def along_parameter(low: float, high: float, step: float) -> list[float]:
 def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
     """Points at places; `UnreadError` where the formula has no value."""
     points = [at(place) for place in places]
-    if not all(math.isfinite(x) and math.isfinite(z) for x, z in points):
-        raise UnreadError(key, "has no value somewhere in its range")
+    if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
+        raise UnreadError(key, f"has no value of at most {LARGEST:g} somewhere in its range")
     return points

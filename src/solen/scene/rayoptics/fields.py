@@ -13,6 +13,9 @@ from solen.scene.rayoptics.modules import Expression
 GREEN_NM = 540.0
 """Wavelength of a source or filter that names none."""
 
+LARGEST = 1e12
+"""Numbers of a file and coordinates of a formula are at most as large: their squares and products stay numbers."""
+
 
 @dataclass(frozen=True)
 class NotUnderstood:
@@ -125,8 +128,8 @@ def finite(key: str, value: Any) -> float:
         number = float(value)
     except OverflowError:
         number = math.inf
-    if not math.isfinite(number):
-        raise UnreadError(key, f"must be a finite number, not {shown(value)}")
+    if not abs(number) <= LARGEST:
+        raise UnreadError(key, f"must be a finite number of at most {LARGEST:g}, not {shown(value)}")
     return number
 
 

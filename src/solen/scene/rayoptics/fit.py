@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from solen.curve import Arc, Bezier, Curve, Segment, Spline
 from solen.errors import DataError, DesignError
 from solen.plane import Point, cross, dot, minus
+from solen.scene.rayoptics.fields import LARGEST
 
 At = Callable[[float], Point]
 Floats = NDArray[np.float64]
@@ -36,8 +37,8 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
     `DataError`, about ``what``, where the formula has no value, stands still, or would take too many pieces.
     """
     points = _sampled(at, start, end)
-    if not np.all(np.isfinite(points)):
-        bad = start + (end - start) * float(CHECKED[int(np.argmin(np.isfinite(points).all(axis=1)))])
+    if not np.all(np.abs(points) <= LARGEST):
+        bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= LARGEST).all(axis=1)))])
         raise DataError(what, value=f"no value at {bad:g}", limit="must have one everywhere in its range")
     size = float(np.ptp(points, axis=0).max())
     if not size > 0.0:
@@ -126,7 +127,7 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
     while waiting:
         low, high = waiting.pop()
         points = _sampled(at, low, high)
-        if not np.all(np.isfinite(points)):
+        if not np.all(np.abs(points) <= LARGEST):
             raise DataError(what, value=f"no value near {low:g}", limit="must have one everywhere in its range")
         if high - low <= NARROWEST * (end - start):
             found += _bridge(_point(points[0]), _point(points[-1]))

@@ -16,6 +16,7 @@ from solen.scene.rayoptics.formula import Function, Values, parse
 
 MOST_TIMES = 1000
 """Rounds of a loop at most where the module names no limit; it may name a hundredfold."""
+MOST_NUMBER = 1e300
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
 
@@ -78,7 +79,7 @@ class Expression:
         return call
 
 
-def unfolded(definition: Mapping[str, Any], points: list[Any], parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
+def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
     """Objects of one use of a module.
 
     Raises
@@ -86,19 +87,25 @@ def unfolded(definition: Mapping[str, Any], points: list[Any], parameters: Mappi
     DataError
         For what is no formula, has no value, or is repeated too often.
     """
-    scope = _scope(definition, points, parameters)
+    if not isinstance(parameters, dict):
+        raise DataError("params", limit="must be an object of numbers")
+    scope = _scope(definition, _items("points", points), parameters)
     limit = definition.get("maxLoopLength", MOST_TIMES)
     if not isinstance(limit, int) or not 1 <= limit <= 100 * MOST_TIMES:
         raise DataError("maxLoopLength", value=limit, limit=f"must be a whole number from 1 to {100 * MOST_TIMES}")
-    objects = definition.get("objs", [])
-    if not isinstance(objects, list):
-        raise DataError("objs", limit="must be a list")
+    objects = _items("objs", definition.get("objs", []))
     return [item for item in _list(objects, scope, limit) if isinstance(item, dict)]
+
+
+def _items(what: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise DataError(what, limit="must be a list")
+    return value
 
 
 def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping[str, Any]) -> Scope:
     values: dict[str, float] = {}
-    for text in definition.get("params", []):
+    for text in _items("params", definition.get("params", [])):
         name, _, _, _, default = _range(text, Scope(values))
         values[name] = default
     values |= {name: _number(f"params.{name}", value) for name, value in parameters.items()}
@@ -107,7 +114,7 @@ def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping
             raise DataError(f"points[{i - 1}]", limit="must be a point")
         values |= {f"{axis}_{i}": _number(f"points[{i - 1}].{axis}", point.get(axis)) for axis in ("x", "y")}
     scope = Scope(values)
-    for text in definition.get("vars", []):
+    for text in _items("vars", definition.get("vars", [])):
         scope = scope.defined(str(text))
     return scope
 
@@ -115,6 +122,8 @@ def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping
 def _number(what: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise DataError(what, value=value, limit="must be a number")
+    if not abs(value) < MOST_NUMBER:
+        raise DataError(what, limit=f"must be below {MOST_NUMBER:g} in size")
     return float(value)
 
 
@@ -142,7 +151,7 @@ def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
 
 def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
     """The scope with every combination of the loops' values."""
-    ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else loops)]
+    ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else _items("for", loops))]
     series = [_series(start, step, end, limit, name) for name, start, step, end, _ in ranges]
     total = 1
     for values in series:

@@ -18,7 +18,7 @@ from solen import files
 from solen.errors import DataError, DesignError, SolenError
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
-from solen.scene.rayoptics.fields import Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.fields import LARGEST, Fields, NotUnderstood, UnreadError
 from solen.scene.rayoptics.modules import unfolded
 from solen.scene.rayoptics.objects import READERS, World, line
 from solen.scene.rayoptics.sources import EMISSIONS, Lamps, rays
@@ -204,6 +204,7 @@ class _Scene:
         self.fresh: list[bool] = []
         self.detectors: list[Detector] = []
         self.counts: dict[str, int] = {}
+        self.named: dict[str, tuple[int, str]] = {}
         self.settings = Fields(0, "scene", data)
         self.settings.unread -= LOOKS
         try:
@@ -223,7 +224,7 @@ class _Scene:
         except DesignError as bad:
             raise type(bad)(f"{self.where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
         for name, reason in found.refused:
-            self._miss(0, name, None, reason)
+            self._miss(*self.named[name], None, reason)
         scene = Scene(
             found.regions,
             found.interfaces,
@@ -286,7 +287,7 @@ class _Scene:
             self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it is in itself")
             return
         try:
-            inner = unfolded(definition, item.get("points") or [], item.get("params") or {})
+            inner = unfolded(definition, item.get("points", []), item.get("params", {}))
         except SolenError as bad:
             self._miss(number, "ModuleObj", str(name), str(bad))
             return
@@ -318,13 +319,15 @@ class _Scene:
         for key in sorted(fields.unread):
             self._miss(number, kind, key, "unknown key")
 
-    def _named(self, kind: str) -> str:
+    def _next_name(self, kind: str) -> str:
         """Name of the next object of a type, as in glass1."""
         self.counts[kind] = self.counts.get(kind, 0) + 1
         return f"{kind.lower()}{self.counts[kind]}"
 
     def _take_part(self, fields: Fields) -> None:
-        self.parts += READERS[fields.type](fields, self._named(fields.type), self.world)
+        name = self._next_name(fields.type)
+        self.named[name] = (fields.number, fields.type)
+        self.parts += READERS[fields.type](fields, name, self.world)
 
     def _take_source(self, fields: Fields) -> None:
         sources, fresh = rays(fields, self.lamps)
@@ -353,7 +356,7 @@ class _Scene:
 
     def _detector_name(self, fields: Fields) -> str:
         """Its own name; else, or where that is taken, the number of the detector."""
-        number, taken = self._named("Detector"), {detector.name for detector in self.detectors}
+        number, taken = self._next_name("Detector"), {detector.name for detector in self.detectors}
         name = fields.data.get("name")
         return name if isinstance(name, str) and name and name not in taken else number
 
@@ -366,7 +369,8 @@ def _span(objects: list[Any]) -> float:
         item = waiting.pop()
         if isinstance(item, dict):
             waiting += item.values()
-            found += [float(item[key]) for key in ("x", "y") if isinstance(item.get(key), int | float)]
+            numbers = (item.get(key) for key in ("x", "y"))
+            found += [float(one) for one in numbers if isinstance(one, int | float) and abs(one) <= LARGEST]
         elif isinstance(item, list):
             waiting += item
     return max(found) - min(found) if found else 0.0

@@ -95,7 +95,7 @@ def _brightness(fields: Fields, default: float) -> float:
 
 def _per_turn(density: float) -> int:
     """Directions in a full turn."""
-    count = int(density * PER_TURN)
+    count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
     if not 0 < count <= MOST_RAYS:
         raise UnreadError("brightness" if count else None, "the scene's density of rays leaves it none, or too many")
     return count
