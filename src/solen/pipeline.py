@@ -106,7 +106,7 @@ def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:
         "name": design.name,
         "angles": len(design.motion.angles_deg()),
         "material": numbers.material_numbers(sensor),
-        "lens": numbers.lens_numbers(sensor.lens, sensor.material.index),
+        "lens": numbers.lens_numbers(sensor.cut, sensor.material.index),
         "body": numbers.body_numbers(sensor),
     }
 

@@ -16,17 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DesignError, SolenError, SpecError
-from solen.geometry import Body, arm_angle_deg, y_body
+from solen.geometry import Body, arm_angle_deg, outline_body, y_body
 from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
+from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
 from solen.spec import Design, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
-from solen.trace.derivative import MOST_LEGS
+from solen.trace.adaptive import is_extended, why_not
+from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
-TOLERANCE = 1e-6
-"""Within what fraction of the emitted power a receiver's power is integrated."""
+TOLERANCE, CHIP_TOLERANCE = 1e-6, 1e-4
+"""Within what fraction of the emitted power a receiver's power is integrated: from a point, from a source with a size.
+"""
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
 DENSE_TOLERANCE = 1e-4
@@ -39,7 +42,7 @@ SLOPE_DEG = 0.04
 """Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
 
 OPTICAL_KEYS = (
-    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg")),
+    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm")),
     *(f"material.{name}" for name in ("index", "absorption_per_mm")),
     *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
     *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
@@ -148,22 +151,36 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design and what follows from it; make it with `Sensor.of`."""
+    """A design and what follows from it; make it with `Sensor.of`. A drawn body has no lens that solen ``cut``."""
 
     design: Design
     material: Optical
-    lens: Lens
+    cut: Lens | None
 
     @classmethod
     def of(cls, design: Design) -> "Sensor":
         """Sensor of a design; `DesignError` or `DataError` where its lens or its resin cannot be."""
         material = optical(design)
-        return cls(design, material, lens_of(design, material.index))
+        drawn = design.body.kind == "outline"
+        return cls(design, material, None if drawn else lens_of(design, material.index))
+
+    @property
+    def lens(self) -> Lens:
+        """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
+        if self.cut is None:
+            limit = "the lens of an outline is drawn: solen knows no formula for it"
+            raise DesignError("body.kind", value="outline", limit=limit, remedy="use solen check")
+        return self.cut
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the body is an outline of one's own."""
+        return self.cut is None
 
     @property
     def has_lens(self) -> bool:
-        """Whether light enters by a lens rather than by the stem's flat face."""
-        return not isinstance(self.lens, FlatFace)
+        """Whether light enters by a lens rather than by the stem's flat face; of a drawn body it is said to."""
+        return not isinstance(self.cut, FlatFace)
 
     @cached_property
     def without_lens(self) -> "Sensor":
@@ -172,7 +189,21 @@ class Sensor:
 
     def body(self, angle_deg: float = 0.0) -> Body:
         """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
+        if self.is_drawn:
+            return outline_body(self.design, angle_deg)
         return y_body(self.design, self.lens, angle_deg)
+
+    def check_pair(self) -> None:
+        """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""
+        body = self.body()
+        found = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
+        if found != ["left", "right"]:
+            raise DesignError(
+                "receivers",
+                value=", ".join(found) or "none",
+                limit="a response needs two, right and left",
+                remedy="name their faces receiver-right and receiver-left, or use solen trace, which reads any",
+            )
 
     def check(self) -> None:
         """`DesignError` where the body cannot be built at some angle of the motion."""
@@ -197,9 +228,20 @@ class Sensor:
         """
         return trace(self.scene(angle_deg, rays), mode or self.design.trace.mode, **options)
 
-    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float = TOLERANCE) -> Trace:
-        """Powers at an angle, integrated over the launch angle to a tolerance; see `solen.trace.integrate`."""
-        return integrate(self.scene(angle_deg), mode, tolerance)
+    @cached_property
+    def light(self) -> Light:
+        """What its emitter sends out."""
+        return light_of(self.design)
+
+    def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
+        """Powers at an angle, integrated over the emitter to a tolerance; see `solen.trace.integrate`.
+
+        By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source.
+        """
+        scene = self.scene(angle_deg)
+        if tolerance is None:
+            tolerance = CHIP_TOLERANCE if is_extended(scene) else TOLERANCE
+        return integrate(scene, mode, tolerance)
 
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
@@ -239,14 +281,17 @@ class Sensor:
         DesignError
             Where the light at this angle cannot be integrated closely enough.
         """
+        self.check_pair()
         chosen = [key for key in OPTICAL_KEYS if not self.inert(key)] if keys is None else list(dict.fromkeys(keys))
         for key in chosen:
             if why := self.inert(key):
                 raise SpecError(key, limit=why, remedy="leave it out")
         values = {key: self._number(key) for key in chosen}
-        base = integrate(self.scene(angle_deg), "power", DERIVATIVE_TOLERANCE, most_legs=MOST_LEGS)
+        scene = self.scene(angle_deg)
+        tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
+        base = integrate(scene, "power", tolerance, most_legs=MOST_LEGS)
         if not base.reached:
-            limit = f"the integral must reach {DERIVATIVE_TOLERANCE:g}"
+            limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
         found = []
         for done, (key, value) in enumerate(values.items(), start=1):
@@ -259,8 +304,11 @@ class Sensor:
         """Why a number of the design has no part of its own in the light; empty where it has one."""
         design = self.design
         resin = design.material.resin is not None
+        if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")):
+            return "the body is drawn"
         cases = {
             "emitter.wavelength_nm": (not resin, "the index is stated, whatever the wavelength"),
+            "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
             "material.index": (resin, "follows from the resin and the wavelength"),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
             "lens.focus_mm": (not self.has_lens, "the design has no lens"),
@@ -286,15 +334,16 @@ class Sensor:
             rays *= 2
             after = self.trace(angle_deg, "power", rays)
             changes = [abs(after.detectors[name].power - before.detectors[name].power) for name in after.detectors]
-            u = max(*changes, 1.0 / rays)
+            u = max(*changes, 1.0 / min(rays, after.rays))
             if u <= tolerance or rays >= MOST_RAYS:
                 return after, u
             before = after
 
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
+        self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        readings = [self._reading(end)[1] for end in ends]
+        readings = [self._reading(end, tolerance=TOLERANCE)[1] for end in ends]
         low, high = (_contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
@@ -342,9 +391,12 @@ class Sensor:
             return Sensitivity(key, value, nothing, nothing, nothing, found.why)
         return Sensitivity(key, value, right, left, _contrast_slope(base, right, left))
 
-    def _reading(self, angle_deg: float, *, integrates: bool = True) -> tuple[Trace, dict[str, float], float]:
+    def _reading(
+        self, angle_deg: float, *, integrates: bool = True, tolerance: float | None = None
+    ) -> tuple[Trace, dict[str, float], float]:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach."""
-        found = self.integrate(angle_deg) if integrates else None
+        integrates = integrates and not why_not(self.scene(angle_deg))
+        found = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
         if found is not None and found.reached:
             return found, _powers(found), found.u
         dense, u = self.doubled(angle_deg)
@@ -357,6 +409,7 @@ class Sensor:
         angles_deg: Sequence[float] | None,
         progress: Progress | None,
     ) -> Response:
+        self.check_pair()
         angles = self.design.motion.angles_deg() if angles_deg is None else tuple(angles_deg)
         results = []
         for done, angle in enumerate(angles, start=1):
@@ -422,6 +475,7 @@ def study(design: Design, progress: Progress | None = None) -> Study:
     at once. ``progress`` is called with the share done, up to 1.
     """
     sensor = Sensor.of(design)
+    sensor.check_pair()
     sensor.check()
     if not sensor.has_lens:
         return Study(design, None, _case(sensor, progress))
@@ -433,6 +487,8 @@ def study(design: Design, progress: Progress | None = None) -> Study:
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
     """The sensor without its lens, or why it cannot be built."""
+    if sensor.is_drawn:
+        return None, "the body is drawn, and has no version without its lens"
     try:
         sensor.without_lens.check()
     except DesignError as bad:

@@ -125,7 +125,7 @@ BREAKING = {"motion.moves": '["emitter"]', "motion.pivot": "[30.0, 0.0]"}
 VALUES: dict[str, tuple[dict[str, str], str]] = {
     "unknown key": ({"lens.focus": "20"}, "did you mean lens.focus_mm?"),
     "key of another table": ({"lens.distance_mm": "1"}, "did you mean emitter.distance_mm?"),
-    "reserved key": ({"emitter.part": '"led"'}, "emitter.part; not yet supported"),
+    "reserved key": ({"emitter.power_mW": "50"}, "emitter.power_mW; not yet supported"),
     "reserved kind": ({"motion.kind": '"bend"'}, "not yet supported"),
     "reserved seed": ({"trace.seed": "1"}, "trace.seed; not yet supported"),
     "index below 1": ({"material.index": "0.99"}, "material.index = 0.99; must be at least 1"),

@@ -13,7 +13,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from solen.curve import Arc, Bezier, CartesianOval, Conic, CubicChain, Curve, Parabola, Segment, Spline
+from solen.curve import (
+    Arc,
+    Bezier,
+    CartesianOval,
+    Conic,
+    CubicChain,
+    Curve,
+    Measure,
+    Parabola,
+    Segment,
+    Spline,
+    fitted,
+)
 from solen.lens import tangency
 from solen.plane import Point, Rigid, along, cross, dot, heading, left_of, minus, unit
 
@@ -281,6 +293,62 @@ def test_flattened_stays_within_the_tolerance(leaf: type[Curve], data: st.DataOb
     assert math.dist(polyline[0], curve.start) == 0.0
     assert math.dist(polyline[-1], curve.end) == 0.0
     assert polyline_distance(polyline, curve.points(DENSE[::2])).max() <= 10**exponent
+
+
+@every_curve
+@few
+@given(data=st.data(), u=st.floats(0.02, 0.98))
+def test_velocities_are_the_derivatives_of_the_points(leaf: type[Curve], data: st.DataObject, u: float) -> None:
+    curve = data.draw(LEAVES[leaf])
+    joints = len(curve.controls) if isinstance(curve, CubicChain) else 1
+    assume(abs(u * joints - round(u * joints)) > 1e-3)
+    low, high = curve.points(np.array([u - 1e-5, u + 1e-5]))
+    found = curve.velocities(np.array([u]))[0]
+    assert found == pytest.approx((high - low) / 2e-5, rel=1e-5, abs=1e-5 * float(np.hypot(*found)))
+
+
+@every_curve
+@few
+@given(data=st.data(), low=st.floats(0, 0.9), share=st.floats(0.05, 1))
+def test_a_part_lies_on_the_curve_between_its_ends(
+    leaf: type[Curve], data: st.DataObject, low: float, share: float
+) -> None:
+    curve = data.draw(LEAVES[leaf])
+    high = low + share * (1.0 - low)
+    part = curve.part(low, high)
+    assert type(part) is type(curve)
+    assert math.dist(part.start, point_at(curve, low)) < 1e-12
+    assert math.dist(part.end, point_at(curve, high)) < 1e-12
+    for point in part.points(np.linspace(0.0, 1.0, 7)):
+        assert distance_to(curve, (float(point[0]), float(point[1]))) < 1e-9
+    whole = Measure(curve).length_mm
+    rest = [Measure(curve.part(a, b)).length_mm for a, b in ((0.0, low), (high, 1.0)) if b - a > 1e-9]
+    assert Measure(part).length_mm + sum(rest) == pytest.approx(whole, rel=1e-8)
+
+
+@every_curve
+@few
+@given(data=st.data(), share=st.floats(0, 1))
+def test_lengths_are_those_of_a_fine_polyline(leaf: type[Curve], data: st.DataObject, share: float) -> None:
+    curve = data.draw(LEAVES[leaf])
+    measure = Measure(curve)
+    chords = np.hypot(*np.diff(curve.points(np.linspace(0.0, 1.0, 20001)), axis=0).T)
+    assert measure.length_mm == pytest.approx(float(chords.sum()), rel=1e-6)
+    u = measure.u_at(share * measure.length_mm)
+    reached = Measure(curve.part(0.0, u)).length_mm if u > 1e-9 else 0.0
+    assert reached == pytest.approx(share * measure.length_mm, abs=1e-9 * measure.length_mm)
+
+
+@pytest.mark.parametrize("leaf", [leaf for leaf in LEAVES if leaf is not Spline], ids=lambda leaf: leaf.__name__)
+@few
+@given(data=st.data())
+def test_a_fitted_spline_stays_within_its_tolerance(leaf: type[Curve], data: st.DataObject) -> None:
+    curve = data.draw(LEAVES[leaf])
+    spline = fitted(curve.points, curve.velocities, 1e-7)
+    assert math.dist(spline.start, curve.start) == 0.0
+    assert math.dist(spline.end, curve.end) == 0.0
+    for point in spline.points(np.linspace(0.0, 1.0, 23)):
+        assert distance_to(curve, (float(point[0]), float(point[1]))) < 1.1e-7
 
 
 def polyline_distance(polyline: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:

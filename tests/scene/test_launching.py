@@ -2,8 +2,10 @@
 
 import dataclasses
 import math
+import tempfile
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +15,18 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from solen.plane import heading
-from solen.scene import Beam, Chip, CosinePower, Emitter, Fan, Launch, Rays, Source
+from solen.scene import Ambient, Beam, Chip, CosinePower, Emitter, Fan, Launch, RayFile, Rays, Source
 from solen.scene.json import SOURCES
+from tests.scene.rayfile_support import lambertian, zemax
 
+FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(57))
 EVERY: dict[type[Source], Source] = {
     Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, 2.5, 0.3),
     Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, 2.5, 0.3),
     Emitter: Emitter((0.3, -1.0), 12.0, 57, CosinePower(2.5), 95.0, 0.4, 0.2, 0.1, 2.5, 0.3),
     Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, 0.7, 1.0),
+    Ambient: Ambient((0.3, -1.0), 4.0, 57, 0.5, 2.5, 0.3),
+    RayFile: RayFile(str(FILE), (0.3, -1.0), 12.0, 57, 0.1, 2.5, 0.3),
     Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), 3.0, 0.0),
 }
 every_source = pytest.mark.parametrize("source", EVERY.values(), ids=lambda source: type(source).__name__)

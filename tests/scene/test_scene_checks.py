@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import tempfile
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,9 +11,10 @@ import pytest
 from solen.curve import Segment
 from solen.errors import DataError, DesignError
 from solen.material import Cauchy, Dispersion, Sellmeier, Tabulated
-from solen.scene import Beam, Chip, Emitter, Fan, Interface, Monitor, Rays, Region, Scene, Source
+from solen.scene import Ambient, Beam, Chip, Emitter, Fan, Interface, Monitor, RayFile, Rays, Region, Scene, Source
 from solen.scene.json import SOURCES
 from solen.trace import trace
+from tests.scene.rayfile_support import lambertian, zemax
 
 AIR, GLASS = Region("air", 1.0), Region("glass", 1.5)
 FACE = Interface("face", Segment((-1.0, 0.0), (1.0, 0.0)), "glass", "air")
@@ -21,6 +24,7 @@ PRISM = (
     Interface("left", Segment((0.0, 1.0), (-1.0, 0.0)), "glass", "air"),
 )
 FAN = Fan((0.0, -1.0), 0.0, 60.0, 10)
+FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(3))
 EYE = Interface("eye", Segment((-1.0, 5.0), (1.0, 5.0)), "air", "air", "receiver", "eye")
 
 
@@ -123,6 +127,13 @@ REFUSED: list[tuple[str, Source]] = [
     ("a chip's cone below nothing", Chip((0.0, 0.0), 1.0, 0.0, -1.0, 3)),
     ("a chip's cone beyond the full circle", Chip((0.0, 0.0), 1.0, 0.0, 361.0, 3)),
     ("a chip's cone that is no number", Chip((0.0, 0.0), 1.0, 0.0, math.nan, 3)),
+    ("ambient light through nothing", Ambient((0.0, 0.0), 0.0, 3)),
+    ("ambient light through no number", Ambient((0.0, 0.0), math.nan, 3)),
+    ("ambient light about no number", Ambient((0.0, math.nan), 1.0, 3)),
+    ("ambient light lower than nothing", Ambient((0.0, 0.0), 1.0, 3, -1.0)),
+    ("rays of a file at no number", RayFile(str(FILE), (0.0, math.nan), 0.0, 3)),
+    ("rays of a file towards no number", RayFile(str(FILE), (0.0, 0.0), math.nan, 3)),
+    ("rays of a file without power", RayFile(str(FILE), (0.0, 0.0), 0.0, 3, power=0.0)),
     ("an emitter without rays", Emitter((0.0, 0.0), 0.0, 0)),
     ("an emitter without power", Emitter((0.0, 0.0), 0.0, 3, power=0.0)),
     ("an emitter at no number", Emitter((0.0, math.nan), 0.0, 3)),
@@ -237,6 +248,8 @@ def test_a_spectrum_is_of_wavelengths_and_weights_above_0(kind: str, spectrum: A
         "fan": FAN,
         "chip": Chip((0.0, -1.0), 0.1, 0.0, 60.0, 10),
         "emitter": Emitter((0.0, -1.0), 0.0, 10),
+        "ambient": Ambient((0.0, 0.0), 5.0, 10),
+        "ray-file": RayFile(str(FILE), (0.0, -1.0), 0.0, 3),
         "beam": Beam((0.0, -1.0), (1.0, -1.0), 0.0, 10),
         "rays": Rays(((0.0, -1.0),), ((0.0, 1.0),)),
     }

@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import json
 import math
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segm
 from solen.errors import DataError, DesignError, SolenError
 from solen.material import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated
 from solen.scene import (
+    Ambient,
     Beam,
     Chip,
     CosinePower,
@@ -25,11 +27,14 @@ from solen.scene import (
     Interface,
     Monitor,
     PatternTable,
+    RayFile,
     Rays,
     Region,
     Scene,
 )
-from solen.scene.json import CURVES, SOURCES
+from solen.scene.json import SOURCES
+from solen.spec.objects import CURVES
+from tests.scene.rayfile_support import lambertian, zemax
 
 CURVES_HERE: tuple[Curve, ...] = (
     Segment((0.1, -0.2), (1 / 3, 2.0)),
@@ -40,6 +45,7 @@ CURVES_HERE: tuple[Curve, ...] = (
     Bezier((0.0, 0.0), (1.0, 1 / 3), (2.0, -0.5), (3.0, 0.0)),
     Spline.through([(0.0, 0.0), (1.0, 0.3), (1.5, 1.7), (-0.2, 1.0)], closed=True),
 )
+FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(9))
 SOURCES_HERE = (
     Fan((0.0, -1.0), 3.0, 120.0, 101, 0.25, 1.0),
     Beam((-1.0, -2.0), (1.0, -2.0), -5.0, 7, s_share=0.0),
@@ -48,6 +54,8 @@ SOURCES_HERE = (
     Emitter((0.1, -1.0), -3.0, 101, PatternTable((0.0, 60.0, 1 / 3 + 90.0), (1.0, 0.5, 0.0)), 250.0, 0.2, 0.1, 0.3),
     Emitter((0.1, -1.0), -3.0, 101, CosinePower(1 / 3)),
     Emitter((0.1, -1.0), -3.0, 101, s_share=0.1),
+    Ambient((0.1, 1 / 3), 30.0, 101, 4.0, 0.25),
+    RayFile(str(FILE), (0.1, -1.0), -3.0, 7, 0.2),
 )
 FULL = Scene(
     (Region("air", 1.0), Region("body", 1.44, 0.01)),
@@ -338,7 +346,7 @@ def test_a_spectrum_that_is_none_is_refused_with_its_place(spectrum: object) -> 
 def test_spectra_of_a_file_are_checked_by_the_scene() -> None:
     wrong = data()
     wrong["sources"][0]["spectrum"] = [[860.0, 1.0]]
-    assert "source spectrum = 'missing in 6 of 7'" in refused(json.dumps(wrong))
+    assert "source spectrum = 'missing in 8 of 9'" in refused(json.dumps(wrong))
     wrong = json.loads(scenes.dumps(COLOURFUL))
     wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
     assert "index at 1000.5 nm; known from 400 to 1000 nm only" in refused(json.dumps(wrong))

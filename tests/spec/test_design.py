@@ -65,7 +65,7 @@ LIMITS = [
     ("emitter", "offset_mm", -1e7, "at least -1000000"),
     ("emitter", "distance_mm", 0, "at least 1e-06"),
     ("emitter", "cone_deg", 0, "greater than 0"),
-    ("emitter", "cone_deg", 180.5, "at most 180"),
+    ("emitter", "cone_deg", 360.5, "at most 360"),
     ("emitter", "rays", 0, "at least 1"),
     ("emitter", "rays", 1_000_000_001, "at most 1000000000"),
     ("lens", "focus_mm", 0, "at least 1e-06"),
@@ -131,20 +131,6 @@ def test_a_wrong_choice_is_told_with_the_choices(table: str, key: str, value: st
     assert told(**{table: {key: value}}).startswith(f"{table}.{key} = {value!r}; must be {choices}")
 
 
-@pytest.mark.parametrize(
-    ("table", "key", "value"),
-    [
-        ("motion", "kind", "bend"),
-        ("body", "kind", "outline"),
-        ("emitter", "pattern", "lambert"),
-        ("emitter", "pattern", {"angle_deg": [0, 10]}),
-    ],
-)
-def test_a_value_kept_for_later_is_not_yet_supported(table: str, key: str, value: object) -> None:
-    line = told(**{table: {key: value}})
-    assert line.startswith(f"{table}.{key} = {value!r}; not yet supported")
-
-
 def test_material_gives_exactly_one_of_index_and_resin() -> None:
     assert told(material={}).startswith("material; gives neither index nor resin; add")
     assert told(material={"index": 1.4, "resin": "pmma"}).startswith("material; gives both index and resin; keep")
@@ -193,11 +179,55 @@ def test_another_pivot_is_refused(pivot: object) -> None:
 def test_moves_have_no_order(moves: Any) -> None:
     assert Motion(moves=moves).moves == ("lens", "emitter")
     assert Motion(moves=["emitter"]).moves == ("emitter",)
+    assert Motion(moves=["receivers", "lens"]).moves == ("lens", "receivers")
 
 
-@pytest.mark.parametrize("moves", [[], ["lens"], ["emitter", "emitter"], "emitter", ["body", "emitter"], 3])
+@pytest.mark.parametrize("moves", [[], ["emitter", "emitter"], "emitter", ["body", "emitter"], 3])
 def test_other_moves_are_refused(moves: object) -> None:
-    assert told(motion={"moves": moves}).startswith(f'motion.moves = {moves!r}; must be ["lens", "emitter"] or')
+    assert told(motion={"moves": moves}).startswith(f"motion.moves = {moves!r}; must be a list of")
+
+
+def test_receivers_move_behind_a_gap_only_and_a_y_has_no_mirrors() -> None:
+    gap = {"coupling": "air-gap", "gap_mm": 0.5}
+    assert design(motion={"moves": ["receivers"]}, receivers=gap).motion.moves == ("receivers",)
+    line = told(motion={"moves": ["receivers"]})
+    assert line.startswith("motion.moves = ['receivers']; receivers on the arms' ends cannot turn")
+    assert told(motion={"moves": ["mirrors"]}).startswith("motion.moves = ['mirrors']; a Y has no mirrors")
+
+
+BEND = {"kind": "bend"}
+DRAWN = {"kind": "outline", "file": "sensor.dxf"}
+
+
+@pytest.mark.parametrize(
+    ("tables", "start"),
+    [
+        ({"motion": BEND | {"pivot": "emitter"}}, "motion.pivot = 'emitter'; has no meaning with motion.kind = "),
+        ({"motion": BEND | {"moves": ["emitter"]}}, "motion.moves = ['emitter']; has no meaning with motion.kind"),
+        ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); has no meaning with body.kind"),
+        ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),
+        ({"motion": BEND | {"centre_line": [[0, 0], [0, 1]]}}, "motion.centre_line = [[0, 0], [0, 1]]; must be"),
+        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: an outline needs it"),
+        ({"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN}, "motion.bend_mm = [5.0, 0.0]; must run from low"),
+        ({"body": {"kind": "outline"}}, "body.file; missing"),
+        ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; has no meaning with body.kind = "),
+        ({"body": {"units": "mm"}}, "body.units = 'mm'; has no meaning"),
+        ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; has no meaning with body.kind = "),
+        ({"body": DRAWN, "lens": {"shape": "none"}}, "lens.shape = 'none'; has no meaning with body.kind"),
+        ({"body": DRAWN, "emitter": {"distance_mm": 2.0}}, "emitter.distance_mm = 2.0; has no meaning"),
+        ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; has no meaning with body.kind"),
+        ({"emitter": {"point_mm": [0.0]}}, "emitter.point_mm = [0.0]; must be [x_mm, z_mm]"),
+    ],
+)
+def test_keys_that_do_not_fit_one_another_are_refused(tables: dict[str, Any], start: str) -> None:
+    line = told(**tables)
+    assert line.startswith(start), line
+
+
+def test_of_an_outline_the_emitter_moves_unless_told_otherwise() -> None:
+    assert design(body=DRAWN).motion.moves == ("emitter",)
+    assert design(body=DRAWN, motion={"moves": ["lens", "mirrors"]}).motion.moves == ("lens", "mirrors")
+    assert design(body=DRAWN, motion=BEND | {"bend_mm": [0, 5]}).motion.bend_mm == (0.0, 5.0)
 
 
 @pytest.mark.parametrize(("start", "end"), [(3.0, -3.0), (1.0, 1.0)])

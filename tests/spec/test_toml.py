@@ -31,7 +31,7 @@ def told(text: str) -> str:
         ("[lens]\ndistance_mm = 3", "lens.distance_mm; unknown key; did you mean emitter.distance_mm?"),
         ("[lense]\nfocus_mm = 3", "lense; unknown key; did you mean lens?"),
         ("[trace]\nqqq = 3", "trace.qqq; unknown key; the keys here are mode"),
-        ("[qqqq]", "qqqq; unknown key; the keys here are name, material, emitter, lens"),
+        ("[qqqq]", "qqqq; unknown key; the keys here are name, material, emitter, ambient"),
         ("[body]\nfolder = 'x'", "body.folder; unknown key"),
         ("[body]\nkind = 'x'\nthick_mm = 3", "body.thick_mm; unknown key; did you mean body.thickness_mm?; and 1 more"),
     ],
@@ -46,7 +46,7 @@ def test_an_unknown_key_explains_the_missing_one() -> None:
 
 
 RESERVED = {
-    "emitter": ["part", "power_mW", "width_mm", "height_mm", "spectrum"],
+    "emitter": ["power_mW"],
     "receivers": ["part", "width_mm", "height_mm"],
     "trace": ["dimension", "min_weight", "seed"],
     "lens": ["outline"],
@@ -257,7 +257,7 @@ def test_an_index_and_a_resin_replace_each_other() -> None:
         ("name.x", 25, "name.x; unknown key"),
         ("schema", 1, "schema; unknown key"),
         ("lens.focus_mm", float("nan"), "lens.focus_mm = nan; must be a finite number"),
-        ("emitter.part", "led", "emitter.part; not yet supported"),
+        ("emitter.power_mW", 50.0, "emitter.power_mW; not yet supported"),
         ("", 1, "; unknown key"),
     ],
 )
@@ -302,7 +302,10 @@ def test_the_json_schema_lists_every_key_of_every_table() -> None:
     assert schema["required"] == ["schema", "name", "material"]
     assert schema["properties"]["schema"]["const"] == 1
     assert set(schema["properties"]) == {"schema", *Design.model_fields}
-    assert set(schema["$defs"]) == {"Material", "Emitter", "Lens", "Body", "Receivers", "Motion", "Trace"}
+    assert set(schema["$defs"]) == {
+        *("Material", "Emitter", "Ambient", "Lens", "Body", "Receivers", "Motion", "Trace"),
+        *("Wall", "Layer"),
+    }
     for table in (schema, *schema["$defs"].values()):
         assert table["additionalProperties"] is False
     for table in schema["$defs"].values():

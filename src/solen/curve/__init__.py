@@ -7,6 +7,7 @@ needed and no second hit is lost however close it is.
 
 Interface: `Curve` with its leaves `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, which `simple_pieces` splits into a few `Piece` each.
+`Measure` finds lengths along a curve; `fitted` makes a spline of what is no curve of its own.
 Coordinates are (x, z) in mm.
 """
 
@@ -25,7 +26,9 @@ from solen.curve.base import (
 )
 from solen.curve.chain import CubicChain
 from solen.curve.conic import Conic, Parabola
-from solen.curve.cubic import Piece, simple_pieces
+from solen.curve.cubic import Piece, cut, simple_pieces
+from solen.curve.fit import fitted
+from solen.curve.measure import Measure
 from solen.curve.oval import CartesianOval
 from solen.curve.segment import Segment
 from solen.curve.spline import Bezier, Spline
@@ -41,6 +44,7 @@ __all__ = [
     "Conic",
     "CubicChain",
     "Curve",
+    "Measure",
     "Parabola",
     "Piece",
     "Segment",
@@ -49,6 +53,8 @@ __all__ = [
     "check_count",
     "check_numbers",
     "check_points",
+    "cut",
+    "fitted",
     "quadratic_roots",
     "simple_pieces",
 ]

@@ -78,6 +78,17 @@ class Arc(Curve):
         x, z = self.center
         return np.column_stack([x + self.radius_mm * np.cos(angle), z + self.radius_mm * np.sin(angle)])
 
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`."""
+        angle = np.radians(self.start_deg + u * self.sweep_deg)
+        per_u = self.radius_mm * math.radians(self.sweep_deg)
+        return np.column_stack([-per_u * np.sin(angle), per_u * np.cos(angle)])
+
+    def part(self, u_from: float, u_to: float) -> "Arc":
+        """See :meth:`Curve.part`."""
+        start_deg = self.start_deg + u_from * self.sweep_deg
+        return replace(self, start_deg=start_deg, sweep_deg=(u_to - u_from) * self.sweep_deg)
+
     def normal_at(self, point: Point) -> Point:
         """See :meth:`Curve.normal_at`."""
         outward = unit(minus(point, self.center))

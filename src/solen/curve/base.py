@@ -76,6 +76,14 @@ class Curve(ABC):
         """Points (N, 2) in mm at parameters ``u`` (N,) in [0, 1], from start to end."""
 
     @abstractmethod
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives (N, 2) of `points` by their parameter, mm."""
+
+    @abstractmethod
+    def part(self, u_from: float, u_to: float) -> "Curve":
+        """The same curve from one parameter to a higher one: all of its points lie on this curve, none is moved."""
+
+    @abstractmethod
     def normal_at(self, point: Point) -> Point:
         """Left unit normal at a point of the curve."""
 

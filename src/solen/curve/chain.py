@@ -113,6 +113,29 @@ class CubicChain(Curve):
         a, b, c, d = np.asarray(self.controls)[which].transpose(1, 0, 2)
         return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
 
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`; at a joint, that of the piece behind it."""
+        n = len(self.controls)
+        which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
+        v = (u * n - which)[:, None]
+        w = 1.0 - v
+        steps = np.diff(np.asarray(self.controls)[which], axis=1)
+        return np.asarray(3.0 * n * (w * w * steps[:, 0] + 2.0 * w * v * steps[:, 1] + v * v * steps[:, 2]))
+
+    def parts(self, u_from: float, u_to: float) -> tuple[Control, ...]:
+        """Control points of the cubics between two parameters, in order; the first and the last are cut."""
+        n = len(self.controls)
+        first = min(int(u_from * n), n - 1)
+        last = max(min(math.ceil(u_to * n) - 1, n - 1), first)
+        found = list(self.controls[first : last + 1])
+        if (end := u_to * n - last) < 1.0:
+            found[-1] = cut(found[-1], end)[0]
+        else:
+            end = 1.0
+        if (start := u_from * n - first) > 0.0:
+            found[0] = cut(found[0], start / end if first == last else start)[1]
+        return tuple(found)
+
     def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
         """See :meth:`Curve.flattened`; a piece leaves its chord by at most 3/4 of what its handles do."""
         waiting = [piece.control for piece in reversed(self.pieces)]

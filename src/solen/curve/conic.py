@@ -38,6 +38,18 @@ class Parabola(Curve):
         rise = self.curve_per_mm * run * run
         return np.asarray(np.asarray(self.vertex) + np.outer(run, self.axis) + np.outer(rise, side))
 
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`."""
+        per_u = self.to_mm - self.from_mm
+        run = self.from_mm + u * per_u
+        slope = 2.0 * self.curve_per_mm * run
+        return np.asarray(per_u * (np.asarray(self.axis) + np.outer(slope, right_of(self.axis))))
+
+    def part(self, u_from: float, u_to: float) -> "Parabola":
+        """See :meth:`Curve.part`."""
+        per_u = self.to_mm - self.from_mm
+        return replace(self, from_mm=self.from_mm + u_from * per_u, to_mm=self.from_mm + u_to * per_u)
+
     def normal_at(self, point: Point) -> Point:
         """See :meth:`Curve.normal_at`."""
         run = dot(minus(point, self.vertex), self.axis)
@@ -122,6 +134,18 @@ class Conic(Curve):
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm
         beside = np.outer(lateral, right_of(self.axis))
         return np.asarray(np.asarray(self.vertex) + beside + np.outer(self.sag_mm(lateral), self.axis))
+
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`."""
+        per_u, c = self.to_mm - self.from_mm, self.curvature_per_mm
+        lateral = (1.0 - u) * self.from_mm + u * self.to_mm
+        slope = c * lateral / np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * lateral) ** 2)
+        return np.asarray(per_u * (np.asarray(right_of(self.axis)) + np.outer(slope, self.axis)))
+
+    def part(self, u_from: float, u_to: float) -> "Conic":
+        """See :meth:`Curve.part`."""
+        ends = [(1.0 - u) * self.from_mm + u * self.to_mm for u in (u_from, u_to)]
+        return replace(self, from_mm=ends[0], to_mm=ends[1])
 
     def normal_at(self, point: Point) -> Point:
         """See :meth:`Curve.normal_at`."""

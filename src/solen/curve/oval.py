@@ -91,6 +91,22 @@ class CartesianOval(Curve):
             np.asarray(self.object_focus) + np.outer(forward, self.axis) + np.outer(lateral, left_of(self.axis))
         )
 
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`; the radius grows with the angle so that the step stays square to the normal."""
+        angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
+        radius, angle = self.radius_from_object(angle_deg)[:, None], np.radians(angle_deg)
+        ray = np.outer(np.cos(angle), self.axis) + np.outer(np.sin(angle), left_of(self.axis))
+        across = np.outer(-np.sin(angle), self.axis) + np.outer(np.cos(angle), left_of(self.axis))
+        from_image = np.asarray(self.object_focus) + radius * ray - np.asarray(self.image_focus)
+        normal = self.n1 * ray + self.n2 * from_image / np.hypot(*from_image.T)[:, None]
+        growth = -radius * np.sum(across * normal, axis=1)[:, None] / np.sum(ray * normal, axis=1)[:, None]
+        return np.asarray(math.radians(self.to_deg - self.from_deg) * (growth * ray + radius * across))
+
+    def part(self, u_from: float, u_to: float) -> "CartesianOval":
+        """See :meth:`Curve.part`."""
+        per_u = self.to_deg - self.from_deg
+        return replace(self, from_deg=self.from_deg + u_from * per_u, to_deg=self.from_deg + u_to * per_u)
+
     def normal_at(self, point: Point) -> Point:
         """See :meth:`Curve.normal_at`."""
         to_1, to_2 = unit(minus(point, self.object_focus)), unit(minus(point, self.image_focus))

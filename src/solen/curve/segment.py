@@ -48,6 +48,14 @@ class Segment(Curve):
         a, b = np.asarray(self.a), np.asarray(self.b)
         return np.asarray((1.0 - u)[:, None] * a + u[:, None] * b)
 
+    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """See :meth:`Curve.velocities`."""
+        return np.tile(np.subtract(self.b, self.a), (len(u), 1))
+
+    def part(self, u_from: float, u_to: float) -> "Segment":
+        """See :meth:`Curve.part`."""
+        return Segment(self._point(u_from), self._point(u_to))
+
     def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:  # noqa: ARG002  it is straight
         """See :meth:`Curve.flattened`."""
         return np.array([self.a, self.b])

@@ -39,6 +39,10 @@ class Bezier(CubicChain):
         """See :meth:`CubicChain.name_of`."""
         return "bezier"
 
+    def part(self, u_from: float, u_to: float) -> "Bezier":
+        """See :meth:`Curve.part`."""
+        return Bezier(*self.parts(u_from, u_to)[0])
+
     def moved(self, motion: Rigid) -> "Bezier":
         """See :meth:`Curve.moved`."""
         return Bezier(*(motion.point(point) for point in self.controls[0]))
@@ -109,6 +113,11 @@ class Spline(CubicChain):
     def name_of(self, number: int) -> str:
         """See :meth:`CubicChain.name_of`."""
         return f"spline control_points[{3 * number}:{3 * number + 4}]"
+
+    def part(self, u_from: float, u_to: float) -> "Spline":
+        """See :meth:`Curve.part`; its pieces have equal shares of its own parameter, the cut ones too."""
+        controls = self.parts(u_from, u_to)
+        return Spline((controls[0][0], *(point for control in controls for point in control[1:])))
 
     def moved(self, motion: Rigid) -> "Spline":
         """See :meth:`Curve.moved`."""

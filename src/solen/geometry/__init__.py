@@ -1,6 +1,20 @@
-"""From a lens and a guide to one closed body of named exact curves, at rest or turned."""
+"""From a lens and a guide, or a drawing, to closed outlines of named exact curves, in any state of their motion."""
 
-from solen.geometry.body import Body, Face, Pose
+from solen.geometry.bend import BEND_TOLERANCE_MM, Bend, bend_of, bent
+from solen.geometry.body import Body, Face, Pose, material
+from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
-__all__ = ["Body", "Face", "Pose", "arm_angle_deg", "y_body"]
+__all__ = [
+    "BEND_TOLERANCE_MM",
+    "Bend",
+    "Body",
+    "Face",
+    "Pose",
+    "arm_angle_deg",
+    "bend_of",
+    "bent",
+    "material",
+    "outline_body",
+    "y_body",
+]

@@ -1,13 +1,15 @@
-"""A body: one closed outline of named exact curves, and where its emitter stands.
+"""A body: closed outlines of named exact curves, and where its emitter stands.
 
-Geometry knows no optics. The outline is walked counter-clockwise, so that the material lies on the left of every face.
-:meth:`Body.check` proves that it is closed, simple and so oriented, and names the place where it is not.
+Geometry knows no optics. An outline is walked with the material on its left: the outer one counter-clockwise, a hole
+clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another and that they are so
+oriented, and names the place where it is not.
 """
 
 import math
 import re
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,65 +18,101 @@ from solen.curve import END_TOLERANCE_MM, Curve
 from solen.errors import DesignError
 from solen.plane import Point
 
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry as Solid
+
 GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""
+REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm's angle and width, and the motion's angles"
+NEAR_MM = 1e-2
+"""A face this near to where outlines cross is named as one that does."""
 
 
 @dataclass(frozen=True)
 class Face:
-    """A named piece of the outline."""
+    """A named piece of an outline, or one that stands beside the body.
+
+    ``wall`` is the number of the design's wall table that covers it. Lengths along a face are told from its start, or
+    with ``from_end`` from its end; ``begins_mm`` is the length that this beginning has already, where some is
+    lacking.
+    """
 
     name: str
     curve: Curve
+    wall: int | None = None
+    from_end: bool = False
+    begins_mm: float = 0.0
+
+    @property
+    def part(self) -> str:
+        """What it is part of, by its name's first word: ``receiver`` of ``receiver-right.2``."""
+        return _words(self.name)[0]
+
+    @property
+    def whose(self) -> str:
+        """The rest of its name without the number of a piece: ``right`` of ``receiver-right.2``; the part if none."""
+        part, rest = _words(self.name)
+        return rest or part
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where something stands and which way it looks: ``axis_deg`` counter-clockwise from +z."""
+    """Where something stands and which way it looks: ``axis_deg`` counter-clockwise from +z; ``width_mm`` across it."""
 
     point: Point
     axis_deg: float
+    width_mm: float = 0.0
 
 
 @dataclass(frozen=True)
 class Body:
-    """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch)."""
+    """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch, the base).
+
+    ``others`` are further closed outlines: holes, and bodies that stand apart. ``apart`` are faces in the air beside
+    the body: receivers behind a gap, mirrors. An emitter may be ``embedded`` in the material.
+    """
 
     faces: tuple[Face, ...]
     emitter: Pose
     marks: dict[str, Point]
+    others: tuple[tuple[Face, ...], ...] = ()
+    apart: tuple[Face, ...] = ()
+    embedded: bool = False
+
+    @property
+    def outlines(self) -> tuple[tuple[Face, ...], ...]:
+        """Faces of every closed outline."""
+        return (self.faces, *self.others)
+
+    @property
+    def all_faces(self) -> tuple[Face, ...]:
+        """Faces of all closed outlines."""
+        return tuple(face for outline in self.outlines for face in outline)
 
     def face(self, name: str) -> Face:
         """The face of that name; `KeyError` where there is none."""
-        return {face.name: face for face in self.faces}[name]
+        return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
-        """Closed polyline (N, 2) within ``tolerance_mm`` of the outline; its last point repeats the first."""
-        pieces = [face.curve.flattened(tolerance_mm)[:-1] for face in self.faces]
-        return np.vstack([*pieces, pieces[0][:1]])
+        """Closed polyline (N, 2) within ``tolerance_mm`` of the first outline; its last point repeats the first."""
+        return polyline(self.faces, tolerance_mm)
 
     def area_mm2(self) -> float:
-        """Enclosed area, of a polyline within 1 µm of the outline; positive for a counter-clockwise one."""
-        return _area(self.outline())
+        """Enclosed area, of polylines within 1 µm of the outlines; positive for counter-clockwise ones."""
+        return sum(area(polyline(outline, 1e-3)) for outline in self.outlines)
 
     def check(self) -> "Body":
         """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""
-        if not self.faces:
-            raise DesignError("body outline", value="no faces", limit="must be closed")
-        for face, following in pairwise((*self.faces, self.faces[0])):
-            gap_mm = math.dist(face.curve.end, following.curve.start)
-            if not gap_mm <= GAP_MM:
-                raise DesignError(
-                    "body outline",
-                    value=f"open between {face.name} and {following.name}",
-                    limit=f"a gap of {gap_mm:.3g} mm at {_place(face.curve.end)}",
-                )
-        outline = self.outline(1e-4)
-        self._check_simple(outline)
-        if _area(outline) <= 0.0:
-            raise DesignError(
-                "body outline", value="clockwise", limit="must run counter-clockwise, material on its left"
-            )
+        rings = []
+        for outline in self.outlines:
+            _check_closed(outline)
+            rings.append(polyline(outline, 1e-4))
+            self._check_simple(rings[-1])
+        if len(rings) == 1:
+            self._check_orientation(rings[0], inside=0)
+        else:
+            self._check_rings(rings)
+        self._check_beside(rings)
         return self
 
     def _check_simple(self, outline: NDArray[np.float64]) -> None:
@@ -82,33 +120,115 @@ class Body:
 
         polygon = shapely.Polygon(outline)
         if not polygon.is_valid:
-            place = self._crossing(shapely.is_valid_reason(polygon))
-            raise DesignError(
-                "body outline",
-                value="crosses itself",
-                limit=place,
-                remedy="check stem, arm and lens lengths, the arm's angle and width, and the motion's angles",
-            )
-        if polygon.intersects(shapely.Point(self.emitter.point)):
+            raise self._crosses(*_places(shapely.is_valid_reason(polygon)))
+
+    def _check_orientation(self, ring: NDArray[np.float64], inside: int) -> None:
+        if (area(ring) > 0.0) != (inside % 2 == 0):
+            way, must = ("clockwise", "counter-clockwise") if inside % 2 == 0 else ("counter-clockwise", "clockwise")
+            raise DesignError("body outline", value=way, limit=f"must run {must}, material on its left")
+
+    def _check_rings(self, rings: list[NDArray[np.float64]]) -> None:
+        """Several outlines: none touches another, and each runs as the number of those around it says."""
+        import shapely
+
+        lines = [shapely.LinearRing(ring) for ring in rings]
+        for i, one in enumerate(lines):
+            for other in lines[i + 1 :]:
+                if one.intersects(other):
+                    place = one.intersection(other).representative_point()
+                    raise self._crosses((place.x, place.y))
+        polygons = [shapely.Polygon(ring) for ring in rings]
+        for i, ring in enumerate(rings):
+            around = sum(polygons[k].contains(lines[i]) for k in range(len(rings)) if k != i)
+            self._check_orientation(ring, around)
+
+    def _check_beside(self, rings: list[NDArray[np.float64]]) -> None:
+        """What stands beside the body is not in it."""
+        import shapely
+
+        solid = _solid(rings)
+        for face in self.apart:
+            line = shapely.LineString(face.curve.flattened(1e-4))
+            if solid.intersects(line):
+                place = solid.intersection(line).representative_point()
+                limit = f"must stand in the air, and meets the body at {place_text((place.x, place.y))}"
+                raise DesignError(face.name, limit=limit, remedy="move it away, or turn by less")
+        if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
-                value=f"inside the body at {_place(self.emitter.point)}",
+                value=f"inside the body at {place_text(self.emitter.point)}",
                 limit="must stand before the lens",
                 remedy="raise emitter.distance_mm or turn by less",
             )
 
-    def _crossing(self, reason: str) -> str:
-        """Which faces cross and where, from shapely's words for it."""
-        numbers = re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", reason)
-        if len(numbers) < 2:
-            return reason
-        place = (float(numbers[-2]), float(numbers[-1]))
-        distances = {face.name: _distance(face.curve, place) for face in self.faces}
-        near = [name for name, distance_mm in distances.items() if distance_mm < 1e-2]
-        return f"at {_place(place)}" + (f", where {' and '.join(near)} meet" if near else "")
+    def _crosses(self, place: Point | None = None, reason: str = "") -> DesignError:
+        """Which faces cross and where."""
+        where = reason
+        if place is not None:
+            distances = {face.name: _distance(face.curve, place) for face in self.all_faces}
+            near = [name for name, distance_mm in distances.items() if distance_mm < NEAR_MM]
+            where = f"at {place_text(place)}" + (f", where {' and '.join(near)} meet" if near else "")
+        return DesignError(
+            "body outline",
+            value="crosses itself",
+            limit=where,
+            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "mend the drawing there, or move by less",
+        )
 
 
-def _area(outline: NDArray[np.float64]) -> float:
+def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> NDArray[np.float64]:
+    """Closed polyline (N, 2) within ``tolerance_mm`` of an outline; its last point repeats the first."""
+    pieces = [face.curve.flattened(tolerance_mm)[:-1] for face in outline]
+    return np.vstack([*pieces, pieces[0][:1]])
+
+
+def material(body: Body, tolerance_mm: float) -> "Solid":
+    """Area that a body fills, as a shapely geometry within ``tolerance_mm``: holes left out."""
+    return _solid([polyline(outline, tolerance_mm) for outline in body.outlines])
+
+
+def _solid(rings: list[NDArray[np.float64]]) -> "Solid":
+    import shapely
+
+    solid: Solid = shapely.Polygon(rings[0])
+    for ring in rings[1:]:
+        solid = solid.symmetric_difference(shapely.Polygon(ring))
+    return solid
+
+
+def place_text(point: Point) -> str:
+    """A place as errors tell it."""
+    return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
+
+
+def _words(name: str) -> tuple[str, str]:
+    """First word of a face's name and the rest, the number of a piece taken off."""
+    name = re.sub(r"\.\d+$", "", name)
+    part = re.match(r"[^\W\d_]*", name)
+    first = part.group() if part else ""
+    return first, name[len(first) :].strip("-_ ")
+
+
+def _check_closed(outline: tuple[Face, ...]) -> None:
+    if not outline:
+        raise DesignError("body outline", value="no faces", limit="must be closed")
+    for face, following in pairwise((*outline, outline[0])):
+        gap_mm = math.dist(face.curve.end, following.curve.start)
+        if not gap_mm <= GAP_MM:
+            raise DesignError(
+                "body outline",
+                value=f"open between {face.name} and {following.name}",
+                limit=f"a gap of {gap_mm:.3g} mm at {place_text(face.curve.end)}",
+            )
+
+
+def _places(reason: str) -> tuple[Point | None, str]:
+    """Place in shapely's words for what is not simple, and the words."""
+    numbers = re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", reason)
+    return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
+
+
+def area(outline: NDArray[np.float64]) -> float:
     """Area of a closed polyline, positive for a counter-clockwise one."""
     x, z = outline.T
     return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)
@@ -119,7 +239,3 @@ def _distance(curve: Curve, point: Point) -> float:
     chord, to_point = offset[1:] - offset[:-1], -offset[:-1]
     share = np.clip(np.sum(chord * to_point, axis=1) / np.maximum(np.sum(chord**2, axis=1), 1e-300), 0, 1)
     return float(np.min(np.hypot(*(to_point - share[:, None] * chord).T)))
-
-
-def _place(point: Point) -> str:
-    return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"

@@ -11,14 +11,19 @@ where it has risen into the stem, the stem's side begins at the edge's height an
 about the centre of the base the step is 2.7 µm wide.
 
 A sensor without a lens has a flat face that belongs to the stem: it stands still while the emitter turns.
+
+A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; there the lens meets the stem as at
+rest, and no join is needed.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from solen.curve import Curve, Parabola, Segment, check_numbers
+from solen.curve import Curve, Measure, Parabola, Segment, check_numbers
 from solen.errors import DesignError
+from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import GAP_MM, Body, Face, Pose
+from solen.geometry.stretch import behind_gap, with_walls
 from solen.lens import FlatFace, Lens
 from solen.plane import Point, Rigid, along
 from solen.spec import Design
@@ -36,21 +41,57 @@ class _Half:
 
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Body of a design with its moving parts turned by ``angle_deg``, checked; `DesignError` where it cannot be."""
+    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` where it cannot be."""
     check_numbers("angle_deg", angle_deg)
-    turn = Rigid.about(_pivot(design, lens), angle_deg)
-    emitter = Pose(turn.point((design.emitter.offset_mm, -design.emitter.distance_mm)), angle_deg)
-    turns_lens = "lens" in design.motion.moves and not isinstance(lens, FlatFace)
+    made = _bent(design, lens, angle_deg) if design.motion.kind == "bend" else _turned(design, lens, angle_deg)
+    return made.check()
+
+
+def _turned(design: Design, lens: Lens, angle_deg: float) -> Body:
+    """Body with its moving parts turned about the pivot."""
+    moves, turn = design.motion.moves, Rigid.about(_pivot(design, lens), angle_deg)
+    emitter = Pose((design.emitter.offset_mm, -design.emitter.distance_mm), 0.0)
+    if "emitter" in moves:
+        emitter = Pose(turn.point(emitter.point), angle_deg)
+    turns_lens = "lens" in moves and not isinstance(lens, FlatFace)
     front = lens.front.moved(turn) if turns_lens else lens.front
     right, left = _half(design, lens, +1), _half(design, lens, -1)
     crotch = _crotch(design, right)
     faces = (
         Face("lens", front),
         *_side("right", right, front.end, crotch),
-        *(Face(face.name, face.curve.reversed()) for face in reversed(_side("left", left, front.start, crotch))),
+        *(
+            replace(face, curve=face.curve.reversed(), from_end=True)
+            for face in reversed(_side("left", left, front.start, crotch))
+        ),
     )
     marks = {"crotch": crotch, "fork-right": right.fork, "fork-left": left.fork, "stem-base": (0.0, lens.depth_mm)}
-    return Body(faces, emitter, marks).check()
+    faces, apart = behind_gap(faces, design.receivers.gap_mm)
+    if "receivers" in moves:
+        apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
+    (walls,) = with_walls((faces,), design.wall)
+    return Body(walls, emitter, marks, apart=apart)
+
+
+def _bent(design: Design, lens: Lens, angle_deg: float) -> Body:
+    """Body with its stem bent between base and fork; lens and emitter are carried along, the arms stand still."""
+    rest = _turned(design, lens, 0.0)
+    base_mm = lens.depth_mm
+    bend = bend_of(design.motion.centre_line, base_mm, base_mm + design.body.stem_length_mm, angle_deg)
+    carried = bend.section(base_mm)
+
+    def moved(face: Face) -> Curve:
+        if face.part == "lens":
+            return face.curve.moved(carried)
+        if face.part != "stem":
+            return face.curve
+        (curve,) = bent(face.curve, bend)
+        return curve
+
+    emitter = Pose(carried.point(rest.emitter.point), angle_deg)
+    marks = {**rest.marks, "stem-base": carried.point(rest.marks["stem-base"])}
+    faces = tuple(replace(face, curve=moved(face)) for face in rest.faces)
+    return replace(rest, faces=faces, emitter=emitter, marks=marks)
 
 
 def arm_angle_deg(design: Design) -> float:
@@ -132,4 +173,7 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face
     ]
     if gap_mm > GAP_MM:
         curves.insert(0, ("join", Segment(lens_edge, wall.start)))
-    return tuple(Face(f"{part}-{name}", curve) for part, curve in curves)
+    lacking_mm = Measure(replace(wall, from_mm=0.0, to_mm=risen_mm)).length_mm if risen_mm > 0.0 else 0.0
+    return tuple(
+        Face(f"{part}-{name}", curve, begins_mm=lacking_mm if part == "stem" else 0.0) for part, curve in curves
+    )

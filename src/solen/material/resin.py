@@ -7,7 +7,7 @@ or a file; the index is evaluated at its emitter's wavelength.
 The interface: `load_resin`, `library`, `library_resin`; `optical` gives the numbers of a design's material.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,6 +17,7 @@ from pydantic import Field, field_validator
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.material.dispersion import KINDS, Dispersion
+from solen.parts import light_of
 from solen.spec import Design
 from solen.spec.strict import Migrations, NotNegative, Strict, Text, migrated, nearest, parse_toml, refused, told_of
 
@@ -73,12 +74,15 @@ class Optical:
         Absorption of power per mm, base e.
     source
         Where the numbers come from, in words.
+    dispersion
+        Index by wavelength, for light of several; None where a single number is all that is known.
     """
 
     index: float
     u_index: float | None
     absorption_per_mm: float
     source: str
+    dispersion: Dispersion | None = field(default=None, compare=False, repr=False)
 
 
 def _resin(text: str, what: str) -> Resin:
@@ -135,9 +139,9 @@ def optical(design: Design) -> Optical:
         return Optical(material.index, None, material.absorption_per_mm, "the design's material.index")
     path = design.resin_file
     resin = library_resin(material.resin) if path is None else load_resin(path)
-    wavelength_nm = design.emitter.wavelength_nm
+    wavelength_nm = light_of(design).wavelength_nm
     with told_of(f"resin {resin.name}"):
         index, u_index = resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm)
     stated = material.states_absorption
     absorption_per_mm = material.absorption_per_mm if stated else resin.loss.absorption_per_mm
-    return Optical(index, u_index, absorption_per_mm, ": ".join(filter(None, (resin.name, resin.source))))
+    return Optical(index, u_index, absorption_per_mm, ": ".join(filter(None, (resin.name, resin.source))), resin.index)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from solen.errors import DesignError
 from solen.geometry import Body
+from solen.geometry.body import area, polyline
 from solen.lens import OvalLens
 from solen.plane import along
 from solen.scene import Scene
@@ -214,6 +215,9 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
 def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:
     outline = body.outline(1e-3)
     axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
+    for other in body.others:
+        ring = polyline(other, 1e-3)
+        axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     low, high = outline.min(axis=0), outline.max(axis=0)
     beyond = 0.12 * float(high[1] - low[1])
     for colour, lines in _coloured(scene, trace, beyond).items():

@@ -28,11 +28,12 @@ def figures(study: Study) -> dict[str, str]:
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
     drawn = {"response": response_figure(study.lens, study.flat)}
-    if isinstance(case.sensor.lens, OvalLens):
-        drawn["lens-profile"] = profile_figure(case.sensor.lens)
+    if isinstance(case.sensor.cut, OvalLens):
+        drawn["lens-profile"] = profile_figure(case.sensor.cut)
     views = [sensor_view(case.sensor, angle, rays) for angle in angles]
     drawn["rays"] = rays_figure(views)
-    drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
+    if not case.sensor.is_drawn:
+        drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
     if study.lens is not None and study.flat is not None:
         drawn["rays-without-lens"] = rays_figure([sensor_view(study.flat.sensor, a, rays) for a in angles])
     return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}

@@ -28,7 +28,7 @@ def results(study: Study) -> dict[str, Any]:
         "name": study.design.name,
         "design": {key: value for key, value in tomllib.loads(dumps(study.design)).items() if key != "schema"},
         "material": material_numbers(study.case.sensor),
-        "lens": lens_numbers(study.case.sensor.lens, study.case.sensor.material.index),
+        "lens": lens_numbers(study.case.sensor.cut, study.case.sensor.material.index),
         "body": body_numbers(study.case.sensor),
         "no_lens_refused": study.flat_refused,
         "summary": {name: summary(case) for name, case in study.cases.items()},
@@ -40,7 +40,7 @@ def material_numbers(sensor: Sensor) -> dict[str, Any]:
     """Index and absorption at the emitter's wavelength, and where they come from."""
     material = sensor.material
     return {
-        "wavelength_nm": sensor.design.emitter.wavelength_nm,
+        "wavelength_nm": sensor.light.wavelength_nm,
         "index": material.index,
         "u_index": material.u_index,
         "absorption_per_mm": material.absorption_per_mm,
@@ -48,8 +48,10 @@ def material_numbers(sensor: Sensor) -> dict[str, Any]:
     }
 
 
-def lens_numbers(lens: Lens, index: float) -> dict[str, Any]:
-    """What a lens is and does in a material of ``index``."""
+def lens_numbers(lens: Lens | None, index: float) -> dict[str, Any]:
+    """What a lens is and does in a material of ``index``; of a drawn one, None, only that."""
+    if lens is None:
+        return {"shape": "drawn"}
     common = {
         "distance_mm": lens.distance_mm,
         "half_width_mm": lens.half_width_mm,
@@ -80,6 +82,18 @@ def lens_numbers(lens: Lens, index: float) -> dict[str, Any]:
 def body_numbers(sensor: Sensor) -> dict[str, Any]:
     """What follows from the body's dimensions, at rest."""
     body = sensor.body()
+    if sensor.is_drawn:
+        faces = (*body.all_faces, *body.apart)
+        return {
+            "file": sensor.design.body.file,
+            "outlines": len(body.outlines),
+            "area_mm2": body.area_mm2(),
+            "emitter_x_mm": body.emitter.point[0],
+            "emitter_z_mm": body.emitter.point[1],
+            "emitter_axis_deg": body.emitter.axis_deg,
+            "receivers": ", ".join(dict.fromkeys(face.whose for face in faces if face.part == "receiver")),
+            "faces": [face.name for face in faces],
+        }
     right, left = body.marks["fork-right"], body.marks["fork-left"]
     return {
         "arm_angle_deg": arm_angle_deg(sensor.design),

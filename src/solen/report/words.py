@@ -17,8 +17,8 @@ def findings(study: Study) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
     told = [("The signal", _signal(study)), ("Range", _range(study.case)), ("Light", _light(study))]
     sensor = study.case.sensor
-    if isinstance(sensor.lens, OvalLens):
-        told += [("Alignment", _alignment(study, sensor.lens)), ("Index", _index(sensor.lens, sensor.material.index))]
+    if isinstance(sensor.cut, OvalLens):
+        told += [("Alignment", _alignment(study, sensor.cut)), ("Index", _index(sensor.cut, sensor.material.index))]
     return [*told, ("Not in these numbers", _limits(study))]
 
 
@@ -66,9 +66,11 @@ def _range(case: Case) -> str:
 
 def _light(study: Study) -> str:
     found, sensor = summary(study.case), study.case.sensor
-    emitter, lens = sensor.design.emitter, sensor.lens
-    half_cone_deg = emitter.cone_deg / 2
+    emitter, lens = sensor.design.emitter, sensor.cut
+    half_cone_deg = sensor.light.cone_deg / 2
     text = f"On average {found['received_share']:.1%} of the emitted light reaches the receivers."
+    if lens is None:
+        return text
     if emitter.offset_mm == 0.0 and lens.acceptance_deg < half_cone_deg:
         text += (
             f" The face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
@@ -117,9 +119,15 @@ def _limits(study: Study) -> str:
     )
     return (
         f"Rays in the plane only, whatever the thickness; perfectly smooth faces, no scatter, no diffraction; {loss}. "
-        "The arms' angle is "
-        + ("assumed to continue the stem's edge." if study.design.body.arm_angle_deg is None else "as given.")
+        + _arms(study)
     )
+
+
+def _arms(study: Study) -> str:
+    if study.case.sensor.is_drawn:
+        return "The outline is as drawn."
+    angle = "assumed to continue the stem's edge" if study.design.body.arm_angle_deg is None else "as given"
+    return f"The arms' angle is {angle}."
 
 
 def _focus(focus_mm: float | None) -> str:

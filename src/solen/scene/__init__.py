@@ -3,10 +3,24 @@
 from solen.scene.json import dumps, load, loads, save
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sensor import sensor_scene
-from solen.scene.sources import Beam, Chip, CosinePower, Emitter, Fan, Isotropic, Launch, PatternTable, Rays, Source
+from solen.scene.sources import (
+    Ambient,
+    Beam,
+    Chip,
+    CosinePower,
+    Emitter,
+    Fan,
+    Isotropic,
+    Launch,
+    PatternTable,
+    RayFile,
+    Rays,
+    Source,
+)
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 
 __all__ = [
+    "Ambient",
     "Beam",
     "Chip",
     "Coating",
@@ -23,6 +37,7 @@ __all__ = [
     "Layer",
     "Monitor",
     "PatternTable",
+    "RayFile",
     "Rays",
     "Region",
     "Scatter",

@@ -5,34 +5,29 @@ Curves and sources are objects with their ``kind`` and the fields of their class
 
 import dataclasses
 import json
-import typing
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from typing import Any
 
 from solen import files
-from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
+from solen.curve import Curve
 from solen.errors import DataError, DesignError
 from solen.material import KINDS, Dispersion
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
-from solen.scene.sources import Beam, Chip, Emitter, Fan, Rays, Source
+from solen.scene.sources import Ambient, Beam, Chip, Emitter, Fan, RayFile, Rays, Source
+from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
 from solen.spec.strict import told_of
 
 SCHEMA = 1
-CURVES: dict[str, type[Curve]] = {
-    "segment": Segment,
-    "arc": Arc,
-    "parabola": Parabola,
-    "cartesian-oval": CartesianOval,
-    "conic": Conic,
-    "bezier": Bezier,
-    "spline": Spline,
+SOURCES: dict[str, type[Source]] = {
+    "fan": Fan,
+    "chip": Chip,
+    "emitter": Emitter,
+    "beam": Beam,
+    "rays": Rays,
+    "ray-file": RayFile,
+    "ambient": Ambient,
 }
-SOURCES: dict[str, type[Source]] = {"fan": Fan, "chip": Chip, "emitter": Emitter, "beam": Beam, "rays": Rays}
 PARTS = ("regions", "interfaces", "sources", "monitors")
-
-T = TypeVar("T")
 
 
 def dumps(scene: Scene) -> str:
@@ -58,7 +53,7 @@ def dumps(scene: Scene) -> str:
 def loads(text: str, where: str = "scene") -> Scene:
     """Scene of a JSON text; `DataError` names the place where it is not one, `DesignError` what does not fit."""
     data = _parsed(text, where)
-    _keys(
+    check_keys(
         data,
         {"solen_scene", "name", "open_media", "extrusion", *PARTS},
         {"solen_scene", "regions", "interfaces", "sources"},
@@ -73,11 +68,11 @@ def loads(text: str, where: str = "scene") -> Scene:
     return Scene(
         regions=tuple(_region(item, _at(where, "regions", i)) for i, item in enumerate(lists["regions"])),
         interfaces=tuple(_interface(item, _at(where, "interfaces", i)) for i, item in enumerate(lists["interfaces"])),
-        sources=tuple(_untagged(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
-        monitors=tuple(_made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
-        name=_value(str, data.get("name", "scene"), f"{where}: name"),
-        open_media=_value(bool, data.get("open_media", False), f"{where}: open_media"),
-        extrusion=_value(Extrusion | None, data.get("extrusion"), f"{where}: extrusion"),
+        sources=tuple(untagged(item, SOURCES, _at(where, "sources", i)) for i, item in enumerate(lists["sources"])),
+        monitors=tuple(made(Monitor, item, _at(where, "monitors", i)) for i, item in enumerate(lists["monitors"])),
+        name=value_of(str, data.get("name", "scene"), f"{where}: name"),
+        open_media=value_of(bool, data.get("open_media", False), f"{where}: open_media"),
+        extrusion=value_of(Extrusion | None, data.get("extrusion"), f"{where}: extrusion"),
     )
 
 
@@ -92,13 +87,7 @@ def save(path: Path | str, scene: Scene) -> Path:
 
 
 def _parsed(text: str, where: str) -> dict[str, Any]:
-    def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is not a number of JSON")
-
-    try:
-        data = json.loads(text, parse_constant=refuse)
-    except (ValueError, RecursionError) as bad:
-        raise DataError(where, limit=f"not JSON: {bad}") from None
+    data = parsed(text, where)
     if not isinstance(data, dict) or "solen_scene" not in data:
         raise DataError(where, limit="not a scene of solen: it has no key solen_scene")
     return data
@@ -133,13 +122,13 @@ def _region(data: dict[str, Any], where: str) -> Region:
     """Region whose index is a number or an object with the kind of its dispersion."""
     index = data.get("index")
     if not isinstance(index, dict):
-        return _made(Region, data, where)
+        return made(Region, data, where)
     kind = index.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise DataError(f"{where}: index: kind", value=kind, limit=f"must be one of {', '.join(KINDS)}")
     with told_of(f"{where}: index"):
         dispersion = KINDS[kind](**index)
-    return _made(Region, {**data, "index": dispersion}, where)
+    return made(Region, {**data, "index": dispersion}, where)
 
 
 def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
@@ -153,52 +142,7 @@ def _interface(data: dict[str, Any], where: str) -> Interface:
     curve = data.get("curve")
     if not isinstance(curve, dict):
         raise DataError(f"{where}: curve", limit="must be an object with its kind")
-    return _made(Interface, {**data, "curve": _untagged(curve, CURVES, f"{where}: curve")}, where)
-
-
-def _untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
-    kind = data.get("kind")
-    if not isinstance(kind, str) or kind not in kinds:
-        raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
-    return _made(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
-
-
-def _made(cls: type[T], data: dict[str, Any], where: str) -> T:
-    """Object of a dataclass, every field checked against its type."""
-    fields = dataclasses.fields(cls)  # type: ignore[arg-type]  # every class here is a dataclass
-    required = {f.name for f in fields if f.default is dataclasses.MISSING}
-    _keys(data, {field.name for field in fields}, required, where)
-    hints = typing.get_type_hints(cls)
-    return cls(**{key: _value(hints[key], value, f"{where}: {key}") for key, value in data.items()})
-
-
-def _value(hint: Any, value: Any, where: str) -> Any:
-    if isinstance(value, Curve | Dispersion):
-        return value
-    inner = [part for part in (hint, *typing.get_args(hint)) if isinstance(part, type) and _holds_fields(part)]
-    if typing.get_origin(hint) is tuple and inner and isinstance(value, list):
-        return tuple(_value(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
-    if inner and isinstance(value, dict):
-        kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
-        return _untagged(value, kinds, where) if kinds else _made(inner[0], value, where)
-    try:
-        adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
-        return adapter.validate_json(json.dumps(value))
-    except ValidationError as bad:
-        raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
-
-
-def _holds_fields(cls: type[Any]) -> bool:
-    return dataclasses.is_dataclass(cls)
-
-
-def _keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:
-    for key in data:
-        if key not in known:
-            raise DataError(f"{where}: {key}", limit=f"unknown key; there are {', '.join(sorted(known))}")
-    for key in sorted(required):
-        if key not in data:
-            raise DataError(f"{where}: {key}", limit="missing")
+    return made(Interface, {**data, "curve": untagged(curve, CURVES, f"{where}: curve")}, where)
 
 
 def _at(where: str, part: str, number: int) -> str:

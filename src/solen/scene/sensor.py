@@ -1,53 +1,104 @@
-"""The scene of a sensor: its body in air, the emitter before it, a receiver on each arm."""
+"""The scene of a sensor: its body in air, the emitter before it, its receivers, and what touches its walls."""
 
-from solen.curve import Curve, Segment
+from dataclasses import replace
+
 from solen.geometry import Body, Face
-from solen.material import Optical
-from solen.scene.model import Interface, Region, Scene
-from solen.scene.sources import Fan
-from solen.spec import Design
+from solen.material import Dispersion, Optical
+from solen.parts import light_of
+from solen.scene.light import ambient_of, emitter_of
+from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
+from solen.scene.pad import pad_edges, pad_regions
+from solen.scene.sources import Line
+from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
+from solen.spec import Design, Wall
 
 AIR = Region("air", 1.0)
 BODY = "body"
+BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
+"""Of faces by the first word of their name; any other refracts."""
+FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
     """Scene of a body of the given material; ``rays`` overrides the design's number.
 
-    Receivers are called ``right`` and ``left``. With ``coupling = "matched"`` an arm's end is itself the receiver's
-    black face: all that arrives from inside is detected. With ``"air-gap"`` the arm's end is a bare face and the
-    receiver, as wide as the arm, stands ``gap_mm`` before it; light reaching its back is absorbed, not detected.
+    A face whose name begins with ``receiver`` belongs to the receiver of the name's rest: ``right`` and ``left`` of a
+    Y. With ``coupling = "matched"`` an arm's end is itself the receiver's black face: all that arrives from inside is
+    detected. With ``"air-gap"`` the arm's end is a bare face and the receiver, as wide as the arm, stands ``gap_mm``
+    before it; light reaching its back is absorbed, not detected. Stretches that the design's wall tables name have
+    their finish, and beside them a pad of what touches them.
+
+    Where a wall is coated, or a film of air parts it from what touches it, the emitter has the design's wavelength.
+    With ``dimension = "extruded"`` all of it reaches over the body's thickness, and light that meets an arm's end above
+    or below a lower receiver leaves there.
     """
-    interfaces: list[Interface] = []
-    for face in body.faces:
-        interfaces.extend(_interfaces(design, face))
-    emitter = Fan(
-        body.emitter.point,
-        body.emitter.axis_deg,
-        design.emitter.cone_deg,
-        design.emitter.rays if rays is None else rays,
-    )
-    regions = (AIR, Region(BODY, material.index, material.absorption_per_mm))
-    return Scene(regions, tuple(interfaces), (emitter,), name=design.name)
-
-
-def _interfaces(design: Design, face: Face) -> list[Interface]:
-    part, _, side = face.name.partition("-")
-    if part != "receiver":
-        return [Interface(face.name, face.curve, BODY, AIR.name)]
-    if design.receivers.coupling == "matched":
-        return [Interface(face.name, face.curve, BODY, AIR.name, "receiver", side)]
-    return [
-        Interface(f"end-{side}", face.curve, BODY, AIR.name),
-        Interface(face.name, _before(face.curve, design.receivers.gap_mm or 0.0), AIR.name, AIR.name, "receiver", side),
+    interfaces = [
+        *(_interface(face, BODY, design.wall) for face in body.all_faces),
+        *(_interface(face, AIR.name, design.wall) for face in body.apart),
+        *pad_edges(body, design.wall),
     ]
+    light = light_of(design)
+    emitter = emitter_of(design, light, body.emitter, rays)
+    index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
+    used = {name for interface in interfaces for name in (interface.left, interface.right)}
+    outside = [region for region in pad_regions(design.wall) if region.name in used]
+    regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
+    emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
+    sources = (emitter, *ambient_of(design, body, emitter.spectrum))
+    if design.trace.dimension == "2d":
+        return Scene(regions, tuple(interfaces), sources, name=design.name)
+    high_mm, extrusion = design.receivers.height_mm, Extrusion(design.body.thickness_mm)
+    if high_mm is not None:
+        height_mm = (-0.5 * high_mm, 0.5 * high_mm)
+        interfaces = [replace(i, height_mm=height_mm) if i.behaviour == "receiver" else i for i in interfaces]
+    return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion)
 
 
-def _before(end: Curve, gap_mm: float) -> Segment:
-    """The receiver's face ``gap_mm`` outside an arm's end, its left towards the arm."""
-    nx, nz = end.normal_at(end.start)
+def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
+    """The spectrum where anything in the scene depends on it, else none: one colour traces faster."""
+    surfaces = [interface.surface for interface in interfaces if interface.surface is not None]
+    matters = any(isinstance(region.index, Dispersion) for region in regions) or any(
+        surface.coating is not None or surface.band_nm is not None for surface in surfaces
+    )
+    return spectrum if matters else ()
 
-    def outside(point: tuple[float, float]) -> tuple[float, float]:
-        return (point[0] - gap_mm * nx, point[1] - gap_mm * nz)
 
-    return Segment(outside(end.start), outside(end.end))
+def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
+    """Interface of a face with the body or the air on its left."""
+    behaviour = BEHAVIOURS.get(face.part, "refracting")
+    if behaviour == "receiver":
+        return Interface(face.name, face.curve, left, AIR.name, behaviour, face.whose)
+    if face.wall is None:
+        return Interface(face.name, face.curve, left, AIR.name, behaviour)
+    wall = walls[face.wall]
+    return Interface(face.name, face.curve, left, wall.outside, FINISHES[wall.finish], surface=_surface(wall))
+
+
+def _surface(wall: Wall) -> Surface | None:
+    """Surface of a stretch; None where it is bare."""
+    layers = [Layer(film.index, film.thickness_nm, film.extinction) for film in wall.coating]
+    if wall.gap_um is not None:
+        layers.append(Layer(1.0, 1e3 * wall.gap_um))
+    surface = Surface(
+        reflectance=wall.reflectance,
+        coating=Coating(tuple(layers)) if layers else None,
+        scatter=_scatter(wall),
+        texture=_texture(wall),
+    )
+    return None if surface == Surface() else surface
+
+
+def _scatter(wall: Wall) -> Scatter | None:
+    if wall.scatter == "lambertian":
+        return Lambertian(wall.scatter_share)
+    if wall.scatter == "gaussian" and wall.sigma is not None:
+        return Gaussian(wall.sigma, wall.scatter_share)
+    if wall.scatter == "harvey-shack" and wall.shoulder is not None and wall.slope is not None:
+        return HarveyShack(wall.shoulder, wall.slope, wall.scatter_share)
+    return None
+
+
+def _texture(wall: Wall) -> Texture | None:
+    if wall.texture_pitch_um is None or wall.texture_amplitude_um is None:
+        return None
+    return Texture(wall.texture_pitch_um, wall.texture_amplitude_um, wall.texture_direction)

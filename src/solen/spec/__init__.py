@@ -6,6 +6,7 @@
 
 from solen.spec.design import (
     MAX_STEPS,
+    Ambient,
     Body,
     Design,
     Emitter,
@@ -17,10 +18,12 @@ from solen.spec.design import (
 )
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
+from solen.spec.wall import Wall
 
 __all__ = [
     "MAX_STEPS",
     "SCHEMA",
+    "Ambient",
     "Body",
     "Design",
     "Emitter",
@@ -29,6 +32,7 @@ __all__ = [
     "Motion",
     "Receivers",
     "Trace",
+    "Wall",
     "dumps",
     "json_schema",
     "load",

@@ -4,17 +4,22 @@ The idea: one value holds what the user decided and nothing that follows from it
 names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only what differs.
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
-The interface: `Design` and its tables `Material`, `Emitter`, `Lens`, `Body`, `Receivers`, `Motion`, `Trace`;
-`Motion.angles_deg` are the angles of a sweep; `Design.resin_file` is where a resin named by a file lies.
+The interface: `Design` and its tables `Material`, `Emitter`, `Ambient`, `Lens`, `Body`, `Wall`, `Receivers`, `Motion`,
+`Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names. What
+several tables say together is checked by `solen.spec.together`.
 """
 
+from collections.abc import Sequence
 from decimal import Decimal
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
 
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, not_yet, or_refuse, refused
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
+from solen.spec.together import check_together
+from solen.spec.wall import Wall
 
 MAX_STEPS = 100_000
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
@@ -24,14 +29,57 @@ Place = Annotated[Number, Field(ge=-1e6, le=1e6)]
 Index = Annotated[Number, Field(ge=1, lt=5)]
 Sweep = Annotated[Number, Field(gt=-90, lt=90)]
 Point = tuple[Place, Place]
+Size = Annotated[Number, Field(ge=0, le=1e6)]
+Angle = Annotated[Number, Field(ge=0, le=180)]
+Wavelength = Annotated[Number, Field(ge=100, le=20_000)]
 Pivot = Literal["stem-base", "emitter"] | Point
-Part = Literal["lens", "emitter"]
+Part = Literal["lens", "emitter", "receivers", "mirrors"]
+PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
+PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
 
 
 def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
-    if len(set(moves)) != len(moves) or "emitter" not in moves:
-        raise refused("", 'must be ["lens", "emitter"] or ["emitter"]', value=list(moves))
-    return ("lens", "emitter") if "lens" in moves else ("emitter",)
+    if len(set(moves)) != len(moves) or not moves:
+        raise refused("", PARTS_LIMIT, value=list(moves))
+    return tuple(part for part in PARTS if part in moves)
+
+
+def names_file(name: str | None) -> bool:
+    """Whether a resin or a part is named by its file rather than by its name in the library."""
+    return name is not None and (name.endswith(".toml") or "/" in name or "\\" in name)
+
+
+def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
+    """Why pairs of an angle in degrees and a relative intensity are no pattern; empty where they are one."""
+    if len(pairs) < 2:
+        return "must have at least 2 entries"
+    angles = [angle for angle, _ in pairs]
+    if angles[0] != 0.0 or angles[-1] > 180.0 or any(low >= high for low, high in pairwise(angles)):
+        return "its angles must ascend from 0, up to 180 at most"
+    values = [value for _, value in pairs]
+    return "" if min(values) >= 0.0 and max(values) > 0.0 else "its values must be at least 0, and not 0 everywhere"
+
+
+class Ambient(Strict):
+    """Light from around: the same from all sides, told apart from the emitter's at every receiver."""
+
+    table: ClassVar[str] = "ambient"
+
+    power: NotNegative = Field(
+        0.0, description="Power through a circle round the sensor, relative to the emitter's; 0 for none."
+    )
+    irradiance_per_mm: NotNegative = Field(
+        0.0, description="The same, stated as the power on each mm of an open face, relative to the emitter's."
+    )
+    rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(10_000, description="Number of rays.")
+
+    @model_validator(mode="after")
+    def _stated_once(self) -> Self:
+        if self.power > 0.0 and self.irradiance_per_mm > 0.0:
+            raise refused(
+                "irradiance_per_mm", "has no meaning beside power", value=self.irradiance_per_mm, remedy="keep one"
+            )
+        return self
 
 
 class Material(Strict):
@@ -68,18 +116,91 @@ class Emitter(Strict):
     """The light source before the lens, and the rays that stand for it."""
 
     table: ClassVar[str] = "emitter"
-    reserved: ClassVar[frozenset[str]] = frozenset({"part", "power_mW", "width_mm", "height_mm", "spectrum"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"power_mW"})
 
-    wavelength_nm: Annotated[Number, Field(ge=100, le=20_000)] = Field(860.0, description="Wavelength in nm.")
+    part: Text | None = Field(
+        None,
+        description="Name of an emitter in the library, or a part file (ends in .toml or holds a / or \\), relative to "
+        "the design file: its pattern, spectrum and size hold where this table states none.",
+    )
+    wavelength_nm: Wavelength = Field(
+        860.0, description="Wavelength in nm; default: the part's or the spectrum's, 860 without these."
+    )
+    spectrum: Annotated[tuple[tuple[Wavelength, Positive], ...], Field(min_length=1)] | None = Field(
+        None, description="Wavelengths in nm with their weights, [[850, 1], [870, 0.5]]."
+    )
+    fwhm_nm: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
+        None, description="Full width at half maximum, in nm, of a Gaussian spectrum about the wavelength."
+    )
     distance_mm: Length = Field(1.0, description="Distance to the lens vertex in mm.")
     offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, towards +x.")
-    cone_deg: Annotated[Number, Field(gt=0, le=180)] = Field(
-        120.0, description="Full opening angle of the emitted fan in degrees."
+    width_mm: Size = Field(0.0, description="Width of the chip across the axis in mm; 0 for a point.")
+    height_mm: Size = Field(0.0, description="Height of the chip along y in mm; 0 for a line.")
+    cone_deg: Annotated[Number, Field(gt=0, le=360)] = Field(
+        120.0,
+        description="Full opening angle in degrees beyond which nothing is emitted; default: 120 for a fan, 180 for "
+        "uniform and lambertian, 360 for a table.",
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(100, description="Number of rays.")
-    pattern: Annotated[Literal["fan"], not_yet("lambert", dict)] = Field(
-        "fan", description="Angular pattern: a fan uniform in angle."
+    point_mm: Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")] | None = Field(
+        None, description="Place [x_mm, z_mm] of the emitter of an outline; default: as drawn."
     )
+    axis_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
+        None, description="Where the emitter of an outline looks, counter-clockwise from +z; default: as drawn."
+    )
+    pattern: Literal["fan", "uniform", "lambertian", "table"] = Field(
+        "fan",
+        description="Angular pattern: a fan uniform in angle in the plane, uniform in all directions, cos^exponent, or "
+        "a table.",
+    )
+    exponent: Annotated[Number, Field(ge=0, le=10_000)] = Field(
+        1.0, description="m of the pattern cos^m, with lambertian only."
+    )
+    pattern_table: Annotated[tuple[tuple[Angle, NotNegative], ...], Field(min_length=2)] | None = Field(
+        None, description="Angles from the axis in degrees with relative intensities per solid angle, from 0 on."
+    )
+    pattern_file: Text | None = Field(
+        None, description="Text file of such pairs, one in a line, relative to the design file."
+    )
+    ray_file: Text | None = Field(
+        None,
+        description="File of rays (Zemax .dat or .sdf, TM-25 .tm25ray), relative to the design file: it stands for "
+        "pattern and size.",
+    )
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if self.spectrum is not None and self.fwhm_nm is not None:
+            raise refused("fwhm_nm", "has no meaning beside spectrum", value=self.fwhm_nm, remedy="keep one of the two")
+        tables = [key for key in ("pattern_table", "pattern_file") if getattr(self, key) is not None]
+        if len(tables) > 1:
+            raise refused("pattern_file", "has no meaning beside pattern_table", remedy="keep one of the two")
+        if tables and self.pattern != "table":
+            raise refused(tables[0], f'has no meaning with pattern = "{self.pattern}"', remedy='set pattern = "table"')
+        if self.pattern == "table" and not tables:
+            remedy = "add pattern_table = [[0, 1], [90, 0]], or pattern_file"
+            raise refused("pattern_table", 'missing: pattern = "table" needs it', remedy=remedy)
+        if self.pattern_table is not None and (bad := why_no_pattern(self.pattern_table)):
+            raise refused("pattern_table", bad)
+        if self.exponent != 1.0 and self.pattern != "lambertian":
+            limit = f'has no meaning with pattern = "{self.pattern}"'
+            raise refused("exponent", limit, value=self.exponent, remedy='set pattern = "lambertian"')
+        if self.height_mm > 0.0 and self.pattern == "fan" and self.part is None:
+            limit = 'has no meaning with pattern = "fan", which lies in the plane'
+            raise refused("height_mm", limit, value=self.height_mm, remedy='set pattern = "lambertian"')
+        if self.ray_file is not None:
+            self._rays_alone()
+        return self
+
+    def _rays_alone(self) -> None:
+        """A file of rays says all but the wavelength."""
+        for key in ("part", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
+            if self.states(key):
+                raise refused(key, "has no meaning beside ray_file", remedy="leave it out")
+
+    def states(self, key: str) -> bool:
+        """Whether a key was stated, even as its default."""
+        return key in self.model_fields_set
 
 
 class Lens(Strict):
@@ -101,11 +222,21 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms."""
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of one's own."""
 
     table: ClassVar[str] = "body"
 
-    kind: Annotated[Literal["y"], not_yet("outline")] = Field("y", description="Shape of the body: a Y.")
+    kind: Literal["y", "outline"] = Field("y", description="Shape of the body: a Y, or an outline read from file.")
+    file: Text | None = Field(
+        None,
+        description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
+    )
+    units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
+        None, description="Unit of the drawing; default: what the drawing says."
+    )
+    join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
+        None, description="Ends of a drawing this near in mm are joined; default: 0.001."
+    )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
         0.004, description="Quadratic coefficient of the stem's edge in 1/mm."
@@ -130,12 +261,16 @@ class Receivers(Strict):
         }
     )
     table: ClassVar[str] = "receivers"
-    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm", "height_mm"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm"})
 
     coupling: Literal["matched", "air-gap"] = Field(
         "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
     )
     gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    height_mm: Length | None = Field(
+        None,
+        description='Height in mm along y, about the middle of the body, with dimension = "extruded"; default: all of it.',
+    )
 
     @model_validator(mode="after")
     def _gap_with_air_gap_only(self) -> Self:
@@ -154,16 +289,31 @@ class Motion(Strict):
 
     table: ClassVar[str] = "motion"
 
-    kind: Annotated[Literal["rotation"], not_yet("bend")] = Field("rotation", description="Kind of motion.")
+    kind: Literal["rotation", "bend"] = Field(
+        "rotation", description="A rotation of parts about a pivot, or a bend of the stem."
+    )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
     )
-    moves: Annotated[
-        tuple[Part, ...], AfterValidator(_parts), or_refuse('must be ["lens", "emitter"] or ["emitter"]')
-    ] = Field(
+    moves: Annotated[tuple[Part, ...], AfterValidator(_parts), or_refuse(PARTS_LIMIT)] = Field(
         ("lens", "emitter"),
-        description='Parts that turn: ["lens", "emitter"] or ["emitter"].',
-        json_schema_extra={"uniqueItems": True, "contains": {"const": "emitter"}},
+        description="Parts that turn: lens, emitter, receivers (behind an air gap), mirrors (of an outline).",
+        json_schema_extra={"uniqueItems": True, "minItems": 1},
+    )
+    centre_line: (
+        Annotated[
+            tuple[Point, ...],
+            Field(min_length=3, max_length=1000),
+            or_refuse("must be a list of 3 to 1000 points [x_mm, z_mm]"),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="Points of a bent stem's centre line, from base to fork: how the bend is shared out along it; "
+        "default: evenly.",
+    )
+    bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
+        None, description="Heights z between which an outline bends; the part below is carried along."
     )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
@@ -205,18 +355,22 @@ class Trace(Strict):
     """How rays are followed."""
 
     table: ClassVar[str] = "trace"
-    reserved: ClassVar[frozenset[str]] = frozenset({"dimension", "min_weight", "seed"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"min_weight", "seed"})
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
         description="Whole rays that refract or reflect totally, Fresnel power with both branches, or with one drawn.",
+    )
+    dimension: Literal["2d", "extruded"] = Field(
+        "2d",
+        description="The plane of the sensor alone, or rays in space in a body of body.thickness_mm.",
     )
 
 
 class Design(Strict):
     """A sensor: its name, material, optics, body, motion and trace.
 
-    Two designs are equal where their tables are and their resin, if it is a file, is the same file.
+    Two designs are equal where their tables are and the files that they name are the same files.
     """
 
     reserved: ClassVar[frozenset[str]] = frozenset({"emitters", "lenses"})
@@ -224,13 +378,23 @@ class Design(Strict):
     name: Text = Field(description="the name of the design, one line.")
     material: Material = Field(description='what it is printed in, index = 1.44 or resin = "pmma".')
     emitter: Emitter = Field(default_factory=Emitter, description="The light source.")
+    ambient: Ambient = Field(default_factory=Ambient, description="Light from around.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
+    wall: tuple[Wall, ...] = Field((), description="What lies outside stretches of the walls, and their finish.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
+
+    @model_validator(mode="after")
+    def _tables_fit_together(self) -> Self:
+        if self.body.kind == "outline" and "moves" not in self.motion.model_fields_set:
+            # of an outline nothing but the emitter can be known to move without tearing it
+            self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
+        check_together(self)
+        return self
 
     @property
     def folder(self) -> Path:
@@ -240,10 +404,33 @@ class Design(Strict):
     @property
     def resin_file(self) -> Path | None:
         """Path of the resin file, or None where the material is an index or a library resin."""
-        resin = self.material.resin
-        if resin is None or not (resin.endswith(".toml") or "/" in resin or "\\" in resin):
-            return None
-        return self._folder / resin
+        return self.file_of(self.material.resin) if names_file(self.material.resin) else None
+
+    @property
+    def part_file(self) -> Path | None:
+        """Path of the emitter's part file, or None where it has no part or one of the library."""
+        return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
+
+    @property
+    def files(self) -> dict[str, Path]:
+        """Paths of the files that the design names, by the key that names each."""
+        found = {
+            "material.resin": self.resin_file,
+            "emitter.part": self.part_file,
+            "emitter.pattern_file": self.file_of(self.emitter.pattern_file),
+            "emitter.ray_file": self.file_of(self.emitter.ray_file),
+            "body.file": self.outline_file,
+        }
+        return {key: path for key, path in found.items() if path is not None}
+
+    def file_of(self, name: str | None) -> Path | None:
+        """Path of a file by the name that the design gives it; None for None."""
+        return None if name is None else self._folder / name
+
+    @property
+    def outline_file(self) -> Path | None:
+        """Path of the outline's drawing, or None for a Y."""
+        return self.file_of(self.body.file)
 
     def in_folder(self, folder: Path) -> Self:
         """Return the same design with its relative paths starting from another folder."""
@@ -254,4 +441,4 @@ class Design(Strict):
     def __eq__(self, other: Any) -> bool:
         if not isinstance(other, Design):
             return NotImplemented
-        return self.__dict__ == other.__dict__ and self.resin_file == other.resin_file
+        return self.__dict__ == other.__dict__ and self.files == other.files

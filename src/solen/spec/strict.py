@@ -5,7 +5,7 @@ right name, names kept for later with "not yet supported", numbers are finite an
 pydantic finds the problems; this module tells them: the dotted key, the value found, the limit, the remedy.
 
 The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
-in a validator that looks at several keys; `not_yet` and `or_refuse` annotate single fields. `parse_toml`, `migrated`
+in a validator that looks at several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
 and `told_of` serve any TOML file that carries ``schema = <version>``.
 """
 
@@ -13,7 +13,7 @@ import difflib
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -54,17 +54,6 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
     """Problem to raise in a model's validator: the key of that table at fault, its value, the limit, the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
-
-
-def not_yet(*later: object) -> BeforeValidator:
-    """Field annotation that refuses the values named (a type stands for all its values) as not yet supported."""
-
-    def check(value: object) -> object:
-        if any(isinstance(value, one) if isinstance(one, type) else value == one for one in later):
-            raise refused("", "not yet supported", value=value)
-        return value
-
-    return BeforeValidator(check)
 
 
 def or_refuse(limit: str) -> WrapValidator:
@@ -136,10 +125,21 @@ def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
     return {key: kind for key, kind in kinds.items() if isinstance(kind, type) and issubclass(kind, Strict)}
 
 
+def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
+    """Tables of the lists of tables directly inside a table, by their key."""
+    kinds = {key: get_args(field.annotation) for key, field in model.model_fields.items()}
+    return {key: of[0] for key, of in kinds.items() if of and isinstance(of[0], type) and issubclass(of[0], Strict)}
+
+
 def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict], tuple[int | str, ...]]:
     """Innermost table on the way to a location, and what remains of the way inside it."""
-    while len(loc) > 1 and (inner := _tables(model).get(str(loc[0]))):
-        model, loc = inner, loc[1:]
+    while len(loc) > 1:
+        if inner := _tables(model).get(str(loc[0])):
+            model, loc = inner, loc[1:]
+        elif len(loc) > 2 and isinstance(loc[1], int) and (inner := _lists(model).get(str(loc[0]))):
+            model, loc = inner, loc[2:]
+        else:
+            break
     return model, loc
 
 
@@ -177,6 +177,8 @@ def _problem(found: ErrorDetails, root: type[Strict]) -> tuple[str, object, str,
         if isinstance(found["input"], list):
             return what, None, "several are not yet supported", f"write one table, [{what}]"
         return what, found["input"], "must be a table", f"write [{what}] and its keys below"
+    if kind == "tuple_type" and len(found["loc"]) == 1 and str(found["loc"][0]) in _lists(root):
+        return what, found["input"], "must be a list of tables", f"write [[{what}]]"
     limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else found["msg"]
     return what, found["input"], limit, _default(field)
 

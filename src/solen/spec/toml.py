@@ -20,7 +20,7 @@ from pydantic_core import core_schema
 
 from solen.errors import SpecError
 from solen.files import read_text, write_text
-from solen.spec.design import Design
+from solen.spec.design import Design, Emitter
 from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
 
 SCHEMA = 1
@@ -56,14 +56,32 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
     return design if folder is None else design.in_folder(folder)
 
 
-def _document(design: Design) -> Document:
-    """Tables of the file without ``schema``: what differs from the defaults, and the name."""
+def _document(design: Design, *, stated: bool = False) -> Document:
+    """Tables of the file without ``schema``: what differs from the defaults, and the name.
+
+    ``stated`` keeps what was stated as its default too, where a part that is named later would say something else.
+    """
     tables: Document = {"name": design.name}
-    for key in Design.model_fields.keys() - {"name"}:
+    for key in Design.model_fields.keys() - {"name", "wall"}:
         tables[key] = getattr(design, key).model_dump(exclude_defaults=True)
+    tables["wall"] = [wall.model_dump(exclude_defaults=True) for wall in design.wall]
     if design.material.resin is not None and design.material.states_absorption:
         tables["material"]["absorption_per_mm"] = design.material.absorption_per_mm  # a 0 overrules the resin's
+    kept = [key for key in DEFERRED if design.emitter.states(key)] if stated else _kept(design.emitter)
+    tables["emitter"] |= {key: getattr(design.emitter, key) for key in kept}
     return {key: tables[key] for key in Design.model_fields if tables[key]}
+
+
+DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
+"""Keys of the emitter whose defaults a part, a spectrum or a pattern changes."""
+
+
+def _kept(emitter: Emitter) -> list[str]:
+    """Keys that were stated as their defaults and say something all the same: a part or a pattern has others."""
+    keys: tuple[str, ...] = DEFERRED if emitter.part else ()
+    keys += ("wavelength_nm",) if emitter.spectrum else ()
+    keys += ("cone_deg",) if emitter.pattern != "fan" else ()
+    return [key for key in dict.fromkeys(keys) if emitter.states(key)]
 
 
 def dumps(design: Design) -> str:
@@ -72,7 +90,7 @@ def dumps(design: Design) -> str:
 
 
 def save(path: Path | str, design: Design) -> Path:
-    """Write a design file in one piece, a relative resin file named anew from the folder written to.
+    """Write a design file in one piece, relative files named anew from the folder written to.
 
     Raises
     ------
@@ -84,15 +102,20 @@ def save(path: Path | str, design: Design) -> Path:
 
 
 def _moved(design: Design, folder: Path) -> Design:
-    """Return the design as a file in ``folder`` states it: the same resin file, from there."""
-    resin = design.resin_file
-    if resin is None or Path(design.material.resin or "").is_absolute() or design.folder.absolute() == folder:
+    """Return the design as a file in ``folder`` states it: the same files, from there."""
+    if design.folder.absolute() == folder:
         return design.in_folder(folder)
+    named = {key: path for key, path in design.files.items() if not Path(value_at(design, key)).is_absolute()}
+    moved = {key: _from(path.absolute(), folder) for key, path in named.items()}
+    return with_values(design, moved).in_folder(folder)
+
+
+def _from(path: Path, folder: Path) -> str:
+    """A file as a file in ``folder`` names it."""
     try:
-        moved = Path(os.path.relpath(resin.absolute(), folder)).as_posix()
+        return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on Windows, another drive
-        moved = resin.absolute().as_posix()
-    return with_values(design, {"material.resin": moved}).in_folder(folder)
+        return path.as_posix()
 
 
 def with_values(design: Design, values: Mapping[str, Any]) -> Design:
@@ -111,7 +134,7 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
     SpecError
         Where a key is unknown or the design would not be valid.
     """
-    data = deepcopy(_document(design))
+    data = deepcopy(_document(design, stated=True))
     for key, value in values.items():
         other = _REPLACES.get(key, "")
         if other and value is not None and f"material.{other}" not in values:
@@ -123,7 +146,8 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 def value_at(design: Design, key: str) -> Any:
     """Value of a dotted key (``"lens.focus_mm"``), stated or by default; `SpecError` for an unknown key."""
     table, _, name = key.partition(".")
-    fields = type(getattr(design, table)).model_fields if table in Design.model_fields and name else {}
+    model = type(getattr(design, table, None)) if table in Design.model_fields and name else None
+    fields = getattr(model, "model_fields", {})
     if name not in fields:
         raise SpecError(key, limit="unknown key", remedy="solen schema lists them")
     return getattr(getattr(design, table), name)

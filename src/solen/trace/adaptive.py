@@ -133,8 +133,7 @@ class Light:
         """Light of one source of a scene; `DesignError` where it is not made of points, or its cone has no width."""
         emission = source.emission()
         if emission is None:
-            limit = "needs sources made of points: fans, chips, emitters, ambient light"
-            raise DesignError("adaptive integration", value=type(source).__name__, limit=limit)
+            raise AssertionError("a source that is not made of points was refused before")
         if not emission.whole > 0.0:
             raise DesignError("cone_deg", value=0.0, limit="must be above 0 to integrate over it")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
@@ -146,11 +145,6 @@ class Light:
         whole = math.fsum(weight for _, weight in source.spectrum)
         colours = [(scene.wavelengths_nm.index(nm), weight / whole) for nm, weight in source.spectrum] or [(0, 1.0)]
         return cls(tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
-
-    @property
-    def is_point(self) -> bool:
-        """Whether it is one point in one colour."""
-        return self.emission.panels == 0 and len(self.colours) == 1
 
     def cone(self, place: float = 0.5, colour: int = 0) -> Cone:
         """The point at a place from 0 to 1, in one colour."""
@@ -171,6 +165,25 @@ class Light:
         """All colours of the point at a place."""
         found = [self.cone(place, colour).integral(tolerance, most_legs)[0] for colour, _ in self.colours]
         return found[0] if len(found) == 1 else together(found, [weight for _, weight in self.colours])
+
+
+def why_not(scene: Scene) -> str:
+    """Why a scene cannot be integrated; empty where it can."""
+    if scene.is_random:
+        return "a scene that scatters"
+    if scene.extrusion is not None:
+        return "an extruded scene"
+    others = [type(source).__name__ for source in scene.sources if source.emission() is None]
+    return f"a source {others[0]}" if others else ""
+
+
+def is_extended(scene: Scene) -> bool:
+    """Whether its light comes from more than one point, or in several colours."""
+    emissions = [source.emission() for source in scene.sources]
+    return len(emissions) > 1 or any(
+        emission is None or emission.panels > 0 or len(source.spectrum) > 1
+        for emission, source in zip(emissions, scene.sources, strict=True)
+    )
 
 
 class Panel(NamedTuple):
@@ -222,18 +235,12 @@ class Lights:
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
         """Lights of a scene; `DesignError` as in `integrate`."""
-        if scene.is_random or scene.extrusion is not None:
-            what = "a scene that scatters" if scene.is_random else "an extruded scene"
-            limit = "needs a scene of the plane without chance"
-            raise DesignError("adaptive integration", value=what, limit=limit, remedy="trace it")
+        if why := why_not(scene):
+            limit = "needs a scene of the plane without chance, whose sources are made of points"
+            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         return cls(scene, mode, tuple(Light.of(scene, source, tables, rules) for source in scene.sources))
-
-    @property
-    def is_point(self) -> bool:
-        """Whether there is one source alone, a point of one colour."""
-        return len(self.each) == 1 and self.each[0].is_point
 
     def trace(self, tolerance: float, most_legs: int) -> Trace:
         """Integrate over all sources."""

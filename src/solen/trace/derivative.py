@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.trace.adaptive import LEAST_SHARE, Lights
+from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.result import Limits, Mode
 
@@ -88,7 +88,7 @@ def derivative(
         As `solen.trace.integrate`, a step that is not above 0, or an integral that does not reach its tolerance.
     """
     check_numbers("parameter", value)
-    point = Lights.of(scene_at(value), mode, limits or Limits()).is_point
+    point = not is_extended(scene_at(value))
     step = (RELATIVE_STEP if point else EXTENDED_STEP) * (abs(value) or 1.0) if step is None else step
     check_numbers("step", step)
     if not step > 0.0:

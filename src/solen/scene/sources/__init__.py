@@ -1,14 +1,17 @@
-"""What launches rays: fans, chips, emitters with a pattern, beams, single rays.
+"""What launches rays: fans, chips, emitters with a pattern, beams, single rays, files of rays, ambient light.
 
 Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees counter-clockwise from +z.
 """
 
+from solen.scene.sources.around import Ambient
 from solen.scene.sources.base import Emission, Launch, Line, Placed, PlacedInSpace, Source
 from solen.scene.sources.emitter import Emitter
+from solen.scene.sources.file import RayFile
 from solen.scene.sources.pattern import CosinePower, Isotropic, Pattern, PatternTable, Stretch
 from solen.scene.sources.plain import Beam, Chip, Fan, Rays
 
 __all__ = [
+    "Ambient",
     "Beam",
     "Chip",
     "CosinePower",
@@ -22,6 +25,7 @@ __all__ = [
     "PatternTable",
     "Placed",
     "PlacedInSpace",
+    "RayFile",
     "Rays",
     "Source",
     "Stretch",

@@ -1,0 +1,266 @@
+"""A bend: the straight axis of a stem becomes a curve, and what stands on it is carried along.
+
+Every cross-section of the stem stays straight and square to the centre line, and the centre line keeps its length (the
+kinematics of a slender beam; nothing is said of forces). What lies above the bent stretch stands still, what lies below
+it (lens, emitter) is carried as a rigid body by the lowest section. ``angle_deg`` turns that section against the fork,
+counter-clockwise, as a rigid turn of the same angle would.
+
+A wall parallel to the axis of an even bend becomes an arc of a circle, exactly. Any other curve becomes a spline within
+`BEND_TOLERANCE_MM`. Without a bend every curve stays the object that it was.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Arc, CubicChain, Curve, Measure, Parabola, Segment, Spline, fitted
+from solen.errors import DesignError
+from solen.plane import Point, Rigid
+
+Floats = NDArray[np.float64]
+
+BEND_TOLERANCE_MM = 1e-9
+"""How far a bent wall may be from the spline that stands for it."""
+LARGEST_RADIUS_MM = 1000.0
+"""Flatter arcs are written as splines: their centres are too far away for their ends to be exact."""
+LEVEL_MM = 1e-9
+"""A curve this little across a height lies on one side of it."""
+UPRIGHT_MM = 1e-13
+"""A line whose ends are this near across the axis is parallel to it."""
+SAMPLES = 257
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+PANELS = 256
+"""Panels of the centre line's table; each is integrated by 12 nodes."""
+
+
+class Profile(Protocol):
+    """How a bend is shared out: what share of it has been reached at a share of the length below the fork."""
+
+    def turn(self, share: Floats) -> Floats:
+        """Share of the angle at shares of the length, 0 at the fork."""
+
+    def per_share(self, share: Floats) -> Floats:
+        """Derivative of `turn`."""
+
+
+class Even:
+    """Constant curvature."""
+
+    def turn(self, share: Floats) -> Floats:
+        """See `Profile`."""
+        return share
+
+    def per_share(self, share: Floats) -> Floats:
+        """See `Profile`."""
+        return np.ones_like(share)
+
+
+class Drawn:
+    """Shared out as along a drawn centre line: its own direction against its direction at the fork.
+
+    The line is the natural spline through its points. Its largest turn against the fork counts as the whole angle, so
+    that an S may be drawn as well; its length plays no part.
+    """
+
+    def __init__(self, points: Sequence[Point]) -> None:
+        from scipy.interpolate import CubicSpline
+
+        line = Spline.through(points)
+        measure = Measure(line)
+        share = np.linspace(0.0, 1.0, PANELS + 1)
+        u = np.array([measure.u_at((1.0 - s) * measure.length_mm) for s in share])
+        x, z = line.velocities(u).T
+        heading = np.unwrap(np.arctan2(-x, z))
+        turn = heading - heading[0]
+        largest = float(turn[np.argmax(np.abs(turn))])
+        if abs(largest) < math.radians(0.1):
+            raise DesignError("motion.centre_line", value="straight", limit="must turn by at least 0.1 deg")
+        self._spline = CubicSpline(share, turn / largest)
+        self._slope = self._spline.derivative()
+
+    def turn(self, share: Floats) -> Floats:
+        """See `Profile`."""
+        return np.asarray(self._spline(share))
+
+    def per_share(self, share: Floats) -> Floats:
+        """See `Profile`."""
+        return np.asarray(self._slope(share))
+
+
+@dataclass(frozen=True)
+class Bend:
+    """The axis x = 0 bent between two heights by ``angle_deg``."""
+
+    from_mm: float
+    to_mm: float
+    angle_deg: float
+    profile: Profile
+
+    @property
+    def length_mm(self) -> float:
+        """Length of the bent stretch."""
+        return self.to_mm - self.from_mm
+
+    def section(self, z_mm: float) -> Rigid:
+        """Where the cross-section at a height goes: the lowest one for all that is below, none for what is above."""
+        if z_mm >= self.to_mm or self.angle_deg == 0.0:
+            return Rigid()
+        z = np.array([max(z_mm, self.from_mm)])
+        x, up = self._centre(z)[0]
+        turn = float(self._turn(z)[0])
+        cos, sin = math.cos(turn), math.sin(turn)
+        return Rigid(cos, sin, (float(x) + sin * float(z[0]), float(up) - cos * float(z[0])))
+
+    def places(self, points: Floats) -> Floats:
+        """Where points (N, 2) between the two heights go."""
+        x, z = points.T
+        turn = self._turn(z)
+        return np.asarray(self._centre(z) + np.column_stack([x * np.cos(turn), x * np.sin(turn)]))
+
+    def velocities(self, points: Floats, velocities: Floats) -> Floats:
+        """Where the derivatives (N, 2) of moving points go."""
+        (x, z), (dx, dz) = points.T, velocities.T
+        turn = self._turn(z)
+        cos, sin = np.cos(turn), np.sin(turn)
+        ahead = dz * (1.0 + x * self._turn_per_mm(z))
+        return np.column_stack([dx * cos - ahead * sin, dx * sin + ahead * cos])
+
+    def check(self, points: Floats) -> None:
+        """`DesignError` where material at points (N, 2) would be folded over: inside the centre of curvature."""
+        least = float(np.min(1.0 + points[:, 0] * self._turn_per_mm(points[:, 1])))
+        if least <= 0.0:
+            raise DesignError(
+                "motion",
+                value=f"a bend by {self.angle_deg:g} deg over {self.length_mm:g} mm",
+                limit="folds the inner wall over: it is narrower than the stem",
+                remedy="bend by less or over a longer stretch",
+            )
+
+    def _share(self, z: Floats) -> Floats:
+        return np.clip((self.to_mm - z) / self.length_mm, 0.0, 1.0)
+
+    def _turn(self, z: Floats) -> Floats:
+        """Angles in radians of the sections at heights (N,)."""
+        return math.radians(self.angle_deg) * self.profile.turn(self._share(z))
+
+    def _turn_per_mm(self, z: Floats) -> Floats:
+        return -math.radians(self.angle_deg) / self.length_mm * self.profile.per_share(self._share(z))
+
+    def _centre(self, z: Floats) -> Floats:
+        """Where the axis at heights (N,) goes, (N, 2): integrated downwards from the fork."""
+        share = self._share(z)
+        if isinstance(self.profile, Even):
+            half = 0.5 * math.radians(self.angle_deg) * share
+            chord = self.length_mm * share * np.sinc(half / math.pi)
+            return np.column_stack([chord * np.sin(half), self.to_mm - chord * np.cos(half)])
+        panel = np.minimum((share * PANELS).astype(int), PANELS - 1)
+        return np.asarray(np.array([0.0, self.to_mm]) + self._table[panel] + self._integral(panel / PANELS, share))
+
+    @cached_property
+    def _table(self) -> Floats:
+        """Integrals (PANELS, 2) down to the start of every panel."""
+        edge = np.arange(PANELS) / PANELS
+        steps = self._integral(edge, edge + 1.0 / PANELS)
+        return np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)[:-1]])
+
+    def _integral(self, low: Floats, high: Floats) -> Floats:
+        """Steps (N, 2) down the centre line between shares of its length."""
+        half = 0.5 * (high - low)
+        share = (0.5 * (low + high))[:, None] + half[:, None] * NODES
+        turn = math.radians(self.angle_deg) * self.profile.turn(share.ravel()).reshape(share.shape)
+        down = np.stack([np.sin(turn) @ WEIGHTS, -np.cos(turn) @ WEIGHTS], axis=1)
+        return np.asarray(self.length_mm * half[:, None] * down)
+
+
+def bend_of(centre_line: Sequence[Point] | None, from_mm: float, to_mm: float, angle_deg: float) -> Bend:
+    """Bend between two heights, even or shared out as along a drawn centre line."""
+    return Bend(
+        from_mm, to_mm, angle_deg, Even() if centre_line is None else _drawn(tuple((x, z) for x, z in centre_line))
+    )
+
+
+@lru_cache(maxsize=8)
+def _drawn(points: tuple[Point, ...]) -> Drawn:
+    return Drawn(points)
+
+
+def bent(curve: Curve, bend: Bend) -> tuple[Curve, ...]:
+    """The curve after a bend: divided where it enters and leaves the bent stretch, else one piece."""
+    if bend.angle_deg == 0.0:
+        return (curve,)
+    return tuple(_bent(piece, bend) for piece in _divided(curve, bend))
+
+
+def _divided(curve: Curve, bend: Bend) -> list[Curve]:
+    """The curve in pieces that lie above, in or below the bent stretch."""
+    cuts = sorted({u for height in (bend.from_mm, bend.to_mm) for u in _passes(curve, height)})
+    ends = [0.0, *cuts, 1.0]
+    return [curve.part(low, high) for low, high in pairwise(ends)] if cuts else [curve]
+
+
+def _passes(curve: Curve, height_mm: float) -> list[float]:
+    """Parameters at which a curve passes through a height, its ends left out."""
+    from scipy.optimize import brentq
+
+    def above(u: float) -> float:
+        return float(curve.points(np.array([u]))[0, 1]) - height_mm
+
+    u = np.linspace(0.0, 1.0, SAMPLES)
+    side = curve.points(u)[:, 1] - height_mm
+    side[np.abs(side) <= LEVEL_MM] = 0.0
+    clear = np.flatnonzero(side)
+    changes = [(a, b) for a, b in pairwise(clear) if side[a] * side[b] < 0.0]
+    return [float(brentq(above, float(u[a]), float(u[b]), xtol=1e-15)) for a, b in changes]
+
+
+def _bent(curve: Curve, bend: Bend) -> Curve:
+    """One piece that does not pass the ends of the bent stretch."""
+    z = curve.points(np.linspace(0.0, 1.0, SAMPLES))[:, 1]
+    low, high = float(z.min()), float(z.max())
+    if low >= bend.to_mm - LEVEL_MM:
+        return curve
+    if high <= bend.from_mm + LEVEL_MM:
+        return curve.moved(bend.section(bend.from_mm))
+    if isinstance(curve, Segment) and high - low <= LEVEL_MM:
+        return curve.moved(bend.section(low))
+    bend.check(curve.points(np.linspace(0.0, 1.0, SAMPLES)))
+    arc = _arc(curve, bend)
+    if arc is not None:
+        return arc
+    if isinstance(curve, CubicChain):
+        pieces = [_spline(Spline(control), bend) for control in curve.controls]
+        points = [point for piece in pieces for point in piece.control_points[1:]]
+        return Spline((pieces[0].control_points[0], *points))
+    return _spline(curve, bend)
+
+
+def _arc(curve: Curve, bend: Bend) -> Arc | None:
+    """Arc that a line parallel to the axis of an even bend becomes; None for any other, or a very flat one."""
+    straight = isinstance(curve, Segment) or (isinstance(curve, Parabola) and curve.curve_per_mm == 0.0)
+    (x, z_start), (other_x, z_end) = curve.start, curve.end
+    if not straight or abs(x - other_x) > UPRIGHT_MM or not isinstance(bend.profile, Even):
+        return None
+    to_center_mm = bend.length_mm / math.radians(bend.angle_deg)  # from the fork, to the right
+    if abs(x - to_center_mm) > LARGEST_RADIUS_MM:
+        return None
+    start_deg, end_deg = (bend.angle_deg * (bend.to_mm - z) / bend.length_mm for z in (z_start, z_end))
+    side_deg = 0.0 if x > to_center_mm else 180.0
+    return Arc((to_center_mm, bend.to_mm), abs(x - to_center_mm), start_deg + side_deg, end_deg - start_deg)
+
+
+def _spline(curve: Curve, bend: Bend) -> Spline:
+    """Spline of a bent curve."""
+
+    def place(u: Floats) -> Floats:
+        return bend.places(curve.points(u))
+
+    def velocity(u: Floats) -> Floats:
+        return bend.velocities(curve.points(u), curve.velocities(u))
+
+    return fitted(place, velocity, BEND_TOLERANCE_MM)

@@ -1,0 +1,196 @@
+"""Drawings of CAD programs: DXF, whose layers name the faces and whose header says the unit.
+
+Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are understood. A spline without weights up
+to degree 3 is taken exactly, as its Bézier pieces; an ellipse, a rational spline or one of a higher degree becomes a
+spline within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are left out, and so is what lies on layers that are
+switched off or frozen.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Arc, Curve, Segment, Spline, fitted
+from solen.errors import DataError
+from solen.geometry.drawing.model import (
+    EMITTER,
+    NO_UNITS_REMEDY,
+    UNITS_MM,
+    Drawing,
+    Lamp,
+    Stroke,
+    face_name,
+    is_aside,
+    is_named,
+)
+from solen.geometry.drawing.shapes import SHAPE_TOLERANCE_MM, beziers, chained, ellipse
+from solen.plane import Point
+
+INSUNITS_MM = {
+    1: 25.4,
+    2: 304.8,
+    3: 1_609_344.0,
+    4: 1.0,
+    5: 10.0,
+    6: 1e3,
+    7: 1e6,
+    8: 25.4e-6,
+    9: 25.4e-3,
+    10: 914.4,
+    11: 1e-7,
+    12: 1e-6,
+    13: 1e-3,
+    14: 100.0,
+    15: 1e4,
+    16: 1e5,
+}
+"""Millimetres in a unit of the header's $INSUNITS; 0 is no unit (Autodesk's DXF reference)."""
+NOTES = frozenset(
+    {"TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH", "ATTRIB", "ATTDEF"}
+    | {"TOLERANCE", "VIEWPORT", "IMAGE", "WIPEOUT", "XLINE", "RAY", "ACAD_TABLE"}
+)
+UPRIGHT = 1e-9
+JUST_INSIDE = 1.0 - 1e-12
+MOST_BLOCKS = 16
+"""How deep blocks may lie in one another."""
+
+
+def read_dxf(path: Path, units: str | None) -> Drawing:
+    """Drawing of a DXF file, text or binary; errors as in `read_drawing`."""
+    try:
+        from ezdxf import recover
+        from ezdxf.lldxf.const import DXFError
+    except ModuleNotFoundError:
+        limit, remedy = "reading DXF needs ezdxf, which is not installed", 'pip install "solen[dxf]"'
+        raise DataError(str(path), limit=limit, remedy=remedy) from None
+    try:
+        document, _ = recover.readfile(path)
+    except (OSError, DXFError) as bad:
+        raise DataError(str(path), limit=f"not a DXF file that can be read: {bad}") from None
+    return _Reader(document, _scale(path, document.header.get("$INSUNITS", 0), units)).drawing()
+
+
+def _scale(path: Path, insunits: int, units: str | None) -> float:
+    """Millimetres in a unit of the drawing."""
+    if units is not None:
+        return UNITS_MM[units]
+    if insunits not in INSUNITS_MM:
+        limit = "does not say its unit" if insunits == 0 else f"has a unit that is not understood ({insunits})"
+        raise DataError(f"{path}: $INSUNITS", value=insunits, limit=limit, remedy=NO_UNITS_REMEDY)
+    return INSUNITS_MM[insunits]
+
+
+class _Reader:
+    """Collects what the modelspace shows."""
+
+    def __init__(self, document: Any, scale: float) -> None:
+        self._document, self._scale = document, scale
+        self._strokes: list[Stroke] = []
+        self._lamps: list[Lamp] = []
+        self._points: list[tuple[str, Point]] = []
+
+    def drawing(self) -> Drawing:
+        """Everything that is drawn."""
+        for entity, layer in self._shown(self._document.modelspace(), "0", 0):
+            self._take(entity, face_name(layer))
+        return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
+
+    def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
+        """Entities on visible layers with their layer's name, blocks and polylines taken apart."""
+        for entity in entities:
+            layer = inherited if entity.dxf.layer == "0" else entity.dxf.layer
+            if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
+                continue
+            if entity.dxftype() in ("INSERT", "LWPOLYLINE", "POLYLINE"):
+                if depth > MOST_BLOCKS:
+                    raise DataError("drawing", value=layer, limit=f"blocks more than {MOST_BLOCKS} deep")
+                yield from self._shown(entity.virtual_entities(), layer, depth + 1)
+            else:
+                yield entity, layer
+
+    def _visible(self, name: str) -> bool:
+        layers = self._document.layers
+        return name not in layers or not (layers.get(name).is_off() or layers.get(name).is_frozen())
+
+    def _take(self, entity: Any, name: str) -> None:
+        kind, dxf = entity.dxftype(), entity.dxf
+        if kind == "POINT":
+            point = self._at(dxf.location)
+            if is_named(name, EMITTER):
+                self._lamps.append(Lamp(point))
+            else:
+                self._points.append((name, point))
+            return
+        if kind == "LINE" and is_named(name, EMITTER):
+            self._lamps.append(Lamp(self._at(dxf.start), self._at(dxf.end)))
+            return
+        curve = self._curve(entity)
+        if curve is not None:
+            self._strokes.append(
+                Stroke(name, curve, f"{kind} {dxf.handle or ''} on layer {dxf.layer}".replace("  ", " "))
+            )
+
+    def _curve(self, entity: Any) -> Curve | None:
+        """Curve of an entity, None where it has no length."""
+        kind, dxf = entity.dxftype(), entity.dxf
+        if kind == "LINE":
+            a, b = self._at(dxf.start), self._at(dxf.end)
+            return Segment(a, b) if a != b else None
+        if kind in ("ARC", "CIRCLE"):
+            return self._arc(entity)
+        if kind == "ELLIPSE":
+            tool = entity.construction_tool()
+            u, v = self._at(tool.major_axis), self._at(tool.minor_axis)
+            sweep = (tool.end_param - tool.start_param) % math.tau or math.tau
+            return ellipse(self._at(tool.center), u, v, tool.start_param, sweep)
+        if kind == "SPLINE":
+            return self._spline(entity.construction_tool())
+        limit = "is not understood"
+        where = f"{kind} {dxf.handle} on layer {dxf.layer}"
+        raise DataError(
+            "drawing", value=where, limit=limit, remedy="make lines, arcs or splines of it, or hide its layer"
+        )
+
+    def _arc(self, entity: Any) -> Arc:
+        """Arc, whose own plane may look at us from behind: then it is mirrored."""
+        dxf, across = entity.dxf, entity.dxf.extrusion
+        if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
+            limit = "is not drawn in the x-y plane"
+            raise DataError("drawing", value=_what(entity), limit=limit, remedy="turn it flat")
+        center = self._at(entity.ocs().to_wcs(dxf.center))
+        start, sweep = 0.0, 360.0
+        if entity.dxftype() == "ARC":
+            start, sweep = dxf.start_angle, (dxf.end_angle - dxf.start_angle) % 360.0 or 360.0
+        if across.z < 0.0:
+            start, sweep = 180.0 - start, -sweep
+        return Arc(center, self._scale * dxf.radius, start, sweep)
+
+    def _spline(self, tool: Any) -> Curve | None:
+        """Spline: its Bézier pieces where they are cubic at most and have no weights, else fitted between its knots."""
+        if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
+            return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
+        knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
+        return chained([self._span(tool, low, high) for low, high in pairwise(knots)])
+
+    def _span(self, tool: Any, low: float, high: float) -> Spline:
+        """Spline between two neighbouring knots; at the later one the derivative is that of this side."""
+
+        def derived(u: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+            at = low + np.clip(u, 0.0, JUST_INSIDE) * (high - low)
+            return np.array([self._at(one[n]) for one in tool.derivatives(at.tolist(), n)]) * (high - low) ** n
+
+        return fitted(lambda u: derived(u, 0), lambda u: derived(u, 1), SHAPE_TOLERANCE_MM)
+
+    def _at(self, vector: Any) -> Point:
+        return (self._scale * float(vector.x), self._scale * float(vector.y))
+
+
+def _what(entity: Any) -> str:
+    """How an error names an entity; parts of blocks and polylines have no handle."""
+    handle = f" {entity.dxf.handle}" if entity.dxf.handle else ""
+    return f"{entity.dxftype()}{handle} on layer {entity.dxf.layer}"

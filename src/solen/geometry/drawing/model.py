@@ -1,0 +1,58 @@
+"""What a drawing holds, whatever its file's format."""
+
+import re
+from dataclasses import dataclass
+
+from solen.curve import Curve
+from solen.plane import Point
+
+PIVOT = "pivot"
+EMITTER = "emitter"
+WALL = "wall"
+"""Name of a face that has none of its own."""
+UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+NO_UNITS_REMEDY = 'say which: body.units = "mm"'
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """One curve and the name of its face; ``what`` tells it from others in an error."""
+
+    name: str
+    curve: Curve
+    what: str
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """An emitter as drawn: a point that looks along ``axis_deg``, or a line from ``point`` to ``end``."""
+
+    point: Point
+    end: Point | None = None
+    axis_deg: float = 0.0
+    width_mm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Strokes, emitters and named points."""
+
+    strokes: tuple[Stroke, ...]
+    lamps: tuple[Lamp, ...] = ()
+    points: tuple[tuple[str, Point], ...] = ()
+
+
+def face_name(text: str) -> str:
+    """Name of a face from that of a layer or an element: lower case, without spaces round it."""
+    name = re.sub(r"\s+", "-", text.strip().lower())
+    return WALL if name in ("", "0") else name
+
+
+def is_aside(name: str) -> bool:
+    """Whether strokes of that name are construction lines or notes and are left out."""
+    return name.startswith(("_", "construction", "note", "dimension", "defpoints"))
+
+
+def is_named(name: str, what: str) -> bool:
+    """Whether a name is that of a thing, or of one of several: ``emitter``, ``emitter-2``."""
+    return re.fullmatch(rf"{what}([-_ .]?\w+)?", name) is not None

@@ -1,0 +1,51 @@
+"""Outlines as JSON: ``{"solen_outline": 1, "faces": [{"name": "lens", "curve": {"kind": "arc", …}}, …]}``, in mm.
+
+Curves are those of a scene's JSON. ``emitters`` are objects with a ``point``, and ``axis_deg`` and ``width_mm`` if need
+be, or with the ends of a line, ``point`` and ``end``; ``points`` names points: ``{"pivot": [0, 2]}``.
+"""
+
+from pathlib import Path
+from typing import Any
+
+from solen.errors import DataError
+from solen.files import read_text
+from solen.geometry.drawing.model import Drawing, Lamp, Stroke, face_name
+from solen.plane import Point
+from solen.spec.objects import CURVES, check_keys, made, parsed, untagged, value_of
+
+SCHEMA = 1
+
+
+def read_json(path: Path, units: str | None) -> Drawing:
+    """Drawing of a JSON file, whose lengths are always mm; errors as in `read_drawing`."""
+    where = str(path)
+    if units not in (None, "mm"):
+        raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="leave it out")
+    data = parsed(read_text(path, DataError), where)
+    if not isinstance(data, dict) or "solen_outline" not in data:
+        raise DataError(where, limit="not an outline of solen: it has no key solen_outline")
+    check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
+    if data["solen_outline"] != SCHEMA:
+        raise DataError(f"{where}: solen_outline", value=data["solen_outline"], limit=f"this solen reads {SCHEMA}")
+    faces, lamps = (_objects(data, key, where) for key in ("faces", "emitters"))
+    points = value_of(dict[str, Point], data.get("points", {}), f"{where}: points")
+    return Drawing(
+        tuple(_stroke(face, f"{where}: faces[{i}]", i) for i, face in enumerate(faces)),
+        tuple(made(Lamp, lamp, f"{where}: emitters[{i}]") for i, lamp in enumerate(lamps)),
+        tuple(points.items()),
+    )
+
+
+def _objects(data: dict[str, Any], key: str, where: str) -> list[dict[str, Any]]:
+    items = data.get(key, [])
+    if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+        raise DataError(f"{where}: {key}", limit="must be a list of objects")
+    return items
+
+
+def _stroke(data: dict[str, Any], where: str, number: int) -> Stroke:
+    check_keys(data, {"name", "curve"}, {"name", "curve"}, where)
+    name = value_of(str, data["name"], f"{where}: name")
+    if not isinstance(data["curve"], dict):
+        raise DataError(f"{where}: curve", limit="must be an object with its kind")
+    return Stroke(face_name(name), untagged(data["curve"], CURVES, f"{where}: curve"), f"face {number} ({name})")

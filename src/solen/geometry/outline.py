@@ -1,0 +1,220 @@
+"""A body of one's own: closed outlines read from a drawing, its emitter and receivers by name, in any state of motion.
+
+Faces have the names of their layers or elements, with a number where several have one name (``wall.2``). One that
+begins with ``receiver`` detects, ``mirror`` reflects, ``black`` absorbs; any other is a bare wall. Outlines inside
+others are holes, or bodies in holes. The axis that bends is x = 0.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_numbers
+from solen.errors import DesignError
+from solen.geometry.bend import Bend, bend_of, bent
+from solen.geometry.body import Body, Face, Pose, area, place_text, polyline
+from solen.geometry.drawing import Drawing, Lamp, read_drawing
+from solen.geometry.join import closed_outlines
+from solen.geometry.stretch import behind_gap, with_walls
+from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
+from solen.spec import Design
+
+JOIN_MM = 1e-3
+PIVOTS = ("pivot", "stem-base")
+"""Names of a drawn point about which the motion turns; without one that is the drawing's origin."""
+FLAT_MM = 1e-4
+PARTS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
+"""First words of the faces of the parts that a motion may name."""
+
+
+def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
+    """Body of a drawn design in the motion's state at ``angle_deg``, checked.
+
+    Raises
+    ------
+    DataError
+        Where the drawing cannot be read.
+    DesignError
+        Where its outlines are open or cross, there is no emitter, or the motion would tear them.
+    """
+    check_numbers("angle_deg", angle_deg)
+    if design.outline_file is None:
+        raise DesignError("body.file", limit="missing")
+    drawing = read_drawing(design.outline_file, design.body.units)
+    rest = _rest(design, drawing)
+    moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _turned(design, rest, angle_deg)
+    return moved.check()
+
+
+def _rest(design: Design, drawing: Drawing) -> Body:
+    """Body as drawn, its walls divided."""
+    found, alone = closed_outlines(drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm)
+    ordered = [_from_lens(outline) for outline in _oriented(found)]
+    names = _names([face.name for faces in (*ordered, alone) for face in faces])
+    outlines = [tuple(replace(face, name=next(names)) for face in outline) for outline in ordered]
+    standing = [replace(face, name=next(names)) for face in alone]
+    bare = [behind_gap(outline, design.receivers.gap_mm) for outline in outlines]
+    first, *others = with_walls([faces for faces, _ in bare], design.wall)
+    all_faces = (*first, *(face for outline in others for face in outline))
+    apart = (*(face for _, faces in bare for face in faces), *(_facing(face, all_faces) for face in standing))
+    pivot = next((point for name, point in drawing.points if name in PIVOTS), (0.0, 0.0))
+    emitter = _emitter(design, drawing, all_faces)
+    return Body(first, emitter, {"stem-base": pivot}, tuple(others), apart, embedded=True)
+
+
+def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
+    """Outlines with the material on their left, the largest first: of those round one, an even number or an odd one."""
+    rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
+    found = []
+    for i, (outline, ring) in enumerate(zip(outlines, rings, strict=True)):
+        around = sum(_contains(other, ring[0]) for k, other in enumerate(rings) if k != i)
+        backwards = (area(ring) > 0.0) != (around % 2 == 0)
+        found.append([replace(f, curve=f.curve.reversed()) for f in reversed(outline)] if backwards else outline)
+    sizes = [abs(area(ring)) for ring in rings]
+    return [found[i] for i in sorted(range(len(found)), key=lambda i: -sizes[i])]
+
+
+def _contains(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+    """Whether a closed polyline winds round a point: a ray to the right crosses it an odd number of times."""
+    x, z = (ring - point).T
+    rises = (z[:-1] > 0.0) != (z[1:] > 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        meets = x[:-1] - z[:-1] * (x[1:] - x[:-1]) / (z[1:] - z[:-1])
+    return bool(np.count_nonzero(rises & (meets > 0.0)) % 2)
+
+
+def _from_lens(outline: list[Face]) -> list[Face]:
+    """The outline from its first face of the lens on, where it has one."""
+    starts = [i for i, face in enumerate(outline) if face.part == "lens" and outline[i - 1].part != "lens"]
+    return outline[starts[0] :] + outline[: starts[0]] if starts else outline
+
+
+def _names(names: list[str]) -> Iterator[str]:
+    """Names in order, numbered where several are the same."""
+    several, seen = Counter(names), Counter[str]()
+    for name in names:
+        seen[name] += 1
+        yield f"{name}.{seen[name]}" if several[name] > 1 else name
+
+
+def _facing(face: Face, walls: Iterable[Face]) -> Face:
+    """A face in the air with its left towards the nearest wall that it sees."""
+    at = face.curve.middle_point
+    normal = face.curve.normal_at(at)
+    backwards = _nearest_mm(at, (-normal[0], -normal[1]), walls) < _nearest_mm(at, normal, walls)
+    return replace(face, curve=face.curve.reversed()) if backwards else face
+
+
+def _nearest_mm(at: Point, direction: Point, faces: Iterable[Face]) -> float:
+    return min((t for face in faces for t in face.curve.hits(at, direction)), default=math.inf)
+
+
+def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
+    """The one emitter of the drawing, or the one that the design places; decentred by its offset."""
+    stated = design.emitter
+    if stated.point_mm is not None:
+        pose = Pose(stated.point_mm, 0.0)
+    elif len(drawing.lamps) == 1:
+        pose = _pose(drawing.lamps[0], faces)
+    else:
+        limit = "the drawing must show one emitter: a point, or a line as wide as the chip, on a layer called emitter"
+        raise DesignError(
+            "emitter", value=f"{len(drawing.lamps)} drawn", limit=limit, remedy="or give emitter.point_mm = [x, z]"
+        )
+    if stated.axis_deg is not None:
+        pose = replace(pose, axis_deg=stated.axis_deg)
+    return replace(pose, point=along(pose.point, right_of(heading(pose.axis_deg)), stated.offset_mm))
+
+
+def _pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
+    """Pose of an emitter; a line looks along its normal to the side on which a face is nearer."""
+    if lamp.end is None:
+        return Pose(lamp.point, lamp.axis_deg, lamp.width_mm)
+    middle = (0.5 * (lamp.point[0] + lamp.end[0]), 0.5 * (lamp.point[1] + lamp.end[1]))
+    across = minus(lamp.end, lamp.point)
+    if across == (0.0, 0.0):
+        return Pose(middle, lamp.axis_deg)
+    left = left_of(unit(across))
+    right = (-left[0], -left[1])
+    sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}
+    ahead = min(sees, key=sees.__getitem__)
+    if math.isinf(sees[ahead]):
+        limit = "looks past the body on both sides"
+        raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="turn or move it")
+    return Pose(middle, math.degrees(math.atan2(-ahead[0], ahead[1])), math.hypot(*across))
+
+
+def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
+    """Body with its moving parts turned about the pivot."""
+    pivot, moves = design.motion.pivot, design.motion.moves
+    if pivot == "stem-base":
+        pivot = rest.marks["stem-base"]
+    elif pivot == "emitter":
+        pivot = _undecentred(design, rest.emitter)
+    turn = Rigid.about(pivot, angle_deg)
+    words = {PARTS[part] for part in moves if part in PARTS}
+    missing = words - {face.part for face in (*rest.all_faces, *rest.apart)}
+    if missing:
+        limit = f"the drawing has no face that begins with {min(missing)}"
+        raise DesignError("motion.moves", value=list(moves), limit=limit, remedy="leave it out, or name the layer so")
+
+    def moved(faces: tuple[Face, ...]) -> tuple[Face, ...]:
+        return tuple(replace(f, curve=f.curve.moved(turn)) if f.part in words else f for f in faces)
+
+    emitter = rest.emitter
+    if "emitter" in moves:
+        emitter = replace(emitter, point=turn.point(emitter.point), axis_deg=emitter.axis_deg + angle_deg)
+    if turn != Rigid():
+        _check_whole(rest, words)
+    first, *others = (moved(outline) for outline in rest.outlines)
+    return replace(rest, faces=first, others=tuple(others), apart=moved(rest.apart), emitter=emitter)
+
+
+def _undecentred(design: Design, emitter: Pose) -> Point:
+    """Where the emitter would stand without its decentre, which is an error of that place."""
+    return along(emitter.point, right_of(heading(emitter.axis_deg)), -design.emitter.offset_mm)
+
+
+def _check_whole(body: Body, words: set[str]) -> None:
+    """`DesignError` where a turn would tear an outline: what turns must be whole outlines."""
+    for outline in body.outlines:
+        stays = next((face for face in outline if face.part not in words), None)
+        turns = next((face for face in outline if face.part in words), None)
+        if stays is not None and turns is not None:
+            raise DesignError(
+                "motion.moves",
+                value=sorted(words),
+                limit=f"would tear {turns.name} from {stays.name}: they are parts of one outline",
+                remedy='turn the emitter alone, or bend the body with motion.kind = "bend"',
+            )
+
+
+def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
+    """Body bent between two heights; what stands beside it is carried along as well."""
+    low_mm, high_mm = design.motion.bend_mm or (0.0, 1.0)
+    bend = bend_of(design.motion.centre_line, low_mm, high_mm, angle_deg)
+
+    def moved(faces: tuple[Face, ...]) -> tuple[Face, ...]:
+        return tuple(piece for face in faces for piece in _pieces(face, bend))
+
+    first, *others = (moved(outline) for outline in rest.outlines)
+    section = bend.section(rest.emitter.point[1])
+    turned_deg = math.degrees(math.atan2(section.sin, section.cos))
+    emitter = replace(
+        rest.emitter, point=section.point(rest.emitter.point), axis_deg=rest.emitter.axis_deg + turned_deg
+    )
+    pivot = bend.section(rest.marks["stem-base"][1]).point(rest.marks["stem-base"])
+    marks = {"stem-base": pivot}
+    return replace(rest, faces=first, others=tuple(others), apart=moved(rest.apart), emitter=emitter, marks=marks)
+
+
+def _pieces(face: Face, bend: Bend) -> list[Face]:
+    """A bent face, in numbered pieces where the bent stretch begins or ends within it."""
+    curves = bent(face.curve, bend)
+    if len(curves) == 1:
+        return [replace(face, curve=curves[0])]
+    return [replace(face, name=f"{face.name}.{i}", curve=curve) for i, curve in enumerate(curves, start=1)]

@@ -1,0 +1,103 @@
+"""Faces divided where the design's wall tables begin and end, and receivers set behind their gap."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from itertools import pairwise
+
+from solen.curve import Measure, Segment
+from solen.errors import DesignError
+from solen.geometry.body import Face
+from solen.spec import Wall
+
+SHORTEST_MM = 1e-6
+"""A piece shorter than this is not cut off."""
+DARK = ("receiver", "mirror", "black")
+"""Parts whose faces are no walls."""
+
+
+def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
+    """Faces with every receiver's place a bare ``end``, and the receivers ``gap_mm`` before them; as they are for None.
+
+    A receiver's left, its face, looks at the end; it is as wide as the end.
+    """
+    if gap_mm is None:
+        return faces, ()
+    bare: list[Face] = []
+    apart: list[Face] = []
+    for face in faces:
+        if face.part != "receiver":
+            bare.append(face)
+            continue
+        bare.append(replace(face, name=face.name.replace("receiver", "end", 1)))
+        apart.append(replace(face, curve=_before(face, gap_mm)))
+    return tuple(bare), tuple(apart)
+
+
+def _before(face: Face, gap_mm: float) -> Segment:
+    end = face.curve
+    if not isinstance(end, Segment):
+        limit = "only a straight receiver can stand behind an air gap"
+        remedy = 'draw it in the air, beside the outline, and set receivers.coupling = "matched"'
+        raise DesignError("receivers.coupling", value=f"air-gap before {face.name}", limit=limit, remedy=remedy)
+    nx, nz = end.normal_at(end.start)
+
+    def outside(point: tuple[float, float]) -> tuple[float, float]:
+        return (point[0] - gap_mm * nx, point[1] - gap_mm * nz)
+
+    return Segment(outside(end.start), outside(end.end))
+
+
+def with_walls(outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall]) -> tuple[tuple[Face, ...], ...]:
+    """Outlines divided at the ends of the stretches, each face with the number of the last wall table that covers it.
+
+    Raises
+    ------
+    DesignError
+        Where a table names no wall of the body, or begins beyond the end of all that it names.
+    """
+    faces = tuple(face for outline in outlines for face in outline)
+    for number, wall in enumerate(walls):
+        _check_named(faces, number, wall)
+    return tuple(tuple(piece for face in outline for piece in _divided(face, walls)) for outline in outlines)
+
+
+def matches(face: Face, wall: Wall) -> bool:
+    """Whether a wall table names a face, with the number of several of one name or without; it must be a wall."""
+    names = (face.name, re.sub(r"\.\d+$", "", face.name))
+    return face.part not in DARK and any(fnmatchcase(name, wall.face) for name in names)
+
+
+def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
+    named = [face for face in faces if matches(face, wall)]
+    if not named:
+        known = ", ".join(face.name for face in faces if face.part not in DARK)
+        raise DesignError(f"wall[{number}].face", value=wall.face, limit=f"names no wall; there are {known}")
+    longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
+    if wall.from_mm >= longest_mm - SHORTEST_MM:
+        limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
+        raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
+
+
+def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
+    """Pieces of one face in the order in which it is walked; the face itself where nothing divides it."""
+    covering = [(number, wall) for number, wall in enumerate(walls) if matches(face, wall)]
+    if not covering:
+        return [face]
+    measure = Measure(face.curve)
+    begins, ends = face.begins_mm, face.begins_mm + measure.length_mm
+    told = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
+    cuts = [begins, *sorted(p for p in told if begins + SHORTEST_MM < p < ends - SHORTEST_MM), ends]
+    pieces = []
+    for low, high in pairwise(cuts):
+        middle = 0.5 * (low + high)
+        over = [n for n, wall in covering if wall.from_mm < middle < (ends if wall.to_mm is None else wall.to_mm)]
+        lengths = (ends - high, ends - low) if face.from_end else (low - begins, high - begins)
+        u_from, u_to = (measure.u_at(length) for length in lengths)
+        curve = face.curve if (u_from, u_to) == (0.0, 1.0) else face.curve.part(u_from, u_to)
+        pieces.append(replace(face, curve=curve, wall=over[-1] if over else None, begins_mm=low))
+    if len(pieces) == 1:
+        return pieces
+    numbered = [replace(piece, name=f"{face.name}.{i}") for i, piece in enumerate(pieces, start=1)]
+    return numbered[::-1] if face.from_end else numbered

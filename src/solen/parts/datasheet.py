@@ -1,0 +1,179 @@
+"""Datasheets of emitters and receivers as files, and a small library of them.
+
+The idea: a part is data with a source, number by number. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
+the ``document`` that it is taken from, and a table for every quantity: ``typical``, ``least`` and ``most``, what they
+rest on (``basis``: the part's own datasheet, a sibling's, a measurement or an estimate) and where that is found
+(``source``). Nothing is stated that is not known: what a datasheet leaves open is left out.
+
+The interface: `load_part`, `library`, `library_part`; `EmitterPart` and `ReceiverPart` are what they give.
+"""
+
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.errors import DataError, SolenError
+from solen.files import read_text
+from solen.spec.design import why_no_pattern
+from solen.spec.strict import (
+    Migrations,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    Text,
+    migrated,
+    nearest,
+    parse_toml,
+    refused,
+    told_of,
+)
+
+PART_SCHEMA = 1
+PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+
+Basis = Literal["datasheet", "sibling", "measured", "estimate"]
+Angle = Annotated[Number, Field(ge=0, le=180)]
+
+_LIBRARY = files("solen.parts") / "library"
+
+
+class Sourced(Strict):
+    """Something that says what it rests on."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    basis: Basis = Field(description="what it rests on: datasheet, sibling, measured or estimate.")
+    source: Text = Field(description="where it is found, or how it was estimated, one line.")
+
+
+class Quantity(Sourced):
+    """A number above 0 with its spread, in the unit that its key ends in."""
+
+    typical: Positive | None = Field(None, description="Typical value.")
+    least: Positive | None = Field(None, description="Least value.")
+    most: Positive | None = Field(None, description="Largest value.")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        stated = [value for value in (self.least, self.typical, self.most) if value is not None]
+        if not stated:
+            raise refused("", "gives no number", remedy="add typical, or least and most")
+        if any(low > high for low, high in pairwise(stated)):
+            raise refused("", "must be in order: least, typical, most", value=stated)
+        return self
+
+    @property
+    def usual(self) -> float:
+        """Typical value; where only one or both ends are stated, their mean."""
+        stated = [value for value in (self.least, self.most) if value is not None]
+        return self.typical if self.typical is not None else sum(stated) / len(stated)
+
+
+class PatternPart(Sourced):
+    """Relative radiant intensity by the angle from the axis, the same all round it, linear between the angles."""
+
+    angle_deg: tuple[Angle, ...] = Field(description="angles from the axis in degrees, ascending from 0.")
+    relative: tuple[NotNegative, ...] = Field(description="relative intensity at these angles.")
+
+    @model_validator(mode="after")
+    def _ascends_from_0(self) -> Self:
+        if len(self.angle_deg) != len(self.relative):
+            raise refused("relative", f"must be {len(self.angle_deg)}, as angle_deg", value=len(self.relative))
+        bad = why_no_pattern(tuple(zip(self.angle_deg, self.relative, strict=True)))
+        if bad:
+            raise refused("", bad)
+        return self
+
+
+class _Datasheet(Strict):
+    """What every part states."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    name: Text = Field(description="the part's name, one line.")
+    maker: Text = Field(description="who makes it, one line.")
+    document: Text = Field(description="the document that the numbers are taken from, one line.")
+    notes: str = Field("", description="Anything worth knowing.")
+    half_angle_deg: Quantity | None = Field(None, description="Angle from the axis at which it is half as strong.")
+    package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
+    package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
+
+
+class EmitterPart(_Datasheet):
+    """A light source: its pattern, its spectrum, its power and what they spread by."""
+
+    kind: Literal["emitter"] = Field(description="emitter.")
+    peak_nm: Quantity = Field(description="a table with the wavelength of the peak.")
+    fwhm_nm: Quantity | None = Field(None, description="Full width of the spectrum at half its height.")
+    pattern: PatternPart = Field(description="a table with the relative intensity by angle.")
+    width_mm: Quantity | None = Field(None, description="Width of the emitting chip.")
+    height_mm: Quantity | None = Field(None, description="Height of the emitting chip.")
+    intensity_mw_per_sr: Quantity | None = Field(None, description="Radiant intensity on the axis, in mW/sr.")
+    power_mw: Quantity | None = Field(None, description="Radiant power, in mW.")
+    current_ma: Quantity | None = Field(None, description="Current of these, in mA.")
+    rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
+
+
+class ReceiverPart(_Datasheet):
+    """A light receiver: its sensitivity, its band and its limits."""
+
+    kind: Literal["receiver"] = Field(description="receiver.")
+    current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
+    sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
+    band_nm: Quantity | None = Field(
+        None, description="Wavelengths from which to which it is at least half as sensitive."
+    )
+    most_current_ma: Quantity | None = Field(None, description="Largest current allowed, in mA.")
+    supply_v: Quantity | None = Field(None, description="Voltage of the sensitivity, in V.")
+
+
+Part = EmitterPart | ReceiverPart
+KINDS: dict[str, type[EmitterPart] | type[ReceiverPart]] = {"emitter": EmitterPart, "receiver": ReceiverPart}
+
+
+def load_part(path: Path | str) -> Part:
+    """Part of a file.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, is not TOML, has another schema, or is not a valid part.
+    """
+    path = Path(path)
+    return _part(read_text(path, DataError), str(path))
+
+
+def library() -> tuple[str, ...]:
+    """Names of the parts that solen ships, sorted."""
+    return tuple(sorted(file.name[:-5] for file in _LIBRARY.iterdir() if file.name.endswith(".toml")))
+
+
+def library_part(name: str) -> Part:
+    """Part of the library; `DataError` with the nearest name where there is none of that name."""
+    names = library()
+    if name not in names:
+        near = nearest(name, names)
+        raise DataError(
+            "part",
+            value=name,
+            limit=f"not in the library ({', '.join(names)})",
+            remedy=f"did you mean {near}?" if near else "a file's name ends in .toml",
+        )
+    return _part((_LIBRARY / f"{name}.toml").read_text(encoding="utf-8"), f"part {name}")
+
+
+def _part(text: str, what: str) -> Part:
+    data: dict[str, Any] = parse_toml(text, what, DataError)
+    data = migrated(data, what, current=PART_SCHEMA, migrations=PART_MIGRATIONS, error=DataError)
+    kind = KINDS.get(str(data.get("kind")))
+    if kind is None:
+        remedy = 'add e.g. kind = "emitter"' if "kind" not in data else ""
+        raise DataError(
+            f"{what}: kind", value=data.get("kind"), limit=f"must be one of {', '.join(KINDS)}", remedy=remedy
+        )
+    with told_of(what):
+        return kind(**data)

@@ -1,0 +1,166 @@
+"""What a design's emitter sends out: its own keys, and for those that it leaves out, the part that it names.
+
+The idea: a design states what its author decided. What follows from a datasheet or a file is looked up here, once, and
+is plain numbers from then on: `Light`.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from solen.errors import DataError
+from solen.files import read_text
+from solen.parts.datasheet import EmitterPart, library_part, load_part
+from solen.spec import Design, Emitter
+from solen.spec.design import why_no_pattern
+
+FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
+HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
+"""Gauss–Hermite nodes in standard deviations, from the middle outwards, and their weights."""
+CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
+"""Full opening angle where a design states none."""
+
+Kind = Literal["fan", "uniform", "lambertian", "table"]
+
+
+@dataclass(frozen=True)
+class Light:
+    """A design's emitter.
+
+    Attributes
+    ----------
+    wavelength_nm
+        The one that the lens and the index are for.
+    spectrum
+        Wavelengths in nm with their weights; empty where there is one wavelength alone.
+    pattern, exponent, table
+        Kind of the pattern, m of cos^m, pairs of an angle in degrees and a relative intensity.
+    cone_deg
+        Full opening angle.
+    width_mm, height_mm
+        Size of the chip across the axis and along y.
+    ray_file
+        Path of a file of rays that stands for all of these but the wavelength.
+    source
+        Where it comes from, in words.
+    """
+
+    wavelength_nm: float
+    spectrum: tuple[tuple[float, float], ...] = ()
+    pattern: Kind = "fan"
+    exponent: float = 1.0
+    table: tuple[tuple[float, float], ...] = ()
+    cone_deg: float = 120.0
+    width_mm: float = 0.0
+    height_mm: float = 0.0
+    ray_file: Path | None = None
+    source: str = "the design's [emitter]"
+
+
+def light_of(design: Design) -> Light:
+    """Light of a design's emitter.
+
+    Raises
+    ------
+    DataError
+        Where its part or its pattern's file cannot be found or read, or the part is no emitter.
+    """
+    emitter, part = design.emitter, _part(design)
+    table = _table(design, part)
+    pattern: Kind = "table" if table else emitter.pattern
+    wavelength_nm = emitter.wavelength_nm
+    if not emitter.states("wavelength_nm"):
+        wavelength_nm = _middle(emitter) or (part.peak_nm.usual if part else wavelength_nm)
+    return Light(
+        wavelength_nm=wavelength_nm,
+        spectrum=_spectrum(emitter, part, wavelength_nm),
+        pattern=pattern,
+        exponent=emitter.exponent,
+        table=table,
+        cone_deg=emitter.cone_deg if emitter.states("cone_deg") else CONES_DEG[pattern],
+        width_mm=_size("width_mm", emitter, part),
+        height_mm=_size("height_mm", emitter, part),
+        ray_file=design.file_of(emitter.ray_file),
+        source=f"{part.name}: {part.document}" if part else "the design's [emitter]",
+    )
+
+
+def gaussian_lines(peak_nm: float, fwhm_nm: float) -> tuple[tuple[float, float], ...]:
+    """Five lines that stand for a Gaussian spectrum: exact for powers of the wavelength up to the 9th."""
+    sigma = fwhm_nm / FWHM_OF_SIGMA
+    sides = [(sign * step, weight) for step, weight in HERMITE for sign in ((-1.0, 1.0) if step else (1.0,))]
+    return tuple((peak_nm + sigma * step, weight) for step, weight in sorted(sides))
+
+
+def _part(design: Design) -> EmitterPart | None:
+    name = design.emitter.part
+    if name is None:
+        return None
+    path = design.part_file
+    part = library_part(name) if path is None else load_part(path)
+    if not isinstance(part, EmitterPart):
+        raise DataError("emitter.part", value=part.name, limit=f"is a {part.kind}, not an emitter")
+    return part
+
+
+def _middle(emitter: Emitter) -> float | None:
+    """Mean wavelength of a stated spectrum."""
+    if not emitter.spectrum:
+        return None
+    return sum(nm * weight for nm, weight in emitter.spectrum) / sum(weight for _, weight in emitter.spectrum)
+
+
+def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
+    """Lines of a stated spectrum, or of a stated width or the part's about the wavelength."""
+    if emitter.spectrum:
+        return tuple(sorted(emitter.spectrum))
+    fwhm_nm = emitter.fwhm_nm
+    if fwhm_nm is None and part is not None and part.fwhm_nm is not None:
+        fwhm_nm = part.fwhm_nm.usual
+    return gaussian_lines(peak_nm, fwhm_nm) if fwhm_nm else ()
+
+
+def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
+    """Pattern by angle: the design's table or file, or the part's where the design states no other pattern."""
+    emitter = design.emitter
+    path = design.file_of(emitter.pattern_file)
+    if path is not None:
+        return read_pattern(path)
+    if emitter.pattern_table is not None:
+        return emitter.pattern_table
+    if part is not None and not emitter.states("pattern"):
+        return tuple(zip(part.pattern.angle_deg, part.pattern.relative, strict=True))
+    return ()
+
+
+def _size(name: Literal["width_mm", "height_mm"], emitter: Emitter, part: EmitterPart | None) -> float:
+    stated: float = getattr(emitter, name)
+    quantity = getattr(part, name, None)
+    return quantity.usual if quantity is not None and not emitter.states(name) else stated
+
+
+def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
+    """Angles in degrees and relative intensities of a text file: two numbers in a line, ``#`` begins a comment.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, with the line that is none, or where the angles do not ascend from 0.
+    """
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):
+        words = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+        if not words:
+            continue
+        try:
+            angle, relative = (float(word) for word in words)
+        except ValueError:
+            raise DataError(
+                f"{path}: line {number}", value=line.strip(), limit="must be an angle and a number"
+            ) from None
+        rows.append((angle, relative))
+    bad = why_no_pattern(rows)
+    if bad:
+        raise DataError(str(path), limit=bad)
+    return tuple(rows)

@@ -1,0 +1,212 @@
+"""What touches a wall: a pad of another medium along a stretch, closed by edges of its own.
+
+A medium must be closed, so that what touches a stretch is given a depth: its outer edge follows the stretch at that
+distance, and straight edges join the two. They are black, where light that has entered the medium is lost, or clear,
+where it goes on into the air. Neighbouring stretches of one wall table share one pad where the wall runs on smoothly or
+turns away; of different tables, an edge.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Arc, CubicChain, Curve, Segment, Spline
+from solen.errors import DesignError
+from solen.geometry import Body, Face
+from solen.plane import Point, cross, dot
+from solen.scene.model import Behaviour, Interface, Region
+from solen.spec import Wall
+
+SMOOTH = 0.02
+"""Sine of the angle up to which a wall runs on: the outer edges of two shares meet halfway round the corner."""
+OUTER_POINTS = 65
+"""Points that the outer edge of a curved stretch passes; it is a spline."""
+FLAT_MM = 1e-4
+"""Polylines by which pads are looked at for overlaps."""
+OVERLAP_MM2 = 1e-7
+EXACT_MM = 1e-12
+"""Outer edges this near to their distance are at it."""
+
+
+@dataclass(frozen=True)
+class Pad:
+    """One face's share of a pad."""
+
+    face: Face
+    wall: Wall
+    outer: Curve
+
+    @property
+    def behaviour(self) -> Literal["absorbing", "refracting"]:
+        """What its edges are."""
+        return "absorbing" if self.wall.beyond == "black" else "refracting"
+
+    def edge(self, curve: Curve, what: str) -> Interface:
+        """An edge of the pad, which lies on its left, to the air."""
+        return Interface(f"{self.face.name} {what}", curve, self.wall.outside, "air", self.behaviour)
+
+
+def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
+    """Media of all wall tables, each once; `DesignError` where two tables give one name two indices."""
+    found: dict[str, Region] = {}
+    for number, wall in enumerate(walls):
+        if wall.outside == "air" or wall.index is None:
+            continue
+        region = Region(wall.outside, wall.index, wall.absorption_per_mm)
+        if found.setdefault(wall.outside, region) != region:
+            limit = "another wall gives this medium another index or absorption"
+            raise DesignError(f"wall[{number}].outside", value=wall.outside, limit=limit, remedy="use another name")
+    return tuple(found.values())
+
+
+def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
+    """Edges of all pads of a body, without the stretches themselves."""
+    found: list[Interface] = []
+    pads: list[Pad] = []
+    for outline in body.outlines:
+        touching = [_pad(outline, i, walls) for i in range(len(outline))]
+        pads += [pad for pad in touching if pad is not None]
+        for i, pad in enumerate(touching):
+            if pad is not None:
+                found += _edges(touching[i - 1], pad, touching[(i + 1) % len(touching)])
+    _check_apart(body, pads)
+    return tuple(found)
+
+
+def _pad(outline: tuple[Face, ...], i: int, walls: Sequence[Wall]) -> Pad | None:
+    """Share of a face; None where nothing but air touches it."""
+    face = outline[i]
+    wall = _touching(face, walls)
+    if wall is None:
+        return None
+    before, behind = outline[i - 1], outline[(i + 1) % len(outline)]
+    first = _corner(before, face) if _touching(before, walls) else None
+    last = _corner(face, behind) if _touching(behind, walls) else None
+    return Pad(face, wall, _outer(face, wall.depth_mm, first, last))
+
+
+def _touching(face: Face, walls: Sequence[Wall]) -> Wall | None:
+    wall = None if face.wall is None else walls[face.wall]
+    return None if wall is None or wall.outside == "air" else wall
+
+
+def _edges(before: Pad | None, pad: Pad, behind: Pad | None) -> Iterator[Interface]:
+    """Edges of one face's share; an edge between two shares belongs to the one behind it."""
+    yield pad.edge(pad.outer, "outer edge")
+    if before is None or not _joined(before, pad):
+        yield pad.edge(Segment(pad.face.curve.start, pad.outer.start), "first edge")
+    elif before.wall is not pad.wall:
+        yield from _between(before, pad)
+    elif before.outer.end != pad.outer.start and not _smooth(before.face, pad.face):
+        yield pad.edge(Segment(before.outer.end, pad.outer.start), "corner edge")
+    if behind is None or not _joined(pad, behind):
+        yield pad.edge(Segment(pad.outer.end, pad.face.curve.end), "last edge")
+
+
+def _joined(before: Pad, behind: Pad) -> bool:
+    """Whether two shares join: where the wall runs on, or one table's wall turns away."""
+    if _smooth(before.face, behind.face):
+        return True
+    if _turn(before.face, behind.face) < 0.0:
+        x, z = behind.face.curve.start
+        raise DesignError(
+            f"wall {before.wall.outside}",
+            value=f"turns inwards from {before.face.name} to {behind.face.name} at x = {x:.4g}, z = {z:.4g} mm",
+            limit=f"a pad {before.wall.depth_mm:g} mm deep would overlap itself there",
+            remedy="end the stretch before the corner",
+        )
+    return before.wall is behind.wall
+
+
+def _smooth(before: Face, behind: Face) -> bool:
+    return abs(_turn(before, behind)) <= SMOOTH
+
+
+def _turn(before: Face, behind: Face) -> float:
+    """Sine by which the wall turns to the left from one face to the next; ±2 where it turns back."""
+    corner = behind.curve.start
+    first, last = before.curve.normal_at(corner), behind.curve.normal_at(corner)
+    sine = cross(first, last)
+    return sine if dot(first, last) > 0.0 else math.copysign(2.0, sine)
+
+
+def _corner(before: Face, behind: Face) -> Point | None:
+    """Outwards from the corner of two faces that run on, to where their outer edges meet, for a depth of 1 mm."""
+    if not _smooth(before, behind):
+        return None
+    corner = behind.curve.start
+    first, last = before.curve.normal_at(corner), behind.curve.normal_at(corner)
+    both = (first[0] + last[0], first[1] + last[1])
+    return (-2.0 * both[0] / dot(both, both), -2.0 * both[1] / dot(both, both))
+
+
+def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
+    """The edge between two different pads on a smooth wall, and what the deeper one reaches beyond it."""
+    behaviour: Behaviour = "absorbing" if "absorbing" in (before.behaviour, pad.behaviour) else "refracting"
+    start, near, far = pad.face.curve.start, before.outer.end, pad.outer.start
+    shallow = near if before.wall.depth_mm <= pad.wall.depth_mm else far
+    sides = (pad.wall.outside, before.wall.outside)
+    yield Interface(f"{pad.face.name} shared edge", Segment(start, shallow), *sides, behaviour)
+    if before.wall.depth_mm < pad.wall.depth_mm:
+        yield pad.edge(Segment(near, far), "first edge")
+    elif before.wall.depth_mm > pad.wall.depth_mm:
+        yield before.edge(Segment(near, far), "last edge")
+
+
+def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None) -> Curve:
+    """The curve ``depth_mm`` outside a face: exact for a line and an arc, else a spline through its points.
+
+    Where the wall runs on over a slight corner, ``first`` and ``last`` say where it begins and ends; what that is off
+    the distance is shared out along the face.
+    """
+    curve = face.curve
+    u = np.linspace(0.0, 1.0, OUTER_POINTS * (len(curve.controls) if isinstance(curve, CubicChain) else 1))
+    points = curve.points(u)
+    normals = np.array([curve.normal_at((float(x), float(z))) for x, z in points])
+    outer = points - depth_mm * normals
+    off_first = np.zeros(2) if first is None else depth_mm * (np.asarray(first) + normals[0])
+    off_last = np.zeros(2) if last is None else depth_mm * (np.asarray(last) + normals[-1])
+    outer += np.outer(1.0 - u, off_first) + np.outer(u, off_last)
+    if np.any(np.sum(np.diff(outer, axis=0) * np.diff(points, axis=0), axis=1) <= 0.0):
+        limit = f"{face.name} curves inwards more tightly than {depth_mm:g} mm"
+        raise DesignError("wall.depth_mm", value=depth_mm, limit=limit, remedy="make it less deep")
+    if isinstance(curve, Segment):
+        return Segment((float(outer[0, 0]), float(outer[0, 1])), (float(outer[-1, 0]), float(outer[-1, 1])))
+    if isinstance(curve, Arc) and max(np.abs(off_first).max(), np.abs(off_last).max()) < EXACT_MM:
+        outwards = 1.0 if curve.sweep_deg > 0.0 else -1.0
+        return Arc(curve.center, curve.radius_mm + outwards * depth_mm, curve.start_deg, curve.sweep_deg)
+    return Spline.through(outer)
+
+
+def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
+    """Pads lie in the air: not in the body, not in one another, not over the emitter or a receiver."""
+    if not pads:
+        return
+    import shapely
+
+    from solen.geometry import material
+
+    solid, shapes = material(body, FLAT_MM), [shapely.Polygon(_ring(pad)) for pad in pads]
+    things: list[tuple[str, shapely.LineString | shapely.Point]] = [
+        (face.name, shapely.LineString(face.curve.flattened(FLAT_MM))) for face in body.apart
+    ]
+    things.append(("the emitter", shapely.Point(body.emitter.point)))
+    for i, (pad, shape) in enumerate(zip(pads, shapes, strict=True)):
+        others = [("the body", solid), *((p.face.name, s) for p, s in list(zip(pads, shapes, strict=True))[:i])]
+        hit = next((name for name, other in others if shape.intersection(other).area > OVERLAP_MM2), None)
+        hit = hit or next((name for name, thing in things if shape.intersects(thing)), None)
+        if hit is not None or not shape.is_valid:
+            raise DesignError(
+                f"wall {pad.wall.outside}",
+                value=f"on {pad.face.name}, {pad.wall.depth_mm:g} mm deep",
+                limit=f"reaches into {hit or 'itself'}",
+                remedy="make depth_mm less, or shorten the stretch",
+            )
+
+
+def _ring(pad: Pad) -> NDArray[np.float64]:
+    return np.vstack([pad.face.curve.flattened(FLAT_MM), pad.outer.flattened(FLAT_MM)[::-1]])

@@ -1,0 +1,222 @@
+"""Files of rays that makers of light-emitting diodes publish: Zemax binary source files and IES TM-25.
+
+Both hold a header and then, for each ray, 32-bit floats: a point in the file's own frame, whose z is the emitter's
+axis, a direction, a flux, and in some a wavelength. A **Zemax** file (``.dat``, ``.sdf``) has a header of 208 bytes
+with the format's number 1010, the number of rays, the unit of length and the kind of flux (OpticStudio's help, "Binary
+Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, says in flags which numbers each ray
+has, and may hold tables of spectra; lengths are in mm (IES TM-25-13, section 4.7).
+
+What a file says is taken as it is or refused, with the place: nothing is guessed, and no ray is left out.
+"""
+
+import struct
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.scene.sources.base import Line
+
+Real = NDArray[np.float64]
+
+ZEMAX_HEADER = struct.Struct("<iI100s7fI9f4f4i")
+ZEMAX_NUMBER = 1010
+ZEMAX_MM = {0: 1000.0, 1: 25.4, 2: 10.0, 3: 304.8, 4: 1.0}
+"""Length in mm of the units by their number: metre, inch, centimetre, foot, millimetre."""
+TM25_HEADER = struct.Struct("<4siiffQ28siifffiii168s8i")
+TM25_TEXTS = 9 * 4000
+TM25_COLUMN = 512
+TM25_BLOCK = 32
+MOST_LINES = 32
+"""Wavelengths that rays of a file are gathered to."""
+NOT_UNIT = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class RaySet:
+    """Rays of a file in its own frame: points in mm and unit directions (N, 3), powers (N,) that add up to 1.
+
+    ``spectrum`` are wavelengths in nm with weights, none where the file states none; ``line`` (N,) is which of them
+    each ray has, or None where the rays are not told apart by colour.
+    """
+
+    point_mm: Real
+    direction: Real
+    power: Real
+    spectrum: tuple[Line, ...] = ()
+    line: NDArray[np.int64] | None = None
+
+    def __len__(self) -> int:
+        return len(self.power)
+
+
+class _Columns(NamedTuple):
+    """Rays as a file holds them: (N, columns) numbers, and which columns are flux and wavelength (None: not there)."""
+
+    numbers: Real
+    flux: int
+    wavelength: int | None
+    wavelength_nm: float
+    """of one unit of that column"""
+
+
+def read_rays(path: Path | str) -> RaySet:
+    """Rays of a file.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, is of another format, is cut short or holds more than it says, or where a ray is
+        none: with the place and the reason.
+    """
+    path = Path(path)
+    try:
+        changed = path.stat().st_mtime_ns
+    except OSError as bad:
+        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="check the path") from None
+    return _read(path, changed)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, _changed: int) -> RaySet:
+    """Rays of a file as it was at a time: remembered, as one scene after the other asks for them."""
+    try:
+        data = path.read_bytes()
+    except OSError as bad:
+        raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="name a file") from None
+    what = str(path)
+    if data[:4] == b"TM25":
+        return _tm25(data, what)
+    if len(data) >= 4 and struct.unpack_from("<i", data)[0] == ZEMAX_NUMBER:
+        return _zemax(data, what)
+    raise DataError(what, limit="is no binary Zemax file of version 1010 and no TM-25 file", remedy="convert it to one")
+
+
+def _zemax(data: bytes, what: str) -> RaySet:
+    if len(data) < ZEMAX_HEADER.size:
+        raise _short(what, "the header", len(data), ZEMAX_HEADER.size)
+    fields = ZEMAX_HEADER.unpack_from(data)
+    many, wavelength_um, unit, kind, flux_kind = fields[1], fields[5], fields[10], fields[24], fields[25]
+    if unit not in ZEMAX_MM:
+        raise DataError(f"{what}: header, dimension units", value=unit, limit="must be 0 to 4")
+    if kind not in (0, 2):
+        raise DataError(f"{what}: header, ray format", value=kind, limit="must be 0 (flux) or 2 (flux and wavelength)")
+    if kind == 0 and flux_kind == 1 and not wavelength_um > 0.0:
+        raise _no_power(what)
+    numbers = _rays(data, ZEMAX_HEADER.size, many, 7 if kind == 0 else 8, what)
+    numbers[:, :3] *= ZEMAX_MM[unit]
+    stated = ((1000.0 * wavelength_um, 1.0),) if kind == 0 and wavelength_um > 0.0 else ()
+    return _ray_set(_Columns(numbers, 6, None if kind == 0 else 7, 1000.0), stated, what)
+
+
+def _tm25(data: bytes, what: str) -> RaySet:
+    if len(data) < TM25_HEADER.size + TM25_TEXTS:
+        raise _short(what, "the header", len(data), TM25_HEADER.size + TM25_TEXTS)
+    fields = TM25_HEADER.unpack_from(data)
+    many, colours, wavelength_nm, tables, columns, text = fields[5], fields[8], fields[9], *fields[12:15]
+    position, direction, radiant, by_ray, luminous, stokes, tristimulus, index = fields[16:]
+    if position != 1 or direction != 1 or not (radiant == 1 or luminous == 1):
+        raise DataError(f"{what}: flags", limit="each ray must have a position, a direction and a flux")
+    if colours not in range(4) or index == 1:
+        limit = "must be 0 to 3: spectra by ray are not read"
+        raise DataError(f"{what}: header, spectral data", value=colours, limit=limit)
+    if radiant != 1 and colours != 1:
+        raise _no_power(what)
+    place, spectrum = _tm25_tables(data, tables, what)
+    place += TM25_COLUMN * columns + text
+    width = 6 + radiant + by_ray + luminous + 3 * stokes + 2 * tristimulus + columns
+    numbers = _rays(data, place, many, width, what)
+    stated = ((wavelength_nm, 1.0),) if colours == 1 else spectrum if colours == 3 else ()
+    if colours == 3 and tables != 1:
+        raise DataError(f"{what}: header, spectral tables", value=tables, limit="must be one table for all rays")
+    flux = 6 if radiant == 1 else 6 + by_ray
+    return _ray_set(_Columns(numbers, flux, 6 + radiant if by_ray == 1 else None, 1.0), stated, what)
+
+
+def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, ...]]:
+    """Where the tables of spectra end, and the lines of the first one."""
+    start = place = TM25_HEADER.size + TM25_TEXTS
+    lines: tuple[Line, ...] = ()
+    for number in range(tables):
+        if len(data) < place + 4:
+            raise _short(what, "the tables of spectra", len(data), place + 4)
+        (pairs,) = struct.unpack_from("<i", data, place)
+        place += 4
+        if pairs < 1 or len(data) < place + 8 * pairs:
+            raise _short(what, f"table {number + 1} of spectra", len(data), place + 8 * max(pairs, 1))
+        rows = np.frombuffer(data, "<f4", 2 * pairs, place).reshape(-1, 2).astype(np.float64)
+        place += 8 * pairs
+        lines = lines or tuple((float(nm), float(weight)) for nm, weight in rows if weight > 0.0)
+    return start + -(-(place - start) // TM25_BLOCK) * TM25_BLOCK, _gathered(lines)
+
+
+def _rays(data: bytes, start: int, many: int, width: int, what: str) -> Real:
+    """Numbers (N, width) of all rays; the file must hold all of them and nothing more."""
+    size = 4 * width
+    whole = start + many * size
+    if many < 1:
+        raise DataError(f"{what}: header, number of rays", value=many, limit="must be at least 1")
+    if len(data) < whole:
+        raise _short(what, f"ray {max(len(data) - start, 0) // size + 1} of {many}", len(data), whole)
+    if len(data) > whole:
+        limit = f"holds {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes"
+        raise DataError(what, limit=limit, remedy="get the file again")
+    return np.frombuffer(data, "<f4", many * width, start).reshape(many, width).astype(np.float64)
+
+
+def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
+    """Rays of the numbers of a file, each checked."""
+    numbers, flux = columns.numbers, columns.numbers[:, columns.flux]
+    length = np.linalg.norm(numbers[:, 3:6], axis=1)
+    checks = {
+        "its numbers must be finite": np.all(np.isfinite(numbers[:, :6]), axis=1) & np.isfinite(flux),
+        "its direction must be a unit vector": np.abs(length - 1.0) <= NOT_UNIT,
+        "its flux must be at least 0": flux >= 0.0,
+    }
+    if columns.wavelength is not None:
+        nm = columns.numbers[:, columns.wavelength] * columns.wavelength_nm
+        checks["its wavelength must be from 100 to 20000 nm"] = (nm >= 100.0) & (nm <= 20_000.0)
+    for limit, good in checks.items():
+        if not np.all(good):
+            raise DataError(f"{what}: ray {int(np.argmin(good)) + 1} of {len(numbers)}", limit=limit)
+    if not np.sum(flux) > 0.0:
+        raise DataError(what, limit="its rays carry no flux at all")
+    power = flux / np.sum(flux)
+    spectrum, line = (stated, None) if columns.wavelength is None else _lines(nm, power)
+    return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
+
+
+def _lines(nm: Real, power: Real) -> tuple[tuple[Line, ...], NDArray[np.int64]]:
+    """Wavelengths of rays, gathered to lines of equal width where there are many, and which of them each ray has."""
+    values, line = np.unique(nm, return_inverse=True)
+    if len(values) > MOST_LINES:
+        edges = np.linspace(nm.min(), nm.max(), MOST_LINES + 1)
+        _, line = np.unique(
+            np.clip(np.searchsorted(edges, nm, side="right") - 1, 0, MOST_LINES - 1), return_inverse=True
+        )
+        weight = np.bincount(line, np.maximum(power, np.finfo(float).tiny))
+        values = np.bincount(line, np.maximum(power, np.finfo(float).tiny) * nm) / weight
+    weights = np.maximum(np.bincount(line, power), np.finfo(float).tiny)
+    return tuple(zip(values.tolist(), weights.tolist(), strict=True)), line.astype(np.int64)
+
+
+def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
+    """A table of a spectrum with few lines."""
+    if len(lines) <= MOST_LINES:
+        return lines
+    nm, weight = (np.array(column) for column in zip(*lines, strict=True))
+    return _lines(nm, weight / weight.sum())[0]
+
+
+def _short(what: str, where: str, found: int, needed: int) -> DataError:
+    limit = f"is cut short in {where}: {found} bytes, at least {needed} needed"
+    return DataError(what, limit=limit, remedy="get the file again")
+
+
+def _no_power(what: str) -> DataError:
+    limit = "its flux is luminous, of no single wavelength: it says nothing of power"
+    return DataError(what, limit=limit, remedy="get the file with radiant flux")

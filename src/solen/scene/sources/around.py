@@ -1,0 +1,85 @@
+"""Ambient light: the same radiance from all sides."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.curve import check_numbers, check_points
+from solen.errors import DesignError
+from solen.plane import Point, heading
+from solen.scene.sources.base import Emission, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.pattern import CosinePower, Real
+from solen.scene.sources.plain import check_size
+
+PANELS = 16
+"""Parts of the circle that integration begins with."""
+LAMBERT = CosinePower()
+
+
+@dataclass(frozen=True)
+class Ambient(Source):
+    """Light of uniform radiance through a circle, inwards; in space through a wall of ``height_mm`` on that circle.
+
+    Uniform radiance gives every line through the circle the same power, whatever its direction and its distance from
+    the middle: each point of the circle is a Lambertian emitter. The circle must enclose all that the light is for; how
+    large it is then changes nothing but the power, which is that of all light through it.
+    """
+
+    center: Point
+    radius_mm: float
+    rays: int
+    height_mm: float = 0.0
+    power: float = 1.0
+    s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
+
+    @property
+    def shape_dimensions(self) -> int:
+        """The place on the circle, and the angle there."""
+        return 2
+
+    @property
+    def space_dimensions(self) -> int:
+        """The place on the circle, the two angles there, and the height where there is one."""
+        return 3 + (self.height_mm > 0.0)
+
+    def place(self, u: Real) -> Placed:
+        """See :meth:`Source.place`."""
+        x, z, inwards = self._on_the_circle(u[:, 0])
+        angle = inwards + LAMBERT.in_plane(u[:, 1], 0.5 * math.pi)
+        return x, z, -np.sin(angle), np.cos(angle)
+
+    def place_in_space(self, u: Real) -> PlacedInSpace:
+        """See :meth:`Source.place_in_space`."""
+        x, z, inwards = self._on_the_circle(u[:, 0])
+        theta, phi = LAMBERT.in_space(u[:, 1], 0.5 * math.pi), 2.0 * math.pi * u[:, 2]
+        y = self.height_mm * (u[:, 3] - 0.5) if self.height_mm > 0.0 else np.zeros(len(u))
+        along, left, up = np.cos(theta), np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+        c, s = np.cos(inwards), np.sin(inwards)
+        return x, y, z, -s * along - c * left, up, c * along - s * left
+
+    def _on_the_circle(self, place: Real) -> tuple[Real, Real, Real]:
+        """Points x, z and the directions inwards, radians from +z."""
+        outwards = 2.0 * math.pi * place
+        x, z = self.center[0] - self.radius_mm * np.sin(outwards), self.center[1] + self.radius_mm * np.cos(outwards)
+        return x, z, outwards + math.pi
+
+    def emission(self) -> Emission:
+        """See :meth:`Source.emission`."""
+
+        def at(place: float) -> tuple[float, float, float]:
+            dx, dz = heading(360.0 * place)
+            return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, 360.0 * place + 180.0
+
+        half = 0.5 * math.pi
+        return Emission(at, LAMBERT.stretches(half), LAMBERT.plane_angle(half), PANELS)
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("ambient light", self.center)
+        check_numbers("ambient light", self.radius_mm)
+        if not self.radius_mm > 0.0:
+            raise DesignError("ambient light radius_mm", value=self.radius_mm, limit="must be above 0")
+        check_size("ambient light height_mm", self.height_mm)

@@ -1,0 +1,129 @@
+"""A file of rays as a source."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import check_numbers, check_points
+from solen.plane import Point, heading
+from solen.scene.rayfile import RaySet, read_rays
+from solen.scene.sources.base import Launch, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.pattern import Real
+
+ACROSS = 1e-9
+"""A direction that is shorter than this in the plane runs along y."""
+
+
+@dataclass(frozen=True)
+class RayFile(Source):
+    """Rays of a vendor's file (see `solen.scene.rayfile`), its origin at ``point``, its z-axis along ``axis_deg``.
+
+    With as many rays as the file holds, each is launched once with its own share of the power; with fewer or more they
+    are drawn by their power. The file's x runs to the right of the axis, its y along y, ``y_mm`` higher. In the plane
+    points and directions are projected: a ray keeps its power, and one along y goes along the axis.
+
+    Make it with `RayFile.of`, which takes the number of rays and the colours from the file.
+    """
+
+    path: str
+    point: Point
+    axis_deg: float
+    rays: int
+    y_mm: float = 0.0
+    power: float = 1.0
+    s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
+
+    @classmethod
+    def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
+        """All rays of a file, or some of them, with the file's spectrum; `DataError` where it cannot be read."""
+        found = read_rays(path)
+        return cls(path, point, axis_deg, rays or len(found), power=power, spectrum=found.spectrum)
+
+    @property
+    def file(self) -> RaySet:
+        """What the file holds."""
+        return read_rays(self.path)
+
+    @property
+    def shape_dimensions(self) -> int:
+        """Which of the rays."""
+        return 1
+
+    def place(self, u: Real) -> Placed:
+        """See :meth:`Source.place`."""
+        x, _, z, dx, _, dz = self._placed(self._which(u))
+        length = np.hypot(dx, dz)
+        axis_x, axis_z = heading(self.axis_deg)
+        along_y = length < ACROSS
+        safe = np.where(along_y, 1.0, length)
+        return x, z, np.where(along_y, axis_x, dx / safe), np.where(along_y, axis_z, dz / safe)
+
+    def place_in_space(self, u: Real) -> PlacedInSpace:
+        """See :meth:`Source.place_in_space`."""
+        return self._placed(self._which(u))
+
+    def dimensions(self, in_space: bool = False) -> int:  # noqa: ARG002  the same in both
+        """See :meth:`Source.dimensions`; a file that says each ray's colour needs no number for it."""
+        return 1 + (len(self.spectrum) > 1 and not self._own_colours)
+
+    def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
+        """See :meth:`Source.launch_at`."""
+        launch = super().launch_at(u, rays, in_space)
+        return self._weighted(launch, u) if rays == self.rays == len(self.file) else launch
+
+    def lines(self, u: Real) -> NDArray[np.int64]:
+        """See :meth:`Source.lines`."""
+        own = self.file.line
+        return own[self._which(u)] if own is not None and self._own_colours else super().lines(u)
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("ray file", self.point)
+        check_numbers("ray file", self.axis_deg, self.y_mm)
+        _ = self.file  # it refuses a file that cannot be read
+
+    @property
+    def _own_colours(self) -> bool:
+        found = self.file
+        return found.line is not None and found.spectrum == self.spectrum
+
+    def _which(self, u: Real) -> NDArray[np.int64]:
+        """Which rays: one after the other where all are asked for, by their power otherwise."""
+        power = self.file.power
+        if self.rays == len(power):
+            return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)
+        share = np.cumsum(power)
+        return np.minimum(np.searchsorted(share / share[-1], u[:, 0], side="right"), len(power) - 1).astype(np.int64)
+
+    def _placed(self, which: NDArray[np.int64]) -> PlacedInSpace:
+        found = self.file
+        (x, y, z), (dx, dy, dz) = found.point_mm[which].T, found.direction[which].T
+        axis_x, axis_z = heading(self.axis_deg)
+        right_x, right_z = axis_z, -axis_x
+        return (
+            self.point[0] + x * right_x + z * axis_x,
+            self.y_mm + y,
+            self.point[1] + x * right_z + z * axis_z,
+            dx * right_x + dz * axis_x,
+            dy.copy(),
+            dx * right_z + dz * axis_z,
+        )
+
+    def _weighted(self, launch: Launch, u: Real) -> Launch:
+        """The same rays, each with its own power."""
+        each = self.power * self.file.power[self._which(u)]
+        return Launch(
+            launch.x_mm,
+            launch.z_mm,
+            launch.dx,
+            launch.dz,
+            each * self.s_share,
+            each * (1.0 - self.s_share),
+            launch.line,
+            launch.y_mm,
+            launch.dy,
+        )

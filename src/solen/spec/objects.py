@@ -1,0 +1,87 @@
+"""Objects of JSON files as the dataclasses they stand for, every field checked against its type.
+
+Curves, and whatever else comes in kinds, are objects with their ``kind`` and the fields of its class; unknown keys are
+refused with the place where they stand.
+"""
+
+import dataclasses
+import json
+import typing
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
+from solen.errors import DataError
+
+CURVES: dict[str, type[Curve]] = {
+    "segment": Segment,
+    "arc": Arc,
+    "parabola": Parabola,
+    "cartesian-oval": CartesianOval,
+    "conic": Conic,
+    "bezier": Bezier,
+    "spline": Spline,
+}
+
+T = TypeVar("T")
+
+
+def parsed(text: str, where: str) -> Any:
+    """What a JSON text holds; `DataError` where it is not JSON, which knows no NaN."""
+
+    def refuse(constant: str) -> None:
+        raise ValueError(f"{constant} is not a number of JSON")
+
+    try:
+        return json.loads(text, parse_constant=refuse)
+    except (ValueError, RecursionError) as bad:
+        raise DataError(where, limit=f"not JSON: {bad}") from None
+
+
+def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
+    """Object of the class that its ``kind`` names."""
+    kind = data.get("kind")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
+    return made(kinds[kind], {key: value for key, value in data.items() if key != "kind"}, where)
+
+
+def made(cls: type[T], data: dict[str, Any], where: str) -> T:
+    """Object of a dataclass, every field checked against its type."""
+    fields = dataclasses.fields(cls)  # type: ignore[arg-type]  # every class here is a dataclass
+    required = {f.name for f in fields if f.default is dataclasses.MISSING}
+    check_keys(data, {field.name for field in fields}, required, where)
+    hints = typing.get_type_hints(cls)
+    return cls(**{key: value_of(hints[key], value, f"{where}: {key}") for key, value in data.items()})
+
+
+def value_of(hint: Any, value: Any, where: str) -> Any:
+    """A value checked against a type; what is made already is passed on."""
+    if isinstance(value, Curve | BaseModel):
+        return value
+    inner = [part for part in (hint, *typing.get_args(hint)) if isinstance(part, type) and _holds_fields(part)]
+    if typing.get_origin(hint) is tuple and inner and isinstance(value, list):
+        return tuple(value_of(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
+    if inner and isinstance(value, dict):
+        kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
+        return untagged(value, kinds, where) if kinds else made(inner[0], value, where)
+    try:
+        adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
+        return adapter.validate_json(json.dumps(value))
+    except ValidationError as bad:
+        raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
+
+
+def _holds_fields(cls: type[Any]) -> bool:
+    return dataclasses.is_dataclass(cls)
+
+
+def check_keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:
+    """`DataError` for a key that is unknown or missing."""
+    for key in data:
+        if key not in known:
+            raise DataError(f"{where}: {key}", limit=f"unknown key; there are {', '.join(sorted(known))}")
+    for key in sorted(required):
+        if key not in data:
+            raise DataError(f"{where}: {key}", limit="missing")

@@ -1,0 +1,67 @@
+"""What several tables of a design say together: keys that need one another, or have no meaning beside one another."""
+
+from typing import TYPE_CHECKING
+
+from solen.spec.strict import refused
+
+if TYPE_CHECKING:  # the design calls this module
+    from solen.spec.design import Design
+    from solen.spec.strict import Strict
+
+Keys = dict[str, tuple[str, ...]]
+
+OF_OUTLINES: Keys = {"body": ("file", "units", "join_mm"), "emitter": ("point_mm", "axis_deg"), "motion": ("bend_mm",)}
+OF_THE_Y: Keys = {
+    "body": ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
+    "lens": ("shape", "focus_mm", "half_width_mm", "design_index"),
+    "emitter": ("distance_mm",),
+}
+OF_ROTATIONS: Keys = {"motion": ("pivot",)}
+OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
+
+
+def check_together(design: "Design") -> None:
+    """Refuse keys that do not fit one another."""
+    outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
+    _refuse_stated(design, OF_THE_Y if outline else OF_OUTLINES, f'body.kind = "{design.body.kind}"')
+    _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')
+    if outline and design.body.file is None:
+        raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
+    if bends:
+        _check_bend(design)
+    elif not outline:
+        _check_moves(design)
+
+
+def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
+    for table, names in keys.items():
+        part: Strict = getattr(design, table)
+        for name in names:
+            value = getattr(part, name)
+            if value != type(part).model_fields[name].default:
+                raise refused(f"{table}.{name}", f"has no meaning with {because}", value=value, remedy="leave it out")
+
+
+def _check_bend(design: "Design") -> None:
+    """A bend carries along whatever stands before the stem."""
+    motion = design.motion
+    if motion.moves != (("emitter",) if design.body.kind == "outline" else ("lens", "emitter")):
+        limit = 'has no meaning with motion.kind = "bend": lens and emitter are carried along'
+        raise refused("motion.moves", limit, value=list(motion.moves), remedy="leave it out")
+    if design.body.kind != "outline":
+        return
+    if motion.bend_mm is None:
+        remedy = "add bend_mm = [z_from_mm, z_to_mm], the heights between which it bends"
+        raise refused("motion.bend_mm", "missing: an outline needs it to bend", remedy=remedy)
+    if not motion.bend_mm[0] < motion.bend_mm[1]:
+        raise refused("motion.bend_mm", "must run from low to high", value=list(motion.bend_mm))
+
+
+def _check_moves(design: "Design") -> None:
+    """What of a Y can turn."""
+    moves = design.motion.moves
+    if "mirrors" in moves:
+        raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")
+    if "receivers" in moves and design.receivers.coupling != "air-gap":
+        limit = "receivers on the arms' ends cannot turn without them"
+        raise refused("motion.moves", limit, value=list(moves), remedy='set receivers.coupling = "air-gap"')

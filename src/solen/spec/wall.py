@@ -1,0 +1,113 @@
+"""What a wall is beyond bare and clean, and what lies outside it: one ``[[wall]]`` table for each stretch.
+
+A stretch is a face, or every face that a pattern matches, or part of it. What touches it is a *pad* of ``depth_mm``:
+a medium of an index of its own, behind a thin film of air where ``gap_um`` says so. The pad ends in black or in air.
+"""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.spec.strict import NotNegative, Number, Strict, Text, refused
+
+Share = Annotated[Number, Field(ge=0, le=1)]
+SCATTER_KEYS = {"gaussian": ("sigma",), "harvey-shack": ("shoulder", "slope"), "lambertian": ()}
+
+
+class Layer(Strict):
+    """One thin film of a coating."""
+
+    table: ClassVar[str] = "wall.coating"
+
+    index: Annotated[Number, Field(gt=0, le=100)] = Field(description="refractive index of the film.")
+    thickness_nm: Annotated[Number, Field(ge=0, le=1e6)] = Field(description="thickness of the film in nm.")
+    extinction: Annotated[Number, Field(ge=0, le=100)] = Field(0.0, description="Extinction coefficient.")
+
+
+class Wall(Strict):
+    """A stretch of the body's walls: what touches it, and its finish."""
+
+    table: ClassVar[str] = "wall"
+
+    face: Text = Field(description='a face or a pattern of faces, as "stem-right" or "stem-*".')
+    from_mm: NotNegative = Field(0.0, description="Where the stretch begins, in mm along the face.")
+    to_mm: Annotated[Number, Field(gt=0)] | None = Field(
+        None, description="Where the stretch ends, in mm along the face; default: at its end."
+    )
+    outside: Text = Field("air", description="What touches the stretch; air, or a name of its own for a medium.")
+    index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(None, description="Refractive index of that medium.")
+    absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in that medium.")
+    depth_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] = Field(1.0, description="Depth of that medium in mm.")
+    beyond: Literal["black", "air"] = Field("black", description="What that medium ends in: black or air.")
+    gap_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
+        None, description="Film of air in um between the body and what touches it; default: none."
+    )
+    finish: Literal["clear", "mirror", "black"] = Field("clear", description="Clear, mirrored or blackened.")
+    reflectance: Share = Field(1.0, description="Share of the power that a mirrored stretch reflects.")
+    scatter: Literal["none", "lambertian", "gaussian", "harvey-shack"] = Field(
+        "none", description="How the stretch scatters what leaves it."
+    )
+    scatter_share: Share = Field(1.0, description="Share of the light that is scattered.")
+    sigma: Annotated[Number, Field(gt=0, le=10)] | None = Field(
+        None, description="Width of gaussian scatter, in direction cosines."
+    )
+    shoulder: Annotated[Number, Field(ge=1e-4, le=10)] | None = Field(
+        None, description="Shoulder of harvey-shack scatter, in direction cosines."
+    )
+    slope: Annotated[Number, Field(ge=0.5, le=10)] | None = Field(
+        None, description="Slope of the wing of harvey-shack scatter."
+    )
+    texture_pitch_um: Annotated[Number, Field(gt=0, le=1e5)] | None = Field(
+        None, description="Pitch of a print's ripple in um."
+    )
+    texture_amplitude_um: Annotated[Number, Field(gt=0, le=1e5)] | None = Field(
+        None, description="Amplitude of a print's ripple in um, half of peak to valley."
+    )
+    texture_direction: Literal["along", "across"] = Field(
+        "along", description="Crests one after another along the wall, or along y (across)."
+    )
+    coating: Annotated[tuple[Layer, ...], Field(max_length=63)] = Field(
+        (), description="Thin films on the wall, from the body outwards."
+    )
+
+    @model_validator(mode="after")
+    def _the_keys_fit_together(self) -> Self:
+        if self.to_mm is not None and not self.from_mm < self.to_mm:
+            raise refused("from_mm", f"must be less than to_mm = {self.to_mm}", value=self.from_mm)
+        self._check_outside()
+        self._check_finish()
+        if (self.texture_pitch_um is None) != (self.texture_amplitude_um is None):
+            missing = "texture_pitch_um" if self.texture_pitch_um is None else "texture_amplitude_um"
+            raise refused(missing, "missing: a texture has a pitch and an amplitude", remedy="add it")
+        return self
+
+    def _check_outside(self) -> None:
+        if self.outside == "body":
+            raise refused("outside", "is the name of the printed part itself", value="body", remedy="use another name")
+        if self.outside != "air":
+            if self.index is None:
+                raise refused("index", f"missing: {self.outside} needs one", remedy="add index = 1.5")
+            return
+        stated = {"index": self.index, "absorption_per_mm": self.absorption_per_mm, "gap_um": self.gap_um}
+        for key, value in stated.items():
+            if value:
+                remedy = (
+                    f'leave it out, or name what touches the wall: outside = "{"glue" if key != "gap_um" else "skin"}"'
+                )
+                raise refused(key, 'has no meaning where outside = "air"', value=value, remedy=remedy)
+
+    def _check_finish(self) -> None:
+        needed = SCATTER_KEYS.get(self.scatter, ())
+        for key in ("sigma", "shoulder", "slope"):
+            value = getattr(self, key)
+            if (value is None) == (key in needed):
+                limit = f'missing: scatter = "{self.scatter}" needs it' if value is None else ""
+                limit = limit or f'has no meaning with scatter = "{self.scatter}"'
+                raise refused(key, limit, value=value, remedy="add it" if value is None else "leave it out")
+        if self.finish != "mirror" and self.reflectance != 1.0:
+            raise refused("reflectance", 'has no meaning without finish = "mirror"', value=self.reflectance)
+        if self.finish != "clear" and (self.outside != "air" or self.coating):
+            key = "outside" if self.outside != "air" else "coating"
+            raise refused(key, f'has no meaning with finish = "{self.finish}": no light gets there')
+        if self.finish == "black" and (self.scatter != "none" or self.texture_pitch_um is not None):
+            raise refused("finish", "black takes all light: no scatter or texture on it", value="black")

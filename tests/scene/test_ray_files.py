@@ -1,0 +1,215 @@
+"""Vendors' ray files: what is written is read, placed where it belongs, and refused where it is not whole."""
+
+import math
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError
+from solen.plane import heading
+from solen.scene import RayFile, Scene, dumps, loads
+from solen.scene.model import Region
+from solen.scene.rayfile import read_rays
+from solen.trace import trace
+from tests.scene.rayfile_support import lambertian, tm25, zemax
+
+THREE = np.array(
+    [
+        [0.1, 0.2, 0.3, 0.6, 0.0, 0.8, 1.0],
+        [-0.4, 0.0, 0.0, 0.0, 0.6, 0.8, 3.0],
+        [0.0, -0.5, 0.1, 0.0, 0.0, 1.0, 0.0],
+    ]
+)
+
+
+def with_colours(rays: np.ndarray, *values: float) -> np.ndarray:
+    return np.column_stack([rays, np.resize(values, len(rays))])
+
+
+@pytest.mark.parametrize("write", [zemax, tm25], ids=["zemax", "tm25"])
+def test_what_is_written_is_read(write: Callable[[Path, np.ndarray], Path], tmp_path: Path) -> None:
+    found = read_rays(write(tmp_path / "a.dat", THREE))
+    assert found.point_mm == pytest.approx(THREE[:, :3], abs=1e-7)
+    assert found.direction == pytest.approx(THREE[:, 3:6], abs=1e-7)
+    assert found.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
+    ((nm, weight),) = found.spectrum
+    assert (nm, weight) == pytest.approx((850.0, 1.0), rel=1e-6)
+    assert found.line is None
+
+
+@pytest.mark.parametrize(("unit", "factor"), [(0, 1000.0), (1, 25.4), (2, 10.0), (3, 304.8), (4, 1.0)])
+def test_lengths_of_zemax_are_in_its_unit(unit: int, factor: float, tmp_path: Path) -> None:
+    found = read_rays(zemax(tmp_path / "a.sdf", THREE, unit=unit))
+    assert found.point_mm == pytest.approx(factor * THREE[:, :3], rel=1e-6)
+
+
+def test_colours_of_rays_are_read(tmp_path: Path) -> None:
+    rays = with_colours(THREE, 0.45, 0.62, 0.45)
+    found = read_rays(zemax(tmp_path / "a.sdf", rays, kind=2))
+    assert [nm for nm, _ in found.spectrum] == pytest.approx([450.0, 620.0], rel=1e-6)
+    assert [weight for _, weight in found.spectrum] == pytest.approx([0.25, 0.75], rel=1e-6)
+    assert found.line is not None
+    assert found.line.tolist() == [0, 1, 0]
+    other = read_rays(
+        tm25(
+            tmp_path / "a.tm25ray", with_colours(THREE, 450.0, 620.0, 450.0), spectral=2, flags=(1, 1, 1, 1, 0, 0, 0, 0)
+        )
+    )
+    assert other.line is not None
+    assert other.line.tolist() == [0, 1, 0]
+
+
+def test_many_colours_are_gathered_and_keep_their_mean(tmp_path: Path) -> None:
+    rays = lambertian(2000)
+    nm = np.linspace(400.0, 700.0, 2000)
+    found = read_rays(zemax(tmp_path / "a.sdf", np.column_stack([rays, nm / 1000.0]), kind=2))
+    values, weights = (np.array(column) for column in zip(*found.spectrum, strict=True))
+    assert len(values) <= 32
+    assert weights.sum() == pytest.approx(1.0, rel=1e-6)
+    assert values @ weights == pytest.approx(550.0, abs=0.01)
+    assert found.line is not None
+    assert np.max(np.abs(values[found.line] - nm)) < 300.0 / 32
+
+
+def test_a_table_of_a_spectrum_a_text_and_luminous_columns_are_passed_over(tmp_path: Path) -> None:
+    rays = np.column_stack([THREE, 683.0 * THREE[:, 6]])  # radiant and luminous flux
+    path = tm25(
+        tmp_path / "a.tm25ray",
+        rays,
+        spectral=3,
+        flags=(1, 1, 1, 0, 1, 0, 0, 0),
+        table=((450.0, 1.0), (500.0, 0.0), (620.0, 3.0)),
+        text=b"x" * 64,
+    )
+    found = read_rays(path)
+    assert found.power == pytest.approx([0.25, 0.75, 0.0], abs=1e-7)
+    assert found.spectrum == ((450.0, 1.0), (620.0, 3.0))
+
+
+def changed(row: int, column: int, value: float) -> np.ndarray:
+    bad = THREE.copy()
+    bad[row, column] = value
+    return bad
+
+
+def cut(path: Path, keep: int) -> None:
+    path.write_bytes(path.read_bytes()[:keep])
+
+
+BROKEN: dict[str, Callable[[Path], object]] = {
+    "missing": lambda path: path.unlink(missing_ok=True),
+    "text": lambda path: path.write_text("3 4\n0 0 0 0 0 1 1\n", encoding="utf-8"),
+    "empty": lambda path: path.write_bytes(b""),
+    "header": lambda path: path.write_bytes(struct.pack("<i", 1010)),
+    "cut": lambda path: cut(zemax(path, THREE), -1),
+    "longer": lambda path: path.write_bytes(zemax(path, THREE).read_bytes() + b"1234"),
+    "cut tm25": lambda path: cut(tm25(path, THREE), -30),
+    "cut table": lambda path: cut(tm25(path, THREE, spectral=3, table=((450.0, 1.0), (620.0, 1.0))), 36_294),
+    "unit": lambda path: zemax(path, THREE, unit=9),
+    "format": lambda path: zemax(path, THREE, kind=1),
+    "lumens": lambda path: zemax(path, THREE, flux=1, wavelength_um=0.0),
+    "luminous": lambda path: tm25(path, THREE, spectral=0, flags=(1, 1, 0, 0, 1, 0, 0, 0)),
+    "no flux": lambda path: tm25(path, THREE[:, :6], flags=(1, 1, 0, 0, 0, 0, 0, 0)),
+    "by ray": lambda path: tm25(path, np.column_stack([THREE, [1, 1, 1]]), spectral=4, flags=(1, 1, 1, 0, 0, 0, 0, 1)),
+    "dark": lambda path: zemax(path, THREE * [1, 1, 1, 1, 1, 1, 0]),
+    "not unit": lambda path: zemax(path, changed(1, 4, 0.9)),
+    "nan": lambda path: zemax(path, changed(2, 0, math.nan)),
+    "negative": lambda path: zemax(path, changed(2, 6, -1.0)),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("missing", "cannot be read"),
+        ("text", "no binary Zemax file"),
+        ("empty", "no binary Zemax file"),
+        ("header", "cut short in the header: 4 bytes, at least 208 needed"),
+        ("cut", "cut short in ray 3 of 3: 291 bytes, at least 292 needed"),
+        ("longer", "4 more than its 3 rays of 28 bytes"),
+        ("cut tm25", "cut short in ray 2 of 3"),
+        ("cut table", "cut short in table 1 of spectra"),
+        ("unit", "dimension units = 9"),
+        ("format", "ray format = 1"),
+        ("lumens", "luminous"),
+        ("luminous", "luminous"),
+        ("no flux", "a position, a direction and a flux"),
+        ("by ray", "spectral data = 4"),
+        ("dark", "no flux at all"),
+        ("not unit", "ray 2 of 3; its direction must be a unit vector"),
+        ("nan", "ray 3 of 3; its numbers must be finite"),
+        ("negative", "ray 3 of 3; its flux must be at least 0"),
+    ],
+)
+def test_a_file_that_is_none_is_refused_with_the_place(kind: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "broken.dat"
+    BROKEN[kind](path)
+    with pytest.raises(DataError) as refusal:
+        read_rays(path)
+    line = str(refusal.value)
+    assert words in line
+    assert "broken.dat" in line
+    assert len(line.splitlines()) == 1
+
+
+def test_a_file_that_changes_is_read_again(tmp_path: Path) -> None:
+    path = zemax(tmp_path / "a.dat", THREE)
+    assert len(read_rays(path)) == 3
+    zemax(path, THREE[:2])
+    os.utime(path, ns=(1, 1))
+    assert len(read_rays(path)) == 2
+
+
+def test_rays_stand_where_the_axis_puts_them(tmp_path: Path) -> None:
+    """The file's z runs along the axis, its x to the right of it, its y up; each ray has its own power."""
+    source = RayFile.of(str(zemax(tmp_path / "a.dat", THREE)), (1.0, -2.0), 30.0, power=4.0)
+    launch = source.launch(in_space=True)
+    assert launch.y_mm is not None
+    assert launch.dy is not None
+    axis, right = heading(30.0), heading(-60.0)
+    for i, (x, y, z, dx, dy, dz, flux) in enumerate(THREE):
+        assert launch.x_mm[i] == pytest.approx(1.0 + x * right[0] + z * axis[0], abs=1e-6)
+        assert launch.z_mm[i] == pytest.approx(-2.0 + x * right[1] + z * axis[1], abs=1e-6)
+        assert launch.dx[i] == pytest.approx(dx * right[0] + dz * axis[0], abs=1e-6)
+        assert launch.dz[i] == pytest.approx(dx * right[1] + dz * axis[1], abs=1e-6)
+        assert (launch.y_mm[i], launch.dy[i]) == pytest.approx((y, dy), abs=1e-6)
+        assert launch.power_s[i] + launch.power_p[i] == pytest.approx(flux, abs=1e-6)
+    flat = source.launch()
+    assert np.hypot(flat.dx, flat.dz) == pytest.approx(1.0, abs=1e-15)
+    assert flat.dx / flat.dz == pytest.approx(launch.dx / launch.dz, rel=1e-12)
+
+
+def test_a_ray_along_y_goes_along_the_axis_in_the_plane(tmp_path: Path) -> None:
+    up = np.array([[0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0]])
+    launch = RayFile.of(str(zemax(tmp_path / "a.dat", up)), (0.0, 0.0), 20.0).launch()
+    assert (launch.dx[0], launch.dz[0]) == pytest.approx(heading(20.0))
+
+
+def test_fewer_rays_are_drawn_by_their_power(tmp_path: Path) -> None:
+    rays = lambertian(4000)
+    rays[:, 6] *= np.where(rays[:, 0] > 0.0, 3.0, 1.0)
+    source = RayFile.of(str(zemax(tmp_path / "a.dat", rays)), (0.0, 0.0), 0.0, 1000)
+    launch = source.launch()
+    assert len(launch) == 1000
+    assert np.ptp(launch.power_s) == 0.0
+    expected = rays[rays[:, 0] > 0.0, 6].sum() / rays[:, 6].sum()
+    assert np.mean(launch.x_mm > 0.0) == pytest.approx(
+        expected, abs=0.03
+    )  # a thousand rays, drawn in the order of the file
+
+
+def test_a_file_is_a_source_of_a_scene(tmp_path: Path) -> None:
+    path = zemax(tmp_path / "a.dat", with_colours(lambertian(64), 0.45, 0.62), kind=2)
+    source = RayFile.of(str(path), (0.0, 0.0), 0.0)
+    scene = Scene((Region("air", 1.0),), (), (source,))
+    assert loads(dumps(scene)) == scene
+    for sampling in ("fan", "sobol"):
+        found = trace(scene, "power", sampling=sampling)
+        assert found.ledger.escaped == pytest.approx(1.0, abs=1e-12)
+    assert source.dimensions() == 1
+    assert np.bincount(source.launch().line).tolist() == [32, 32]
+    assert source.with_spectrum(()).launch().line.tolist() == [0] * 64
