@@ -8,14 +8,12 @@ found by `place_of`.
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.curve import Arc, Bezier, CubicChain, Curve, Segment, Spline
-from solen.curve.cubic import Control, cut
+from solen.curve import Arc, CubicChain, Curve, Segment
 from solen.plane import Point, along, cross, dot, minus, unit
 from solen.scene.rayoptics.facets import Facets
 
@@ -27,44 +25,22 @@ SAMPLES_PER_CUBIC = 48
 SAMPLES_PER_ARC = 128
 PARALLEL = 1e-7
 """Sine of the angle below which two chords lie along one another rather than cross."""
+SLIVER = 1e-9
+"""Share of a cubic that is not cut off."""
 STEPS = 60
 """Halvings or Newton steps at most."""
 
 
 def part(curve: Curve, low: float, high: float) -> Curve:
-    """The part of a curve between two of its parameters."""
-    if (low, high) == (0.0, 1.0):
-        return curve
-    if isinstance(curve, Segment):
-        return Segment(_at(curve, low), _at(curve, high))
-    if isinstance(curve, Arc):
-        return Arc(
-            curve.center, curve.radius_mm, curve.start_deg + low * curve.sweep_deg, (high - low) * curve.sweep_deg
-        )
+    """The part of a curve between two of its parameters, and at a joint of cubics rather than just beside it."""
     if isinstance(curve, CubicChain):
-        return _part_of_chain(curve.controls, low, high)
-    if isinstance(curve, Facets):
-        span = curve.high - curve.low
-        return replace(curve, low=curve.low + low * span, high=curve.low + high * span)
-    raise TypeError(type(curve).__name__)
+        low, high = (_at_joint(u, len(curve.controls)) for u in (low, high))
+    return curve if (low, high) == (0.0, 1.0) else curve.part(low, high)
 
 
-def _part_of_chain(controls: tuple[Control, ...], low: float, high: float) -> Curve:
-    n = len(controls)
-    found: list[Control] = []
-    for i, whole in enumerate(controls):
-        from_v, to_v = max(low * n - i, 0.0), min(high * n - i, 1.0)
-        if to_v - from_v <= 1e-12:
-            continue
-        kept = whole
-        if to_v < 1.0:
-            kept = cut(kept, to_v)[0]
-        if from_v > 0.0:
-            kept = cut(kept, from_v / to_v)[1]
-        found.append(kept)
-    if len(found) == 1:
-        return Bezier(*found[0])
-    return Spline((found[0][0], *(point for control in found for point in control[1:])))
+def _at_joint(u: float, cubics: int) -> float:
+    joint = round(u * cubics)
+    return joint / cubics if abs(u * cubics - joint) < SLIVER else u
 
 
 def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
@@ -117,6 +93,11 @@ def samples(curve: Curve) -> Floats:
 
 def _at(curve: Curve, u: float) -> Point:
     x, z = curve.points(np.array([u]))[0]
+    return (float(x), float(z))
+
+
+def _velocity(curve: Curve, u: float) -> Point:
+    x, z = curve.velocities(np.array([u]))[0]
     return (float(x), float(z))
 
 
@@ -207,11 +188,10 @@ def _of_polylines(a: Curve, b: Curve) -> list[Place]:
 
 
 def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
-    step = 1e-7
     for _ in range(STEPS):
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
         gap = minus(_at(b, v), _at(a, u))
-        along_a, along_b = (_slope(curve, w, step) for curve, w in ((a, u), (b, v)))
+        along_a, along_b = (_velocity(curve, w) for curve, w in ((a, u), (b, v)))
         slant = cross(along_a, along_b)
         if slant == 0.0:
             break
@@ -220,12 +200,6 @@ def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
         if abs(du) + abs(dv) < 1e-15:
             break
     return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
-
-
-def _slope(curve: Curve, u: float, step: float) -> Point:
-    low, high = max(u - step, 0.0), min(u + step, 1.0)
-    (a, b) = curve.points(np.array([low, high]))
-    return (float(b[0] - a[0]) / (high - low), float(b[1] - a[1]) / (high - low))
 
 
 def unlooped(curve: Curve) -> list[Curve]:
