@@ -136,7 +136,7 @@ class _Tracer:
             self._escape(ray)
             return None
         at = along(ray.origin, ray.direction, length_mm)
-        normal = interface.curve.normal_at(at)
+        normal = self._normal(interface, at, ray.direction)
         from_right = dot(ray.direction, normal) > 0.0
         region, beyond = (interface.right, interface.left) if from_right else (interface.left, interface.right)
         if length_mm <= CORNER_MM and self._only_an_end(ray, interface, region):
@@ -167,6 +167,10 @@ class _Tracer:
         if interface.behaviour == "mirror" and surface is None:
             return back
         return self._refract(arrived, back, facing, beyond, waiting)
+
+    def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:  # noqa: ARG002  some ask for it
+        """Left normal where a ray meets an interface."""
+        return interface.curve.normal_at(at)
 
     def _only_an_end(self, ray: Ray, interface: Interface, region: str) -> bool:
         """Whether a ray that stands in a corner meets only the end of the other curve, which reaches over the corner.
