@@ -78,26 +78,27 @@ def trace_reference(
 ) -> Trace:
     """Trace every ray of every source; see `solen.trace.engine.trace` for the parameters."""
     check_mode(mode)
-    tracer = _Tracer(scene, mode, limits or Limits(), seed)
+    tracer = Tracer(scene, mode, limits or Limits(), seed)
     number = 0
     for which, source in enumerate(scene.sources):
         launch = source.launch()
         for i in range(len(launch)):
             wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
-            ray = _ray(launch, i, number, tracer.limits)
+            ray = launched(launch, i, number, tracer.limits)
             tracer.follow(replace(ray, source=which, wavelength_nm=wavelength_nm))
             number += 1
     return tracer.result(legs)
 
 
-def _ray(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
+def launched(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
+    """Ray i of a launch, under the number that it has among all sources'."""
     s, p = float(launch.power_s[i]), float(launch.power_p[i])
     origin = (float(launch.x_mm[i]), float(launch.z_mm[i]))
     direction = (float(launch.dx[i]), float(launch.dz[i]))
     return Ray(number, 0, origin, direction, s, p, limits.min_weight * (s + p))
 
 
-class _Tracer:
+class Tracer:
     """Follows rays through one scene and adds up what becomes of them."""
 
     def __init__(self, scene: Scene, mode: Mode, limits: Limits, seed: int) -> None:

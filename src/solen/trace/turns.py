@@ -20,7 +20,7 @@ from solen.errors import DesignError
 from solen.plane import Point
 from solen.scene import Interface, Scene
 from solen.scene.rayoptics import Facets
-from solen.trace.reference import Ray, _ray, _Tracer
+from solen.trace.reference import Ray, Tracer, launched
 from solen.trace.result import TRUNCATED, Limits, Trace
 
 WEAK = 0.01
@@ -72,7 +72,7 @@ def trace_in_turns(scene: Scene, turns: Turns, *, legs: bool = False) -> Trace:
     return tracer.result(legs)
 
 
-class _InTurns(_Tracer):
+class _InTurns(Tracer):
     """The reference tracer, one step of one ray at a time."""
 
     def __init__(self, scene: Scene, turns: Turns) -> None:
@@ -100,7 +100,7 @@ class _InTurns(_Tracer):
             launch = source.launch()
             for i in range(len(launch)):
                 wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
-                ray = replace(_ray(launch, i, len(found), self.limits), source=which, wavelength_nm=wavelength_nm)
+                ray = replace(launched(launch, i, len(found), self.limits), source=which, wavelength_nm=wavelength_nm)
                 found.append((ray, bool(self.turns.fresh) and self.turns.fresh[len(found)]))
         return found
 
