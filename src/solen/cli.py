@@ -111,7 +111,7 @@ def trace(
     file: Path,
     /,
     *,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
     no_lens: Annotated[bool, Parameter(negative=())] = False,
     rays: str | None = None,
     mode: str | None = None,
@@ -126,14 +126,14 @@ def trace(
     netcdf: Path | None = None,
     as_json: Json = False,
 ) -> None:
-    """Trace a design at one angle of its motion.
+    """Trace a design at one angle of its motion, or a scene: solen's own or one of ray-optics, a .json file.
 
     Parameters
     ----------
     file
-        The design file.
+        The design file, or a scene's JSON.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right.
+        Angle in degrees, counter-clockwise: a negative one turns to the right; 0 by default. Of a design only.
     no_lens
         Leave the lens out: a flat face at the stem's base.
     rays
@@ -158,7 +158,7 @@ def trace(
     netcdf
         Write everything that was found to this .nc file.
     """
-    from solen import pipeline
+    from solen import pipeline, scenefile
 
     if paths and not (as_json or netcdf):
         raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
@@ -166,10 +166,17 @@ def trace(
         limit = "has no meaning with --sampling adaptive"
         raise SpecError("--rays", value=rays, limit=limit, remedy="leave one of them out")
     how = pipeline.Sampling(sampling, seed, tolerance, precision, histogram)
+    if scenefile.is_scene(file):
+        scenefile.refuse_design_options(
+            {"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
+        )
+        scene = scenefile.trace_scene(file, mode=mode, sampling=how, paths=paths, figure=figure, netcdf=netcdf)
+        _show(scene, as_json, lambda: _scene_lines(scene))
+        return
     chosen = {"lens.shape": "none" if no_lens else None, "emitter.rays": rays, "trace.mode": mode}
     assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
     found = pipeline.trace_design(
-        file, assignments, angle_deg=angle_deg, sampling=how, paths=paths, figure=figure, netcdf=netcdf
+        file, assignments, angle_deg=angle_deg or 0.0, sampling=how, paths=paths, figure=figure, netcdf=netcdf
     )
     _show(found, as_json, lambda: _trace_lines(found))
 
@@ -310,6 +317,20 @@ def _trace_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"the tolerance was not reached: {found['why']}")
     if found["undefined_at_mm"]:
         lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
+    return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
+
+
+def _scene_lines(found: dict[str, Any]) -> list[str]:
+    lines = [f"{found['name']} ({found['format']}), {found['rays']} rays, mode {found['mode']}"]
+    for name, one in found["detectors"].items():
+        bins = f", {len(one['map']['position'])} bins" if "map" in one else ""
+        lines.append(f"  {name:9} {one['power']:.6g} ({one['rays']} rays{bins})")
+    lines += [f"  {name:9} {power:.6f}" for name, power in found["ledger"].items()]
+    if found["undefined_at_mm"]:
+        lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
+    for one in found["not_understood"]:
+        what = "scene" if one["object"] == 0 else f"object {one['object']}, {one['type']}"
+        lines.append(f"not understood: {what}{'' if one['key'] is None else ', ' + one['key']}: {one['reason']}")
     return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
 
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from solen import files
 from solen.errors import OutputError, SpecError
 from solen.report import results as numbers
-from solen.sensor import OPTICAL_KEYS, TOLERANCE, Sensitivity, Sensor, TraceOptions, study
+from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, TraceOptions, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
 from solen.trace import Detected, Series, Slope, Trace, convergence
 from solen.trace import Path as Way
@@ -155,8 +155,7 @@ def trace_design(
         raise SpecError("--paths", value=f"{design.emitter.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
     sensor = Sensor.of(design)
     if sampling.method == "adaptive":
-        tolerance = TOLERANCE if sampling.tolerance is None else sampling.tolerance
-        result = sensor.integrate(angle_deg, design.trace.mode, tolerance)
+        result = sensor.integrate(angle_deg, design.trace.mode, sampling.tolerance)
     else:
         options = sampling.options(design.trace.mode)
         options["legs"] = paths

@@ -137,8 +137,8 @@ def test_the_slope_is_missing_without_light() -> None:
 def test_where_no_number_of_rays_is_enough_the_uncertainty_says_so(
     monkeypatch: pytest.MonkeyPatch, paper: Sensor
 ) -> None:
-    monkeypatch.setattr("solen.sensor.FIRST_RAYS", 64)
-    monkeypatch.setattr("solen.sensor.MOST_RAYS", 256)
+    monkeypatch.setattr("solen.sensor.sensor.FIRST_RAYS", 64)
+    monkeypatch.setattr("solen.sensor.sensor.MOST_RAYS", 256)
     trace, u = paper.doubled(-3.0, tolerance=1e-12)
     assert trace.rays == 256
     assert u >= 1 / 256

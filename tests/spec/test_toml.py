@@ -47,8 +47,8 @@ def test_an_unknown_key_explains_the_missing_one() -> None:
 
 RESERVED = {
     "emitter": ["power_mW"],
-    "receivers": ["part", "width_mm", "height_mm"],
-    "trace": ["dimension", "min_weight", "seed"],
+    "receivers": ["part", "width_mm"],
+    "trace": ["min_weight", "seed"],
     "lens": ["outline"],
 }
 

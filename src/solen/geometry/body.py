@@ -19,6 +19,7 @@ from solen.errors import DesignError
 from solen.plane import Point
 
 if TYPE_CHECKING:
+    import shapely.geometry.base
 
 GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner when their ends are this near: curves reach that far beyond their ends."""

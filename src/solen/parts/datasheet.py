@@ -89,7 +89,7 @@ class PatternPart(Sourced):
         return self
 
 
-class _Datasheet(Strict):
+class Datasheet(Strict):
     """What every part states."""
 
     error: ClassVar[type[SolenError]] = DataError
@@ -103,7 +103,7 @@ class _Datasheet(Strict):
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
 
 
-class EmitterPart(_Datasheet):
+class EmitterPart(Datasheet):
     """A light source: its pattern, its spectrum, its power and what they spread by."""
 
     kind: Literal["emitter"] = Field(description="emitter.")
@@ -118,7 +118,7 @@ class EmitterPart(_Datasheet):
     rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
 
 
-class ReceiverPart(_Datasheet):
+class ReceiverPart(Datasheet):
     """A light receiver: its sensitivity, its band and its limits."""
 
     kind: Literal["receiver"] = Field(description="receiver.")

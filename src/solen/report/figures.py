@@ -146,6 +146,47 @@ def sensor_view(
     return title, sensor.body(angle_deg), sensor.scene(angle_deg, rays), sensor.trace(angle_deg, mode, rays, legs=True)
 
 
+def scene_figure(scene: Scene, trace: Trace) -> Figure:
+    """A scene with some of its rays; the trace must have kept its legs. Edges of half-planes do not widen the view."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 5.2), layout="constrained")
+        axes = figure.add_subplot()
+        paths = trace.paths()
+        shown = {*np.linspace(0, trace.rays - 1, min(trace.rays, SHOWN_RAYS)).astype(int).tolist()}
+        paths = [path for path in paths if path.ray in shown]
+        low, high = _extent(scene, paths)
+        margin = 0.05 * max(high[0] - low[0], high[1] - low[1])
+        beyond = 40.0 * margin  # the axes cut it off
+        brightest = max((path.power for path in paths), default=1.0)
+        colours = [(*mpl.colors.to_rgb(RIGHT), 0.1 + 0.75 * path.power / brightest) for path in paths]
+        axes.add_collection(LineCollection([_drawn(path, beyond) for path in paths], colors=colours, linewidths=0.5))
+        for interface in scene.interfaces:
+            refracting = interface.behaviour == "refracting"
+            axes.plot(
+                *interface.curve.flattened(0.01).T, color=LOST if refracting else INK, lw=0.9 if refracting else 1.6
+            )
+        for monitor in scene.monitors:
+            axes.plot(*zip(monitor.start, monitor.end, strict=True), color=LEFT, lw=1.2, ls="--")
+        axes.set_aspect("equal")
+        axes.grid(visible=False)
+        axes.set(title=scene.name, xlabel="x (mm)", ylabel="z (mm)")
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    return figure
+
+
+def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Least and greatest x and z of starts of rays, of monitors and of curves that are no endless edges."""
+    found = [path.points[:1] for path in paths if path.parent < 0]
+    found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
+    curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]
+    sizes = [float(np.ptp(points, axis=0).max()) for points in curves]
+    usual = 100.0 * float(np.median(sizes)) if len(sizes) > 1 else 1e3
+    found += [points for points, size in zip(curves, sizes, strict=True) if size <= usual]
+    points = np.vstack(found) if found else np.array([[0.0, 0.0], [1.0, 1.0]])
+    low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return (low[0], low[1]), (high[0], high[1])
+
+
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values, NaN where they are not above 0."""
     return np.where(values > 0.0, values, np.nan)

@@ -1,28 +1,14 @@
 """The scene of a sensor: its body in air, the emitter before it, its receivers, and what touches its walls."""
 
-import math
-
-import numpy as np
+from dataclasses import replace
 
 from solen.geometry import Body, Face
-from solen.geometry.body import Pose
 from solen.material import Dispersion, Optical
-from solen.parts import Light, light_of
-from solen.scene.model import Behaviour, Interface, Region, Scene
+from solen.parts import light_of
+from solen.scene.light import ambient_of, emitter_of
+from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
 from solen.scene.pad import pad_edges, pad_regions
-from solen.scene.sources import (
-    Ambient,
-    Chip,
-    CosinePower,
-    Emitter,
-    Fan,
-    Isotropic,
-    Line,
-    Pattern,
-    PatternTable,
-    RayFile,
-    Source,
-)
+from solen.scene.sources import Line
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 from solen.spec import Design, Wall
 
@@ -31,8 +17,6 @@ BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
 """Of faces by the first word of their name; any other refracts."""
 FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
-ROOM = 1.1
-"""Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
@@ -44,7 +28,9 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     before it; light reaching its back is absorbed, not detected. Stretches that the design's wall tables name have
     their finish, and beside them a pad of what touches them.
 
-    Sources have a spectrum where anything in the scene depends on it, as films on a wall do.
+    Where a wall is coated, or a film of air parts it from what touches it, the emitter has the design's wavelength.
+    With ``dimension = "extruded"`` all of it reaches over the body's thickness, and light that meets an arm's end above
+    or below a lower receiver leaves there.
     """
     interfaces = [
         *(_interface(face, BODY, design.wall) for face in body.all_faces),
@@ -52,14 +38,20 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
         *pad_edges(body, design.wall),
     ]
     light = light_of(design)
-    emitter = _emitter(design, light, body.emitter, rays)
+    emitter = emitter_of(design, light, body.emitter, rays)
     index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
     used = {name for interface in interfaces for name in (interface.left, interface.right)}
-    outside = (region for region in pad_regions(design.wall) if region.name in used)
+    outside = [region for region in pad_regions(design.wall) if region.name in used]
     regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
     emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
-    sources = (emitter, *_ambient(design, body, interfaces, emitter.spectrum))
-    return Scene(regions, tuple(interfaces), sources, name=design.name)
+    sources = (emitter, *ambient_of(design, body, emitter.spectrum))
+    if design.trace.dimension == "2d":
+        return Scene(regions, tuple(interfaces), sources, name=design.name)
+    high_mm, extrusion = design.receivers.height_mm, Extrusion(design.body.thickness_mm)
+    if high_mm is not None:
+        height_mm = (-0.5 * high_mm, 0.5 * high_mm)
+        interfaces = [replace(i, height_mm=height_mm) if i.behaviour == "receiver" else i for i in interfaces]
+    return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion)
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
@@ -69,42 +61,6 @@ def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interface
         surface.coating is not None or surface.band_nm is not None for surface in surfaces
     )
     return spectrum if matters else ()
-
-
-def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
-    """Source of a light: a fan or a chip where the paper's evenly spaced angles will do.
-
-    Its width is the one that the design states or its part has, else the drawn one.
-    """
-    width_mm = light.width_mm or pose.width_mm
-    stated = design.emitter.rays if rays is None else rays
-    if light.ray_file is not None:
-        some = stated if rays is not None or design.emitter.states("rays") else None
-        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, some)
-    if light.pattern == "fan" and width_mm == 0.0:
-        return Fan(pose.point, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
-    if light.pattern == "fan":
-        return Chip(pose.point, width_mm, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
-    pattern: Pattern = Isotropic()
-    if light.pattern == "lambertian":
-        pattern = CosinePower(light.exponent)
-    elif light.pattern == "table":
-        pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
-    size = (light.cone_deg, width_mm, light.height_mm)
-    return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
-
-
-def _ambient(design: Design, body: Body, interfaces: list[Interface], spectrum: tuple[Line, ...]) -> tuple[Source, ...]:
-    """Ambient light through a circle that holds everything, with some room."""
-    stated = design.ambient
-    if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
-        return ()
-    points = np.vstack([*(interface.curve.flattened() for interface in interfaces), [body.emitter.point]])
-    low, high = points.min(axis=0), points.max(axis=0)
-    x, z = (0.5 * (low + high)).tolist()
-    radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
-    power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
-    return (Ambient((x, z), radius_mm, stated.rays, design.body.thickness_mm, power, spectrum=spectrum),)
 
 
 def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:

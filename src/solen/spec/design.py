@@ -261,12 +261,16 @@ class Receivers(Strict):
         }
     )
     table: ClassVar[str] = "receivers"
-    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm", "height_mm"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm"})
 
     coupling: Literal["matched", "air-gap"] = Field(
         "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
     )
     gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    height_mm: Length | None = Field(
+        None,
+        description='Height in mm along y, about the middle, with dimension = "extruded"; default: all of it.',
+    )
 
     @model_validator(mode="after")
     def _gap_with_air_gap_only(self) -> Self:
@@ -351,11 +355,15 @@ class Trace(Strict):
     """How rays are followed."""
 
     table: ClassVar[str] = "trace"
-    reserved: ClassVar[frozenset[str]] = frozenset({"dimension", "min_weight", "seed"})
+    reserved: ClassVar[frozenset[str]] = frozenset({"min_weight", "seed"})
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
         description="Whole rays that refract or reflect totally, Fresnel power with both branches, or with one drawn.",
+    )
+    dimension: Literal["2d", "extruded"] = Field(
+        "2d",
+        description="The plane of the sensor alone, or rays in space in a body of body.thickness_mm.",
     )
 
 

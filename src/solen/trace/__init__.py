@@ -8,6 +8,7 @@ from solen.trace.engine import trace
 from solen.trace.many import trace_many
 from solen.trace.reference import trace_reference
 from solen.trace.result import Crossed, Detected, Ledger, Limits, Mode, Path, Trace
+from solen.trace.turns import Turns, trace_in_turns
 
 __all__ = [
     "Convergence",
@@ -21,6 +22,7 @@ __all__ = [
     "Series",
     "Slope",
     "Trace",
+    "Turns",
     "convergence",
     "derivative",
     "integrate",
@@ -28,6 +30,7 @@ __all__ = [
     "save_netcdf",
     "to_dataset",
     "trace",
+    "trace_in_turns",
     "trace_many",
     "trace_reference",
 ]

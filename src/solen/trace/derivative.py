@@ -26,8 +26,8 @@ from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.result import Limits, Mode
 
-TOLERANCE, EXTENDED_TOLERANCE = 1e-9, 1e-7
-RELATIVE_STEP, EXTENDED_STEP = 2e-4, 5e-3
+TOLERANCE, EXTENDED_TOLERANCE = 1e-9, 1e-6
+RELATIVE_STEP, EXTENDED_STEP = 2e-4, 1e-2
 MOST_HALVINGS = 6
 MOST_LEGS = 400_000
 
@@ -72,9 +72,9 @@ def derivative(
         Where the derivative is taken.
     step
         Largest change of the parameter; by default 2e-4 of ``value`` or, at 0, 2e-4; for sources with a size or several
-        colours 5e-3. For a point source it is halved, up to six times, where the light's ways change within it.
+        colours 1e-2. For a point source it is halved, up to six times, where the light's ways change within it.
     mode, tolerance, limits
-        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, or of 1e-7 for
+        As in `solen.trace.integrate`, for the integral at ``value``; by default a tolerance of 1e-9, or of 1e-6 for
         sources with a size or several colours.
 
     Returns

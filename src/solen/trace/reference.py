@@ -78,26 +78,27 @@ def trace_reference(
 ) -> Trace:
     """Trace every ray of every source; see `solen.trace.engine.trace` for the parameters."""
     check_mode(mode)
-    tracer = _Tracer(scene, mode, limits or Limits(), seed)
+    tracer = Tracer(scene, mode, limits or Limits(), seed)
     number = 0
     for which, source in enumerate(scene.sources):
         launch = source.launch()
         for i in range(len(launch)):
             wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
-            ray = _ray(launch, i, number, tracer.limits)
+            ray = launched(launch, i, number, tracer.limits)
             tracer.follow(replace(ray, source=which, wavelength_nm=wavelength_nm))
             number += 1
     return tracer.result(legs)
 
 
-def _ray(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
+def launched(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
+    """Ray i of a launch, under the number that it has among all sources'."""
     s, p = float(launch.power_s[i]), float(launch.power_p[i])
     origin = (float(launch.x_mm[i]), float(launch.z_mm[i]))
     direction = (float(launch.dx[i]), float(launch.dz[i]))
     return Ray(number, 0, origin, direction, s, p, limits.min_weight * (s + p))
 
 
-class _Tracer:
+class Tracer:
     """Follows rays through one scene and adds up what becomes of them."""
 
     def __init__(self, scene: Scene, mode: Mode, limits: Limits, seed: int) -> None:
@@ -136,7 +137,7 @@ class _Tracer:
             self._escape(ray)
             return None
         at = along(ray.origin, ray.direction, length_mm)
-        normal = interface.curve.normal_at(at)
+        normal = self._normal(interface, at, ray.direction)
         from_right = dot(ray.direction, normal) > 0.0
         region, beyond = (interface.right, interface.left) if from_right else (interface.left, interface.right)
         if length_mm <= CORNER_MM and self._only_an_end(ray, interface, region):
@@ -167,6 +168,10 @@ class _Tracer:
         if interface.behaviour == "mirror" and surface is None:
             return back
         return self._refract(arrived, back, facing, beyond, waiting)
+
+    def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:  # noqa: ARG002  some ask for it
+        """Left normal where a ray meets an interface."""
+        return interface.curve.normal_at(at)
 
     def _only_an_end(self, ray: Ray, interface: Interface, region: str) -> bool:
         """Whether a ray that stands in a corner meets only the end of the other curve, which reaches over the corner.

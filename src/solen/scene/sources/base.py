@@ -56,24 +56,16 @@ PlacedInSpace = tuple[Real, Real, Real, Real, Real, Real]
 
 
 class Emission(NamedTuple):
-    """A source of the plane as point sources side by side, to be integrated over.
-
-    Attributes
-    ----------
-    at
-        Gives for a place from 0 to 1 the point there, x and z in mm, and its axis in degrees.
-    stretches
-        Intensity by the angle from the axis, the same at all places.
-    whole
-        Its integral over all angles, in radians.
-    panels
-        Stretches that the places are divided into at first; 0 where there is a single point.
-    """
+    """A source of the plane as point sources side by side, to be integrated over."""
 
     at: Callable[[float], tuple[float, float, float]]
+    """gives for a place from 0 to 1 the point there, x and z in mm, and its axis in degrees"""
     stretches: tuple[Stretch, ...]
+    """intensity by the angle from the axis, the same at all places"""
     whole: float
+    """its integral over all angles, in radians"""
     panels: int
+    """stretches that the places are divided into at first; 0 where there is a single point"""
 
 
 class Source(ABC):

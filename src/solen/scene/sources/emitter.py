@@ -64,14 +64,14 @@ class Emitter(Source):
         return 2 + (self.width_mm > 0.0) + (self.height_mm > 0.0)
 
     def place(self, u: Real) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = math.radians(self.axis_deg) + self.pattern.in_plane(u[:, 0], self.half_rad)
         place = u[:, 1] if self.width_mm > 0.0 else np.full(len(u), 0.5)
         x, z = across(self.point, self.axis_deg, self.width_mm, place)
         return x, z, -np.sin(angle), np.cos(angle)
 
     def place_in_space(self, u: Real) -> PlacedInSpace:
-        """See :meth:`Source.place_in_space`."""
+        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         theta, phi = self.pattern.in_space(u[:, 0], self.half_rad), 2.0 * math.pi * u[:, 1]
         middle = np.full(len(u), 0.5)
         wide, high = self.width_mm > 0.0, self.height_mm > 0.0
@@ -82,7 +82,7 @@ class Emitter(Source):
         return x, y, z, -s * along - c * left, up, c * along - s * left
 
     def emission(self) -> Emission:
-        """See :meth:`Source.emission`."""
+        """See :meth:`~solen.scene.sources.base.Source.emission`."""
 
         def at(place: float) -> tuple[float, float, float]:
             x, z = across(self.point, self.axis_deg, self.width_mm, np.array([place]))
@@ -92,7 +92,7 @@ class Emitter(Source):
         return Emission(at, stretches, self.pattern.plane_angle(self.half_rad), 1 if self.width_mm > 0.0 else 0)
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("emitter", self.point)
         check_numbers("emitter", self.axis_deg, self.cone_deg, self.y_mm)

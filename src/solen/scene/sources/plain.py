@@ -69,17 +69,17 @@ class Fan(Source):
         return 1
 
     def place(self, u: Real) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = cone_angle(self.axis_deg, self.cone_deg, u[:, 0])
         x, z = (np.full(len(u), value) for value in self.point)
         return x, z, -np.sin(angle), np.cos(angle)
 
     def emission(self) -> Emission | None:
-        """See :meth:`Source.emission`."""
+        """See :meth:`~solen.scene.sources.base.Source.emission`."""
         return Emission(lambda _: (*self.point, self.axis_deg), *_whole_cone(self.cone_deg), 0)
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("fan", self.point)
         check_numbers("fan", self.axis_deg, self.cone_deg)
@@ -105,13 +105,13 @@ class Chip(Source):
         return 2
 
     def place(self, u: Real) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = cone_angle(self.axis_deg, self.cone_deg, u[:, 0])
         x, z = across(self.point, self.axis_deg, self.width_mm, u[:, 1])
         return x, z, -np.sin(angle), np.cos(angle)
 
     def emission(self) -> Emission | None:
-        """See :meth:`Source.emission`."""
+        """See :meth:`~solen.scene.sources.base.Source.emission`."""
 
         def at(place: float) -> tuple[float, float, float]:
             x, z = across(self.point, self.axis_deg, self.width_mm, np.array([place]))
@@ -120,7 +120,7 @@ class Chip(Source):
         return Emission(at, *_whole_cone(self.cone_deg), 1 if self.width_mm > 0.0 else 0)
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("chip", self.point)
         check_numbers("chip", self.axis_deg, self.cone_deg)
@@ -146,14 +146,14 @@ class Beam(Source):
         return 1
 
     def place(self, u: Real) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         share = u[:, 0]
         x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
         dx, dz = (np.full(len(u), value) for value in heading(self.direction_deg))
         return x, z, dx, dz
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("beam", self.start, self.end)
         check_numbers("beam direction_deg", self.direction_deg)
@@ -175,7 +175,7 @@ class Rays(Source):
         return len(self.origins)
 
     def with_rays(self, rays: int) -> Self:  # noqa: ARG002  a list has the rays that it has
-        """See :meth:`Source.with_rays`."""
+        """See :meth:`~solen.scene.sources.base.Source.with_rays`."""
         return self
 
     @property
@@ -184,7 +184,7 @@ class Rays(Source):
         return 1
 
     def place(self, u: Real) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
         x, z = np.asarray(self.origins, dtype=float)[which].T
         dx, dz = np.asarray(self.directions, dtype=float)[which].T
@@ -192,7 +192,7 @@ class Rays(Source):
         return x.copy(), z.copy(), dx / length, dz / length
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         if len(self.origins) != len(self.directions):
             found = f"{len(self.origins)} origins, {len(self.directions)} directions"

@@ -1,9 +1,6 @@
-"""One design under its motion, as plain calls: lens, body, scene, trace, response.
+"""A design with what follows from it at once: the material's index at the emitter's wavelength, and its lens.
 
-A :class:`Sensor` is a design with what follows from it at once: the material's index at the emitter's wavelength and
-the lens cut for it. Everything that depends on the angle is a method. A :class:`Response` is what its receivers see
-over the angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without. A
-:class:`Sensitivity` is how its receivers answer to one number of the design.
+Everything that depends on the angle is a method.
 """
 
 import math
@@ -13,7 +10,6 @@ from functools import cached_property
 from typing import Literal, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, arm_angle_deg, outline_body, y_body
@@ -21,6 +17,7 @@ from solen.lens import FlatFace, Lens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
+from solen.sensor.response import Response, Sensitivity, contrast, contrast_slope, powers, steepness
 from solen.spec import Design, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import is_extended, why_not
@@ -33,11 +30,10 @@ TOLERANCE, CHIP_TOLERANCE = 1e-6, 1e-4
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
 DENSE_TOLERANCE = 1e-4
+SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
+"""To what standard error rays in space and scattered light are sampled, and their least and largest number."""
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
-SATURATED = 0.95
-"""Contrast from which on a differential signal hardly moves any more."""
-
 SLOPE_DEG = 0.04
 """Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
 
@@ -49,6 +45,9 @@ OPTICAL_KEYS = (
     *("body.arm_angle_deg", "receivers.gap_mm"),
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
+
+OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
+"""Numbers of the emitter that a part may state where the design does not."""
 
 Progress = Callable[[float], None]
 
@@ -65,88 +64,6 @@ class TraceOptions(TypedDict, total=False):
     device: Literal["cpu", "cuda"]
     threads: int | None
     progress: Callable[[int], None] | None
-
-
-@dataclass(frozen=True)
-class Response:
-    """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
-
-    ``u`` (N,) estimates the error of both readings; NaN for a sweep of a fixed number of rays, which is a count and not
-    an estimate. ``traces`` hold the ledgers and the numbers of rays.
-    """
-
-    mode: Mode
-    angle_deg: NDArray[np.float64]
-    right: NDArray[np.float64]
-    left: NDArray[np.float64]
-    u: NDArray[np.float64]
-    traces: tuple[Trace, ...]
-
-    @property
-    def rays(self) -> NDArray[np.int64]:
-        """Rays traced at each angle."""
-        return np.array([trace.rays for trace in self.traces])
-
-    @property
-    def contrast(self) -> NDArray[np.float64]:
-        """(R − L)/(R + L), NaN where no light arrives."""
-        total = self.right + self.left
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(total > 0, (self.right - self.left) / total, np.nan))
-
-    def at(self, angle_deg: float) -> int:
-        """Place of the angle nearest to ``angle_deg``."""
-        return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
-
-    def null_deg(self) -> float | None:
-        """Angle nearest to 0 at which both receivers see the same, by a straight line between angles, or None."""
-        contrast = self.contrast
-        with np.errstate(invalid="ignore", divide="ignore"):
-            u_contrast = 2.0 * np.nan_to_num(self.u) / (self.right + self.left)
-        zero = (np.abs(contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
-        found = [float(angle) for angle in self.angle_deg[zero]]
-        for i in np.flatnonzero(contrast[:-1] * contrast[1:] < 0.0):
-            share = contrast[i] / (contrast[i] - contrast[i + 1])
-            found.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
-        return min(found, key=abs, default=None)
-
-    def saturation_deg(self) -> float | None:
-        """Smallest distance from the null at which the contrast reaches `SATURATED`, by a straight line between angles.
-
-        None where it never does, or without a null.
-        """
-        null, contrast = self.null_deg(), self.contrast
-        if null is None:
-            return None
-        reached = [float(angle) for angle in self.angle_deg[np.abs(contrast) >= SATURATED]]
-        for bound in (-SATURATED, SATURATED):
-            above = contrast - bound
-            for i in np.flatnonzero(above[:-1] * above[1:] < 0.0):
-                share = above[i] / (above[i] - above[i + 1])
-                reached.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
-        return min((abs(angle_deg - null) for angle_deg in reached), default=None)
-
-
-@dataclass(frozen=True)
-class Sensitivity:
-    """How the readings at an angle change with a number of the design.
-
-    ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
-    (R − L)/(R + L), each per unit that the key ends in. They are NaN where there is no derivative, and the contrast's
-    where no light arrives; ``why`` then says why.
-    """
-
-    key: str
-    value: float
-    right: Slope
-    left: Slope
-    contrast: Slope
-    why: str = ""
-
-    @property
-    def reached(self) -> bool:
-        """Whether the derivatives were found."""
-        return not self.why
 
 
 @dataclass(frozen=True)
@@ -298,7 +215,7 @@ class Sensor:
             found.append(self._sensitivity(key, value, angle_deg, base))
             if progress is not None:
                 progress(done / len(values))
-        return tuple(sorted(found, key=_steepness, reverse=True))
+        return tuple(sorted(found, key=steepness, reverse=True))
 
     def inert(self, key: str) -> str:
         """Why a number of the design has no part of its own in the light; empty where it has one."""
@@ -339,12 +256,25 @@ class Sensor:
                 return after, u
             before = after
 
+    def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
+        """Power by ever more Sobol' samples until every receiver's standard error is within ``tolerance``.
+
+        For rays in space and for light that is scattered by chance. Returns the last trace and the largest error; above
+        ``tolerance`` where `MOST_SAMPLED` rays do not reach it.
+        """
+        rays = FIRST_SAMPLED
+        while True:
+            found = self.trace(angle_deg, "power", rays, sampling="sobol")
+            if found.u <= tolerance or rays >= MOST_SAMPLED:
+                return found, found.u
+            rays *= 4
+
     def slope_per_deg(self, angle_deg: float) -> float | None:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
         readings = [self._reading(end, tolerance=TOLERANCE)[1] for end in ends]
-        low, high = (_contrast(one["right"], one["left"]) for one in readings)
+        low, high = (contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
@@ -352,7 +282,7 @@ class Sensor:
 
         def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
             found = self.trace(angle_deg, "count")
-            return found, _powers(found), math.nan
+            return found, powers(found), math.nan
 
         return self._sweep("count", at, angles_deg, progress)
 
@@ -371,6 +301,9 @@ class Sensor:
     def _number(self, key: str) -> float:
         """Value of a key, `SpecError` where it is not a real number."""
         value = value_at(self.design, key)
+        table, _, name = key.partition(".")
+        if table == "emitter" and name in OF_THE_LIGHT:
+            value = getattr(self.light, name)
         if value is None and key == "body.arm_angle_deg":
             value = arm_angle_deg(self.design)
         if isinstance(value, bool | int) or not isinstance(value, float):
@@ -389,18 +322,25 @@ class Sensor:
         right, left = found.detectors["right"], found.detectors["left"]
         if not found.reached:
             return Sensitivity(key, value, nothing, nothing, nothing, found.why)
-        return Sensitivity(key, value, right, left, _contrast_slope(base, right, left))
+        return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
 
     def _reading(
         self, angle_deg: float, *, integrates: bool = True, tolerance: float | None = None
     ) -> tuple[Trace, dict[str, float], float]:
-        """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach."""
-        integrates = integrates and not why_not(self.scene(angle_deg))
-        found = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
-        if found is not None and found.reached:
-            return found, _powers(found), found.u
+        """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach.
+
+        What is drawn by chance, or flies in space, is sampled.
+        """
+        scene = self.scene(angle_deg)
+        if scene.is_random or scene.extrusion is not None:
+            found, u = self.sampled(angle_deg)
+            return found, powers(found), u
+        integrates = integrates and not why_not(scene)
+        whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
+        if whole is not None and whole.reached:
+            return whole, powers(whole), whole.u
         dense, u = self.doubled(angle_deg)
-        return dense, _powers(dense), u
+        return dense, powers(dense), u
 
     def _sweep(
         self,
@@ -424,115 +364,3 @@ class Sensor:
             u=np.array([u for _, _, u in results]),
             traces=tuple(found for found, _, _ in results),
         )
-
-
-@dataclass(frozen=True)
-class Case:
-    """A sensor's response twice over: by counting the design's rays, and in power, integrated.
-
-    ``null_deg`` is the balance point nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
-    """
-
-    sensor: Sensor
-    counted: Response
-    power: Response
-    null_deg: float | None
-    slope_per_deg: float | None
-
-
-@dataclass(frozen=True)
-class Study:
-    """A design over the angles of its motion, with its lens and without.
-
-    ``lens`` is None for a design without one. ``flat`` is None where the sensor with a lens cannot be built without it;
-    ``flat_refused`` then says why.
-    """
-
-    design: Design
-    lens: Case | None
-    flat: Case | None
-    flat_refused: str | None = None
-
-    @property
-    def case(self) -> Case:
-        """The design's own case."""
-        case = self.lens or self.flat
-        if case is None:
-            raise AssertionError("a study has at least one case")
-        return case
-
-    @property
-    def cases(self) -> dict[str, Case]:
-        """Cases by name: ``lens``, ``no_lens``."""
-        both = {"lens": self.lens, "no_lens": self.flat}
-        return {name: case for name, case in both.items() if case is not None}
-
-
-def study(design: Design, progress: Progress | None = None) -> Study:
-    """Trace a design over its motion, with its lens and without, counting and in power.
-
-    Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
-    at once. ``progress`` is called with the share done, up to 1.
-    """
-    sensor = Sensor.of(design)
-    sensor.check_pair()
-    sensor.check()
-    if not sensor.has_lens:
-        return Study(design, None, _case(sensor, progress))
-    flat, refused = _comparison(sensor)
-    if flat is None:
-        return Study(design, _case(sensor, progress), None, refused)
-    return Study(design, _case(sensor, _part(progress, 0, 2)), _case(flat, _part(progress, 1, 2)))
-
-
-def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
-    """The sensor without its lens, or why it cannot be built."""
-    if sensor.is_drawn:
-        return None, "the body is drawn, and has no version without its lens"
-    try:
-        sensor.without_lens.check()
-    except DesignError as bad:
-        return None, str(bad)
-    return sensor.without_lens, None
-
-
-def _case(sensor: Sensor, progress: Progress | None) -> Case:
-    counted = sensor.count(progress=_part(progress, 0, 10))
-    power = sensor.power(progress=_part(progress, 1, 10, 8))
-    null = power.null_deg()
-    slope = None if null is None else sensor.slope_per_deg(null)
-    if progress is not None:
-        progress(1.0)
-    return Case(sensor, counted, power, null, slope)
-
-
-def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:
-    """Progress of ``length`` of so many equal parts, told as the share of the whole."""
-    return None if progress is None else lambda done: progress((first + length * done) / parts)
-
-
-def _powers(found: Trace) -> dict[str, float]:
-    """Power by receiver."""
-    return {name: reading.power for name, reading in found.detectors.items()}
-
-
-def _contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
-    """Derivative of (R − L)/(R + L) from those of R and L; NaN where no light arrives."""
-    powers = _powers(base)
-    total = powers["right"] + powers["left"]
-    if not total > 0.0:
-        return Slope(math.nan, math.nan)
-    value = 2.0 * (powers["left"] * right.value - powers["right"] * left.value) / total**2
-    u = 2.0 * (powers["left"] * right.u + powers["right"] * left.u) / total**2
-    u_of_powers = base.u * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
-    return Slope(value, u + u_of_powers)
-
-
-def _steepness(one: Sensitivity) -> float:
-    """How much the contrast changes; 0 where that is not known."""
-    return abs(one.contrast.value) if math.isfinite(one.contrast.value) else 0.0
-
-
-def _contrast(right: float, left: float) -> float | None:
-    """(R − L)/(R + L), None where no light arrives."""
-    return (right - left) / (right + left) if right + left > 0.0 else None

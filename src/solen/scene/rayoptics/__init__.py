@@ -1,0 +1,15 @@
+"""Scenes of ray-optics (ricktu288/ray-optics, JSON version 5) as scenes of solen.
+
+The idea: a file lists objects that may lie upon one another; here each becomes exact curves, and the plane that they
+divide becomes regions and interfaces (`arrangement`). Sources become the very rays that ray-optics sends, detectors
+become monitors, and what is not understood is returned with the reason.
+
+The interface: `load` and `loads` give an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas of
+curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
+"""
+
+from solen.scene.rayoptics.facets import Facets
+from solen.scene.rayoptics.fields import NotUnderstood
+from solen.scene.rayoptics.reading import Detector, Imported, Reading, load, loads, recognised
+
+__all__ = ["Detector", "Facets", "Imported", "NotUnderstood", "Reading", "load", "loads", "recognised"]

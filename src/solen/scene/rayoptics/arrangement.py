@@ -1,0 +1,258 @@
+"""Overlapping glasses as regions that do not overlap: what ray-optics lets lie upon another, scenes keep side by side.
+
+In ray-optics a glass multiplies the index of whatever it lies in, and where surfaces coincide they act as one. Here all
+curves are divided where they end on or cross one another; stretches that coincide become one; and on either side of
+each stretch the glasses are counted that hold a point just beside it. Each set of glasses is a region, whose index is
+the product of theirs. A stretch with the same set on both sides is no surface, unless something else stands there.
+
+A glass without orientation holds what an odd number of its outlines surround. One with an orientation, drawn by a
+formula, counts how often its outline goes round a point, so that walked the wrong way it is glass outside.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from solen.curve import Curve, Segment
+from solen.errors import DesignError
+from solen.material import Cauchy
+from solen.plane import Point, cross, dot, heading, minus
+from solen.scene.model import Behaviour, Interface, Region
+from solen.scene.rayoptics.cutting import crossings, part, place_of, unlooped
+from solen.scene.rayoptics.facets import Facets
+from solen.scene.surface import Surface
+
+Levels = tuple[int, ...]
+"""How often each glass holds a point."""
+
+DIRECTIONS = tuple(heading(angle_deg) for angle_deg in (17.3, 131.9, 253.1))
+"""Ways in which crossings of outlines are counted; the majority decides."""
+SOMEWHERE = 0.3819660112501051
+"""Where on a stretch its sides are looked at: not in the middle, where drawn things like to touch one another."""
+AIR = "air"
+
+
+@dataclass(frozen=True)
+class Glass:
+    """Glass by its closed outline: index A + B/λ², λ in µm.
+
+    ``endless`` is a half-plane on the right of its only curve, a long segment.
+    """
+
+    name: str
+    outline: tuple[Curve, ...]
+    a: float
+    b_um2: float = 0.0
+    partial: bool = True
+    oriented: bool = False
+    endless: bool = False
+
+
+@dataclass(frozen=True)
+class Element:
+    """A mirror, wall or ideal element on curves of its own."""
+
+    name: str
+    curves: tuple[Curve, ...]
+    behaviour: Behaviour
+    surface: Surface | None = None
+
+
+@dataclass
+class _Stretch:
+    """Part of a curve that nothing ends on, and who has it."""
+
+    curve: Curve
+    owners: list[int] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Arranged:
+    """Regions and interfaces, and the elements that could not be given a place, with the reason."""
+
+    regions: tuple[Region, ...]
+    interfaces: tuple[Interface, ...]
+    refused: tuple[tuple[str, str], ...]
+
+
+def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) -> Arranged:
+    """Divide the plane by glasses and elements; what lies nearer than the tolerance is one place.
+
+    The first glass of a common stretch lends it its name and says whether it reflects in part, unless an element stands
+    there, which then decides what becomes of a ray. With ``colours`` indices depend on the wavelength.
+    """
+    glasses = [one for one in parts if isinstance(one, Glass)]
+    known: dict[Levels, str] = {}
+    interfaces: list[Interface] = []
+    refused: dict[str, str] = {}
+    counts: dict[str, int] = {}
+    for stretch in _stretches(parts, tolerance):
+        owners = [parts[i] for i in stretch.owners]
+        left, right = (_levels(glasses, stretch.curve, way * 4.0 * tolerance) for way in (1.0, -1.0))
+        head = next((one for one in owners if isinstance(one, Element)), owners[0])
+        if left == right and isinstance(head, Glass):
+            continue
+        if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
+            refused[head.name] = f"a {head.behaviour} on a surface of glass"
+            continue
+        if sum(isinstance(one, Element) for one in owners) > 1:
+            refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
+        counts[head.name] = counts.get(head.name, 0) + 1
+        sides = (known.setdefault(levels, _region_name(glasses, levels)) for levels in (left, right))
+        interfaces.append(_interface(f"{head.name}.{counts[head.name]}", stretch.curve, head, *sides))
+    known.setdefault((0,) * len(glasses), AIR)
+    regions = tuple(_region(name, glasses, levels, colours) for levels, name in known.items())
+    return Arranged(regions, tuple(interfaces), tuple(refused.items()))
+
+
+def _interface(name: str, curve: Curve, head: Glass | Element, left: str, right: str) -> Interface:
+    if isinstance(head, Element):
+        return Interface(name, curve, left, right, head.behaviour, surface=head.surface)
+    return Interface(name, curve, left, right, surface=None if head.partial else Surface(partial=False))
+
+
+def _region_name(glasses: Sequence[Glass], levels: Levels) -> str:
+    names = [_power(one.name, level) for one, level in zip(glasses, levels, strict=True) if level]
+    return "*".join(names) or AIR
+
+
+def _power(name: str, level: int) -> str:
+    return name if level == 1 else f"{name}^{level}"
+
+
+def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) -> Region:
+    held = [(one, level) for one, level in zip(glasses, levels, strict=True) if level]
+    if not colours or not any(one.b_um2 for one, _ in held):
+        return Region(name, math.prod(one.a**level for one, level in held))
+    if min(level for _, level in held) < 0:
+        raise DesignError(
+            f"region {name}", limit="a dispersive glass outside its outline: walk the outline the other way"
+        )
+    return Region(name, _product([one for one, level in held for _ in range(level)]))
+
+
+def _product(glasses: Iterable[Glass]) -> Cauchy:
+    """Cauchy's formula of the product of two dispersive glasses at most: a third would need 1/λ⁶."""
+    a, b, c = 1.0, 0.0, 0.0
+    for one in glasses:
+        if c and one.b_um2:
+            limit = "of overlapping glasses at most two may be dispersive"
+            raise DesignError(f"glass {one.name}", limit=limit, remedy="set cauchyB of the others to 0")
+        a, b, c = a * one.a, a * one.b_um2 + b * one.a, b * one.b_um2 + c * one.a
+    return Cauchy(A=a, B_um2=b, C_um4=c)
+
+
+def _stretches(parts: Sequence[Glass | Element], tolerance: float) -> list[_Stretch]:
+    whole = [
+        _Stretch(piece, [i])
+        for i, one in enumerate(parts)
+        for curve in (one.outline if isinstance(one, Glass) else one.curves)
+        for piece in unlooped(curve)
+    ]
+    return _divided_at_crossings(_united(_divided_at_ends(whole, tolerance), tolerance), tolerance)
+
+
+def _divided_at_ends(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
+    """Stretches cut wherever another one ends on them."""
+    ends = [point for stretch in stretches for point in (stretch.curve.start, stretch.curve.end)]
+    corners = np.array(ends)
+    found: list[_Stretch] = []
+    for stretch in stretches:
+        near = _near(stretch.curve, corners, tolerance)
+        places = [place_of(stretch.curve, ends[i], tolerance) for i in near]
+        found += _cut(stretch, [u for u in places if u is not None], tolerance)
+    return found
+
+
+def _near(curve: Curve, points: np.ndarray, tolerance: float) -> list[int]:
+    """Points within the box of a curve."""
+    low, high = _box(curve)
+    return np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1)).tolist()
+
+
+def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    points = curve.points(np.linspace(0.0, 1.0, 129))
+    margin = 0.0 if isinstance(curve, Segment) else float(np.hypot(*np.diff(points, axis=0).T).max())
+    return points.min(axis=0) - margin, points.max(axis=0) + margin
+
+
+def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_Stretch]:
+    """Parts between places; places as near as the tolerance to another, or to an end, are none."""
+    curve = stretch.curve
+    kept = [0.0]
+    for u in sorted(places):
+        here, last, end = curve.points(np.array([u, kept[-1], 1.0]))
+        if u > kept[-1] and min(math.dist(here, last), math.dist(here, end)) > tolerance:
+            kept.append(u)
+    return [_Stretch(part(curve, low, high), list(stretch.owners)) for low, high in pairwise([*kept, 1.0])]
+
+
+def _united(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
+    """Stretches that coincide as one, of the owners of all; one that is walked there and back belongs twice."""
+    found: list[_Stretch] = []
+    for stretch in stretches:
+        same = next((other for other in found if _coincide(stretch.curve, other.curve, tolerance)), None)
+        if same is None:
+            found.append(stretch)
+        else:
+            same.owners += stretch.owners
+    for stretch in found:
+        stretch.owners.sort()
+    return found
+
+
+def _coincide(a: Curve, b: Curve, tolerance: float) -> bool:
+    together = (math.dist(a.start, b.start), math.dist(a.end, b.end))
+    crosswise = (math.dist(a.start, b.end), math.dist(a.end, b.start))
+    if min(max(together), max(crosswise)) > 2.0 * tolerance:
+        return False
+    return place_of(b, a.middle_point, 2.0 * tolerance) is not None
+
+
+def _divided_at_crossings(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
+    places: list[list[float]] = [[] for _ in stretches]
+    boxes = [_box(stretch.curve) for stretch in stretches]
+    for i, j in combinations(range(len(stretches)), 2):
+        if np.any(np.maximum(boxes[i][0], boxes[j][0]) > np.minimum(boxes[i][1], boxes[j][1])):
+            continue
+        for u, v in crossings(stretches[i].curve, stretches[j].curve, tolerance):
+            places[i].append(u)
+            places[j].append(v)
+    pairs = zip(stretches, places, strict=True)
+    return [piece for stretch, cuts in pairs for piece in _cut(stretch, cuts, tolerance)]
+
+
+def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
+    """How often each glass holds a point so far to the left of a curve."""
+    x, z = curve.points(np.array([SOMEWHERE]))[0].tolist()
+    normal = curve.normal_at((x, z))
+    point = (x + aside * normal[0], z + aside * normal[1])
+    return tuple(_level(one, point) for one in glasses)
+
+
+def _level(glass: Glass, point: Point) -> int:
+    if glass.endless:
+        line = glass.outline[0]
+        return int(cross(minus(line.end, line.start), minus(point, line.start)) < 0.0)
+    votes = sorted(_turns(glass, point, direction) for direction in DIRECTIONS)
+    return votes[1]
+
+
+def _turns(glass: Glass, point: Point, direction: Point) -> int:
+    """Crossings of a glass's outline on the way out: their parity, or their sum with signs where it has a direction."""
+    total = 0
+    for curve in glass.outline:
+        for t in curve.hits(point, direction):
+            at = (point[0] + t * direction[0], point[1] + t * direction[1])
+            total += _sign(curve, at, direction)
+    return total if glass.oriented else total % 2
+
+
+def _sign(curve: Curve, at: Point, direction: Point) -> int:
+    """1 where a ray leaves what lies on the left of a curve, −1 where it enters that."""
+    if isinstance(curve, Facets):
+        return curve.sign_at(at, direction)
+    return 1 if dot(curve.normal_at(at), direction) < 0.0 else -1

@@ -1,0 +1,58 @@
+"""The numbers that ray-optics draws with a seed: seedrandom's generator, which is RC4 with its first 256 bytes dropped.
+
+Only with them are the rays of a random beam the same in both programs. Doubles are made of 52 bits, as David Bau's
+seedrandom 3 makes them.
+"""
+
+from collections.abc import Iterator
+
+WIDTH = 256
+MASK = WIDTH - 1
+SIGNIFICANCE = 2.0**52
+OVERFLOW = 2.0**53
+
+
+def drawn(seed: str) -> Iterator[float]:
+    """Numbers in [0, 1), without end."""
+    stream = _bytes(_key(seed))
+    for _ in range(WIDTH):
+        next(stream)
+    while True:
+        numerator, denominator, last = 0.0, 1.0, 0
+        for _ in range(6):
+            numerator, denominator = numerator * WIDTH + next(stream), denominator * WIDTH
+        while numerator < SIGNIFICANCE:
+            numerator, denominator = (numerator + last) * WIDTH, denominator * WIDTH
+            last = next(stream)
+        while numerator >= OVERFLOW:
+            numerator, denominator, last = numerator / 2.0, denominator / 2.0, last >> 1
+        yield (numerator + last) / denominator
+
+
+def _key(seed: str) -> list[int]:
+    """The seed's characters, smeared over at most 256 numbers."""
+    key: list[int] = []
+    smear = 0
+    for j, letter in enumerate(seed):
+        place = j & MASK
+        smear ^= (key[place] if place < len(key) else 0) * 19
+        value = MASK & (smear + ord(letter))
+        if place < len(key):
+            key[place] = value
+        else:
+            key.append(value)
+    return key or [0]
+
+
+def _bytes(key: list[int]) -> Iterator[int]:
+    state = list(range(WIDTH))
+    j = 0
+    for i in range(WIDTH):
+        j = MASK & (j + key[i % len(key)] + state[i])
+        state[i], state[j] = state[j], state[i]
+    i = j = 0
+    while True:
+        i = MASK & (i + 1)
+        j = MASK & (j + state[i])
+        state[i], state[j] = state[j], state[i]
+        yield state[MASK & (state[i] + state[j])]

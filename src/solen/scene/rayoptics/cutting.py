@@ -1,0 +1,211 @@
+"""Where curves lie on and cross one another, and parts of curves: what an arrangement of the plane is made of.
+
+Places on a curve are its parameters from 0 to 1, as of `Curve.points`. Crossings of a straight line with anything and
+of two circles come from their equations; those of cubics with arcs or with one another begin at crossings of fine
+polylines and are refined by Newton's method. Two curves that share a stretch have no crossings: their common ends are
+found by `place_of`.
+"""
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Arc, CubicChain, Curve, Segment
+from solen.plane import Point, along, cross, dot, minus, unit
+from solen.scene.rayoptics.facets import Facets
+
+Floats = NDArray[np.float64]
+Place = tuple[float, float]
+"""Parameters of a common point on the first and on the second curve."""
+
+SAMPLES_PER_CUBIC = 48
+SAMPLES_PER_ARC = 128
+PARALLEL = 1e-7
+"""Sine of the angle below which two chords lie along one another rather than cross."""
+SLIVER = 1e-9
+"""Share of a cubic that is not cut off."""
+STEPS = 60
+"""Halvings or Newton steps at most."""
+
+
+def part(curve: Curve, low: float, high: float) -> Curve:
+    """The part of a curve between two of its parameters, and at a joint of cubics rather than just beside it."""
+    if isinstance(curve, CubicChain):
+        low, high = (_at_joint(u, len(curve.controls)) for u in (low, high))
+    return curve if (low, high) == (0.0, 1.0) else curve.part(low, high)
+
+
+def _at_joint(u: float, cubics: int) -> float:
+    joint = round(u * cubics)
+    return joint / cubics if abs(u * cubics - joint) < SLIVER else u
+
+
+def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
+    """Parameter of a point of a curve; None where the curve passes it further off than the tolerance."""
+    if isinstance(curve, Segment):
+        u = dot(minus(point, curve.a), unit(minus(curve.b, curve.a))) / curve.length_mm
+    elif isinstance(curve, Arc):
+        u = _place_on_arc(curve, point)
+    elif isinstance(curve, Facets):
+        u = curve.place(point)
+    else:
+        u = _nearest(curve, point, tolerance)
+    u = min(max(u, 0.0), 1.0)
+    return u if math.dist(_at(curve, u), point) <= tolerance else None
+
+
+def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
+    """Places at which two curves cross or touch, other than along a common stretch."""
+    if isinstance(a, Segment):
+        return _on_line(a, b, tolerance)
+    if isinstance(b, Segment):
+        return [(v, u) for u, v in _on_line(b, a, tolerance)]
+    if isinstance(a, Arc) and isinstance(b, Arc):
+        return _both(a, b, _of_circles(a, b), tolerance)
+    return _refined(a, b, tolerance)
+
+
+def turning_deg(curve: Curve) -> float:
+    """How far a curve turns in all, roughly: one that turns by less than 180 degrees cannot cross itself."""
+    steps = np.diff(curve.points(samples(curve)), axis=0)
+    here, there = steps[:-1], steps[1:]
+    turns = np.arctan2(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0], (here * there).sum(axis=1))
+    return float(np.degrees(np.abs(turns).sum()))
+
+
+def samples(curve: Curve) -> Floats:
+    """Parameters of a fine polyline along a curve."""
+    if isinstance(curve, Segment):
+        return np.array([0.0, 1.0])
+    if isinstance(curve, Facets):
+        inner = np.arange(math.ceil(curve.low), math.floor(curve.high) + 1.0)
+        return np.unique(
+            np.concatenate([[0.0], np.clip((inner - curve.low) / (curve.high - curve.low), 0.0, 1.0), [1.0]])
+        )
+    if isinstance(curve, CubicChain):
+        n = len(curve.controls)
+        return np.linspace(0.0, 1.0, n * max(4, SAMPLES_PER_CUBIC // n) + 1)
+    return np.linspace(0.0, 1.0, SAMPLES_PER_ARC + 1)
+
+
+def _at(curve: Curve, u: float) -> Point:
+    x, z = curve.points(np.array([u]))[0]
+    return (float(x), float(z))
+
+
+def _velocity(curve: Curve, u: float) -> Point:
+    x, z = curve.velocities(np.array([u]))[0]
+    return (float(x), float(z))
+
+
+def _place_on_arc(arc: Arc, point: Point) -> float:
+    turn = math.degrees(math.atan2(point[1] - arc.center[1], point[0] - arc.center[0])) - arc.start_deg
+    turn = turn % 360.0 if arc.sweep_deg > 0 else -(-turn % 360.0)
+    u = turn / arc.sweep_deg
+    beyond = 360.0 / abs(arc.sweep_deg)
+    return u if u <= 0.5 * (1.0 + beyond) else u - beyond  # just before the start rather than far behind the end
+
+
+def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
+    """Parameter of the point of a curve next to another, by halving from the nearest samples."""
+    u = samples(curve)
+    points = curve.points(u)
+    away = np.hypot(*(points - np.array(point)).T)
+    best = (math.inf, 0.0)
+    longest = float(np.hypot(*np.diff(points, axis=0).T).max())
+    around = np.concatenate([[math.inf], away, [math.inf]])
+    lowest = (away <= around[:-2]) & (away <= around[2:]) & (away <= longest + tolerance)
+    for i in np.flatnonzero(lowest).tolist():
+        low, high = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
+        for _ in range(STEPS):
+            third = (high - low) / 3.0
+            left, right = (math.dist(_at(curve, v), point) for v in (low + third, high - third))
+            low, high = (low, high - third) if left <= right else (low + third, high)
+        for v in (0.5 * (low + high), float(u[i])):
+            best = min(best, (math.dist(_at(curve, v), point), v))
+    return best[1]
+
+
+def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Place]:
+    """Crossings of a straight line: it is walked as a ray from well before its start."""
+    direction = unit(minus(line.b, line.a))
+    if isinstance(other, Segment) and abs(cross(direction, unit(minus(other.b, other.a)))) < 1e-12:
+        return []
+    back = 0.1 * line.length_mm + 1.0
+    origin = along(line.a, direction, -back)
+    points = [along(line.a, direction, t - back) for t in other.hits(origin, direction)]
+    return _both(line, other, points, tolerance)
+
+
+def _of_circles(a: Arc, b: Arc) -> list[Point]:
+    apart = math.dist(a.center, b.center)
+    if apart <= 1e-9 * (a.radius_mm + b.radius_mm):
+        return []
+    ahead = 0.5 * (apart + (a.radius_mm - b.radius_mm) * (a.radius_mm + b.radius_mm) / apart)
+    square = (a.radius_mm - ahead) * (a.radius_mm + ahead)
+    if square < 0.0:
+        return []
+    direction = unit(minus(b.center, a.center))
+    foot, aside = along(a.center, direction, ahead), math.sqrt(square)
+    return [along(foot, (-direction[1], direction[0]), way * aside) for way in (1.0, -1.0)]
+
+
+def _both(a: Curve, b: Curve, points: Iterable[Point], tolerance: float) -> list[Place]:
+    found = [(place_of(a, point, tolerance), place_of(b, point, tolerance)) for point in points]
+    return [(u, v) for u, v in found if u is not None and v is not None]
+
+
+def _refined(a: Curve, b: Curve, tolerance: float) -> list[Place]:
+    found: list[Place] = []
+    for u, v in _of_polylines(a, b):
+        place = _newton(a, b, u, v)
+        near = math.dist(_at(a, place[0]), _at(b, place[1])) <= tolerance
+        if near and all(math.dist(_at(a, place[0]), _at(a, other[0])) > tolerance for other in found):
+            found.append(place)
+    return found
+
+
+def _of_polylines(a: Curve, b: Curve) -> list[Place]:
+    """Places at which fine polylines along two curves cross."""
+    u, v = samples(a), samples(b)
+    p, q = a.points(u), b.points(v)
+    low, high = np.maximum(p.min(axis=0), q.min(axis=0)), np.minimum(p.max(axis=0), q.max(axis=0))
+    if np.any(low > high):
+        return []
+    dp, dq = np.diff(p, axis=0)[:, None, :], np.diff(q, axis=0)[None, :, :]
+    between = q[None, :-1, :] - p[:-1, None, :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slant = dp[..., 0] * dq[..., 1] - dp[..., 1] * dq[..., 0]
+        s = (between[..., 0] * dq[..., 1] - between[..., 1] * dq[..., 0]) / slant
+        t = (between[..., 0] * dp[..., 1] - between[..., 1] * dp[..., 0]) / slant
+    apart = np.abs(slant) > PARALLEL * np.hypot(*np.moveaxis(dp, 2, 0)) * np.hypot(*np.moveaxis(dq, 2, 0))
+    i, j = np.nonzero(apart & (s >= -0.1) & (s <= 1.1) & (t >= -0.1) & (t <= 1.1))
+    pairs = zip(u[i] + s[i, j] * np.diff(u)[i], v[j] + t[i, j] * np.diff(v)[j], strict=True)
+    return [(float(x), float(y)) for x, y in pairs]
+
+
+def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
+    for _ in range(STEPS):
+        u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+        gap = minus(_at(b, v), _at(a, u))
+        along_a, along_b = (_velocity(curve, w) for curve, w in ((a, u), (b, v)))
+        slant = cross(along_a, along_b)
+        if slant == 0.0:
+            break
+        du, dv = cross(gap, along_b) / slant, cross(gap, along_a) / slant
+        u, v = u + du, v + dv
+        if abs(du) + abs(dv) < 1e-15:
+            break
+    return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
+
+
+def unlooped(curve: Curve) -> list[Curve]:
+    """The curve in parts that cannot cross themselves."""
+    turns = turning_deg(curve)
+    if isinstance(curve, Segment | Arc) or turns < 175.0:
+        return [curve]
+    ends = np.linspace(0.0, 1.0, math.ceil(turns / 150.0) + 1).tolist()
+    return [piece for low, high in pairwise(ends) for piece in unlooped(part(curve, low, high))]

@@ -1,0 +1,196 @@
+"""Curves of formulas as ray-optics traces them: chords between sampled points, with normals blended from neighbours.
+
+ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from
+that of the chord before to that of the chord behind it. Who wants its numbers to the last bin does the same; who wants
+the curve takes `solen.scene.rayoptics.fit`. Only the tracers in plain Python know these curves.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Curve
+from solen.plane import Point, Rigid, cross, dot, left_of
+from solen.scene.rayoptics.fields import LARGEST, UnreadError
+
+Floats = NDArray[np.float64]
+Blend = Literal["images", "lengths", "units"]
+
+STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
+"""Step along the base of a curve over a line, place of the first point and how far beyond the end the last may be."""
+UNLIKE = 10.0
+"""Ratio of lengths from which on chords of a parametric curve are not blended."""
+MOST_CORNERS = 200_000
+
+
+@dataclass(frozen=True)
+class Facets(Curve):
+    """Polyline through ``corners``, from parameter ``low`` to ``high``; parameters count corners, with parts of chords.
+
+    ``blend`` says how: a mirror over a line blends *images* and a glass there normals, both by the chords' *lengths*
+    squared; a parametric curve blends normals by *units*, and not those of very unlike chords. What a ray that leaves
+    meets nearer than ``skin`` is the place that it stands on.
+    """
+
+    corners: tuple[Point, ...]
+    blend: Blend
+    skin: float
+    low: float
+    high: float
+
+    @classmethod
+    def through(cls, corners: tuple[Point, ...], blend: Blend, skin: float) -> "Facets":
+        """All chords."""
+        return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Floats, Floats]:
+        """Starts and steps of all chords, and their lengths."""
+        corners = np.array(self.corners)
+        steps = np.diff(corners, axis=0)
+        return corners[:-1], steps, np.hypot(*steps.T)
+
+    @property
+    def closed(self) -> bool:
+        """Whether the polyline ends where it starts."""
+        return self.corners[0] == self.corners[-1]
+
+    def points(self, u: Floats) -> Floats:
+        """See :meth:`Curve.points`."""
+        starts, steps, _ = self._table
+        place = self.low + u * (self.high - self.low)
+        which = np.clip(np.floor(place), 0, len(starts) - 1).astype(int)
+        return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
+
+    def velocities(self, u: Floats) -> Floats:
+        """See :meth:`Curve.velocities`; at a corner, that of the chord behind it."""
+        _, steps, _ = self._table
+        place = self.low + u * (self.high - self.low)
+        return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
+
+    def part(self, u_from: float, u_to: float) -> "Facets":
+        """See :meth:`Curve.part`; normals at its ends are still blended with what was beyond them."""
+        span = self.high - self.low
+        return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
+
+    def place(self, point: Point) -> float:
+        """Parameter from 0 to 1 of the curve's point next to another one."""
+        chord, share = self._chord(point)
+        return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
+
+    def normal_at(self, point: Point) -> Point:
+        """See :meth:`Curve.normal_at`; blended as a mirror's: two images add up to that of half their doubled angle."""
+        blended = self._blended(point)
+        doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)
+        half = np.sqrt(doubled / abs(doubled)) if doubled else 1.0
+        own = complex(*blended[0][1])
+        turned = half * math.copysign(1.0, (half * own.conjugate()).real)
+        return left_of((turned.real, turned.imag))
+
+    def normal_met(self, point: Point, direction: Point) -> Point:
+        """Left normal where a ray meets the curve: of glass, each chord's counts as the ray stands on it."""
+        if self.blend == "images":
+            return self.normal_at(point)
+        x = z = 0.0
+        for weight, tangent in self._blended(point):
+            normal = left_of(tangent)
+            stands = weight * dot(direction, normal)
+            x, z = x + stands * normal[0], z + stands * normal[1]
+        own = left_of(self._blended(point)[0][1])
+        way = math.copysign(1.0, dot((x, z), own)) / (math.hypot(x, z) or math.nan)
+        return (way * x, way * z) if way == way else own
+
+    def _blended(self, point: Point) -> list[tuple[float, Point]]:
+        """The chord next to a point and, where they blend, that behind it: weights and unit tangents."""
+        chord, share = self._chord(point)
+        other = chord - 1 if share < 0.5 else chord + 1
+        own = 0.5 + share if share < 0.5 else 1.5 - share
+        _, steps, lengths = self._table
+        if self.closed and self.blend != "units":
+            other %= len(steps)
+        if not 0 <= other < len(steps) or lengths[other] == 0.0:
+            return [(1.0, self._tangent(chord))]
+        if self.blend == "units":
+            if not 1.0 / UNLIKE < lengths[other] / lengths[chord] < UNLIKE:
+                return [(1.0, self._tangent(chord))]
+            weights = (own, 1.0 - own)
+        else:
+            weights = (own * float(lengths[chord]) ** 2, (1.0 - own) * float(lengths[other]) ** 2)
+        return [(weights[0], self._tangent(chord)), (weights[1], self._tangent(other))]
+
+    def _tangent(self, chord: int) -> Point:
+        _, steps, lengths = self._table
+        x, z = (steps[chord] / lengths[chord]).tolist()
+        return (x, z)
+
+    def sign_at(self, point: Point, direction: Point) -> int:
+        """1 where a ray goes through a chord to its right, −1 to its left."""
+        step = self._table[1][self._chord(point)[0]]
+        return 1 if cross((float(step[0]), float(step[1])), direction) < 0.0 else -1
+
+    def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
+        """See :meth:`Curve.hits`."""
+        starts, steps, _ = self._table
+        x, z = starts[:, 0] - origin[0], starts[:, 1] - origin[1]
+        slant = direction[0] * steps[:, 1] - direction[1] * steps[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (x * steps[:, 1] - z * steps[:, 0]) / slant
+            place = np.arange(len(starts)) + (x * direction[1] - z * direction[0]) / slant
+            share = place - np.arange(len(starts))
+            held = (share >= 0.0) & (share <= 1.0) & (place >= self.low) & (place <= self.high)
+            found = t[held & (t > (self.skin if leaving else 0.0))]
+        return tuple(found.tolist())
+
+    def moved(self, motion: Rigid) -> "Facets":
+        """See :meth:`Curve.moved`."""
+        return replace(self, corners=tuple(motion.point(corner) for corner in self.corners))
+
+    def reversed(self) -> "Facets":
+        """See :meth:`Curve.reversed`."""
+        last = len(self.corners) - 1.0
+        return replace(self, corners=self.corners[::-1], low=last - self.high, high=last - self.low)
+
+    def _chord(self, point: Point) -> tuple[int, float]:
+        """The chord next to a point, and the share of it up to there."""
+        starts, steps, lengths = self._table
+        offset = np.array(point) - starts
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.clip((offset * steps).sum(axis=1) / lengths**2, 0.0, 1.0)
+        away = np.hypot(*(offset - share[:, None] * steps).T)
+        chord = int(np.nanargmin(away))
+        return chord, float(share[chord])
+
+
+def over_line(length: float, scale: float) -> list[float]:
+    """Places along a base of that length at which ray-optics asks a formula over it, from one end to the other."""
+    if length / scale > MOST_CORNERS * STEP:
+        raise UnreadError("p2", f"would make more than {MOST_CORNERS} facets")
+    found, i = [], -STEP * scale
+    while i < length + BEYOND * scale:
+        found.append(min(max(i + FIRST * scale, 0.0), length))
+        i += STEP * scale
+    return found
+
+
+def along_parameter(low: float, high: float, step: float) -> list[float]:
+    """Parameters at which ray-optics asks a parametric formula."""
+    if not step > 0.0 or (high - low) / step > MOST_CORNERS:
+        raise UnreadError("tStep", f"must be above 0 and make at most {MOST_CORNERS} facets, not {step:g}")
+    found, t = [low], low + step
+    while t < high:
+        found.append(t)
+        t += step
+    return [*found, high]
+
+
+def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
+    """Points at places; `UnreadError` where the formula has no value."""
+    points = [at(place) for place in places]
+    if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
+        raise UnreadError(key, f"has no value of at most {LARGEST:g} somewhere in its range")
+    return points

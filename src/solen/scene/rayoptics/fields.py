@@ -1,0 +1,148 @@
+"""Fields of one object of the file, each with its default; what is missing, of the wrong kind or unknown is told.
+
+The file's y points down; solen's z points up, so that a picture stays as it is: (x, y) is (x, z) = (x, −y).
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+from solen.plane import Point
+from solen.scene.rayoptics.modules import Expression
+
+GREEN_NM = 540.0
+"""Wavelength of a source or filter that names none."""
+
+LARGEST = 1e12
+"""Numbers of a file and coordinates of a formula are at most as large: their squares and products stay numbers."""
+
+
+@dataclass(frozen=True)
+class NotUnderstood:
+    """What of a file was left out: the object, its type, its key (None: all of it) and the reason.
+
+    ``object`` counts the file's objects from 1 on; 0 is the scene itself.
+    """
+
+    object: int
+    type: str
+    key: str | None
+    reason: str
+
+    def __str__(self) -> str:
+        what = "scene" if self.object == 0 else f"object {self.object}, {self.type}"
+        return f"{what}{'' if self.key is None else f', {self.key}'}: {self.reason}"
+
+
+class UnreadError(Exception):
+    """An object cannot be read: the key at fault and the reason."""
+
+    def __init__(self, key: str | None, reason: str) -> None:
+        super().__init__(reason)
+        self.key = key
+        self.reason = reason
+
+
+@dataclass
+class Fields:
+    """Object number ``number`` of the file; ``unread`` are the keys that nobody has asked for yet."""
+
+    number: int
+    type: str
+    data: dict[str, Any]
+    unread: set[str] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.unread = set(self.data) - {"type", "name"}
+
+    def _value(self, key: str) -> Any:
+        self.unread.discard(key)
+        return self.data.get(key)
+
+    def number_of(self, key: str, default: float | None = None) -> float:
+        """A finite number."""
+        value = self._value(key)
+        if value is None and default is not None and key not in self.data:
+            return default
+        return finite(key, value)
+
+    def flag(self, key: str, default: bool = False) -> bool:
+        """True or false."""
+        value = self._value(key)
+        if value is None:
+            return default
+        if not isinstance(value, bool):
+            raise UnreadError(key, f"must be true or false, not {shown(value)}")
+        return value
+
+    def choice(self, key: str, default: str) -> str:
+        """A word."""
+        value = self._value(key)
+        if value is None:
+            return default
+        if not isinstance(value, str):
+            raise UnreadError(key, f"must be text, not {shown(value)}")
+        return value
+
+    def point(self, key: str) -> Point:
+        """A point."""
+        return point_of(key, self._value(key))
+
+    def items(self, key: str, default: list[dict[str, Any]] | None = None) -> list[dict[str, Any]]:
+        """A list of objects."""
+        value = self._value(key)
+        if value is None and default is not None:
+            return default
+        if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
+            raise UnreadError(key, f"must be a list of objects, not {shown(value)}")
+        return value
+
+    def formula(self, key: str, variable: str, default: str) -> Expression:
+        """A formula of one variable."""
+        value = self._value(key)
+        return expression(key, default if value is None else value, variable)
+
+    def skip(self, *keys: str) -> None:
+        """Keys that say nothing about light."""
+        self.unread -= set(keys)
+
+
+def expression(key: str, value: Any, variable: str) -> Expression:
+    """A formula of one variable; a number is one as well."""
+    if isinstance(value, Expression):
+        return value.of(variable)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        value = repr(finite(key, value))
+    if not isinstance(value, str):
+        raise UnreadError(key, f"must be a formula, not {shown(value)}")
+    return Expression(value, (variable,))
+
+
+def finite(key: str, value: Any) -> float:
+    """The value as a number."""
+    if value is None:
+        raise UnreadError(key, "is missing")
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UnreadError(key, f"must be a number, not {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not abs(number) <= LARGEST:
+        raise UnreadError(key, f"must be a finite number of at most {LARGEST:g}, not {shown(value)}")
+    return number
+
+
+def point_of(key: str, value: Any) -> Point:
+    """{x, y} as (x, z) in mm."""
+    if value is None:
+        raise UnreadError(key, "is missing")
+    if not isinstance(value, dict):
+        raise UnreadError(key, f"must be a point, not {shown(value)}")
+    return (finite(f"{key}.x", value.get("x")), -finite(f"{key}.y", value.get("y")))
+
+
+def shown(value: object) -> str:
+    """A value, shortened."""
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

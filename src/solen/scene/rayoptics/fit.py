@@ -1,0 +1,192 @@
+"""Curves of formulas: straight lines, circles and cubics are recognised, anything else becomes a chain of cubics.
+
+A formula gives points only. Where `CHECKED` of them lie on one line, one circle or one cubic of the parameter, to
+rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points pass all others
+within `TOLERANCE` of its size. A place that halving does not mend is a jump, which ray-optics bridges by a straight
+line, or the end of a range in which the formula has no value, which is told.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve import Arc, Bezier, Curve, Segment, Spline
+from solen.errors import DataError, DesignError
+from solen.plane import Point, cross, dot, minus
+from solen.scene.rayoptics.fields import LARGEST
+
+At = Callable[[float], Point]
+Floats = NDArray[np.float64]
+Control = tuple[Point, Point, Point, Point]
+
+EXACT = 1e-12
+"""Deviation, as a share of the curve's size, that is nothing but rounding."""
+TOLERANCE = 1e-7
+"""Deviation of a chain of cubics, as a share of the curve's size."""
+CHECKED = np.linspace(0.0, 1.0, 33)
+NARROWEST = 1e-9
+"""Share of the range that is not halved any more."""
+MOST_PIECES = 2000
+
+
+def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
+    """Curves that follow the point ``at`` a parameter from ``start`` to ``end``, each beginning where one ends.
+
+    `DataError`, about ``what``, where the formula has no value, stands still, or would take too many pieces.
+    """
+    points = _sampled(at, start, end)
+    if not np.all(np.abs(points) <= LARGEST):
+        bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= LARGEST).all(axis=1)))])
+        raise DataError(what, value=f"no value at {bad:g}", limit="must have one everywhere in its range")
+    size = float(np.ptp(points, axis=0).max())
+    if not size > 0.0:
+        raise DataError(what, value="one point", limit="must have a length")
+    whole = _recognised(points, size)
+    return [whole] if whole is not None else _joined(_pieces(at, start, end, size, what), size)
+
+
+def _sampled(at: At, start: float, end: float) -> Floats:
+    """Points (33, 2) of a range; its two ends exactly."""
+    return np.array([at(start), *(at(start + (end - start) * float(u)) for u in CHECKED[1:-1]), at(end)])
+
+
+def _recognised(points: Floats, size: float) -> Curve | None:
+    """Segment, arc or cubic that all points lie on, if there is one."""
+    a, middle, b = (_point(points[i]) for i in (0, len(points) // 2, -1))
+    if a != b and _off_line(points, a, b) <= EXACT * size:
+        return Segment(a, b)
+    arc = _arc(points, a, middle, b, size)
+    if arc is not None:
+        return arc
+    control = _cubic(points)
+    if _off_cubic(points, control) > EXACT * size:
+        return None
+    try:
+        return Bezier(*control)
+    except DesignError:  # a cusp, or a line walked to and fro
+        return None
+
+
+def _off_line(points: Floats, a: Point, b: Point) -> float:
+    """Largest distance from a line, infinite where the points do not run along it one after the other."""
+    along = np.array(minus(b, a)) / math.dist(a, b)
+    from_a = points - np.array(a)
+    if np.any(np.diff(from_a @ along) <= 0.0):
+        return math.inf
+    return float(np.abs(from_a[:, 0] * along[1] - from_a[:, 1] * along[0]).max())
+
+
+def _arc(points: Floats, a: Point, middle: Point, b: Point, size: float) -> Arc | None:
+    """Arc that all points lie on, one after the other."""
+    third = _point(points[len(points) // 3])
+    try:
+        circle = Arc.through(a, third, middle)
+    except DesignError:
+        return None
+    center, radius = circle.center, circle.radius_mm
+    if radius > 1e3 * size or np.abs(np.hypot(*(points - np.array(center)).T) - radius).max() > EXACT * 10 * size:
+        return None
+    steps = [
+        math.atan2(cross(p, q), dot(p, q))
+        for p, q in zip(points[:-1] - np.array(center), points[1:] - np.array(center), strict=True)
+    ]
+    if not (all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)):
+        return None
+    sweep_deg = math.degrees(math.fsum(steps))
+    if abs(abs(sweep_deg) - 360.0) < 1e-6 and math.dist(a, b) < EXACT * 1e3 * size:
+        sweep_deg = math.copysign(360.0, sweep_deg)
+    from_deg = math.degrees(math.atan2(a[1] - center[1], a[0] - center[0]))
+    return Arc(center, radius, from_deg, sweep_deg) if abs(sweep_deg) <= 360.0 else None
+
+
+def _cubic(points: Floats) -> Control:
+    """Control points of the cubic through the first, the last and two points between them."""
+    last = len(points) - 1
+    inner = np.array([last // 3, last - last // 3])
+    v = inner / last
+    w = 1.0 - v
+    ends = w[:, None] ** 3 * points[0] + v[:, None] ** 3 * points[-1]
+    handles = np.linalg.solve(np.column_stack([3 * w**2 * v, 3 * w * v**2]), points[inner] - ends)
+    return (_point(points[0]), _point(handles[0]), _point(handles[1]), _point(points[-1]))
+
+
+def _off_cubic(points: Floats, control: Control) -> float:
+    """Largest distance of a point from the cubic's at the same parameter."""
+    v = np.linspace(0.0, 1.0, len(points))[:, None]
+    a, b, c, d = (np.array(point) for point in control)
+    w = 1.0 - v
+    return float(np.hypot(*(w**3 * a + 3 * w * v * (w * b + v * c) + v**3 * d - points).T).max())
+
+
+def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Curve]:
+    """Lines, arcs and cubics one after the other, found by halving."""
+    found: list[Curve] = []
+    waiting = [(start, end)]
+    while waiting:
+        low, high = waiting.pop()
+        points = _sampled(at, low, high)
+        if not np.all(np.abs(points) <= LARGEST):
+            raise DataError(what, value=f"no value near {low:g}", limit="must have one everywhere in its range")
+        if high - low <= NARROWEST * (end - start):
+            found += _bridge(_point(points[0]), _point(points[-1]))
+            continue
+        control = _cubic(points)
+        if _off_cubic(points, control) <= TOLERANCE * size and _moves(control):
+            found.append(_line_or_cubic(points, control, size))
+        else:
+            middle = 0.5 * (low + high)
+            waiting += [(middle, high), (low, middle)]
+        if len(found) + len(waiting) > MOST_PIECES:
+            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="is too wild a curve")
+    return found
+
+
+def _moves(control: Control) -> bool:
+    try:
+        _ = Bezier(*control)
+    except DesignError:
+        return False
+    return True
+
+
+def _bridge(a: Point, b: Point) -> list[Curve]:
+    return [] if a == b else [Segment(a, b)]
+
+
+def _line_or_cubic(points: Floats, control: Control, size: float) -> Curve:
+    straight = _off_line(points, control[0], control[3]) <= EXACT * size
+    return Segment(control[0], control[3]) if straight else Bezier(*control)
+
+
+def _joined(pieces: list[Curve], size: float) -> list[Curve]:
+    """Neighbours on one line as one segment, neighbouring cubics as one spline."""
+    found: list[list[Curve]] = []
+    for piece in pieces:
+        if found and type(found[-1][-1]) is type(piece) and _goes_on(found[-1], piece, size):
+            found[-1].append(piece)
+        else:
+            found.append([piece])
+    return [_one(group) for group in found]
+
+
+def _goes_on(group: list[Curve], piece: Curve, size: float) -> bool:
+    if not isinstance(piece, Segment):
+        return True
+    points = np.array([*(member.start for member in group), piece.start, piece.end])
+    return _off_line(points, group[0].start, piece.end) <= 10 * EXACT * size
+
+
+def _one(group: list[Curve]) -> Curve:
+    if len(group) == 1:
+        return group[0]
+    if isinstance(group[0], Segment):
+        return Segment(group[0].start, group[-1].end)
+    cubics = [piece for piece in group if isinstance(piece, Bezier)]
+    inner = [point for piece in cubics for point in (piece.control_a, piece.control_b, piece.b)]
+    return Spline((cubics[0].a, *inner))
+
+
+def _point(row: Floats) -> Point:
+    return (float(row[0]), float(row[1]))

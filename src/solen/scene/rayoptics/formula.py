@@ -1,0 +1,376 @@
+r"""Formulas of one line, as ray-optics has them: LaTeX, or plain text as in a spreadsheet. Read here, never executed.
+
+A formula is cut into tokens and read by recursive descent into nested functions of its variables. Nothing in it can
+name anything but the variables, the constants pi and e and the functions listed here: there is no way from a formula
+to the program.
+
+Known are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every
+kind, \|a\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
+division go from left to right, so that 1/2x is x/2; a power binds more than a minus before it. Angles are radians.
+Where a function is not defined, as the root of a negative number, the value is NaN.
+"""
+
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, NoReturn
+
+from solen.errors import DataError
+
+Values = Mapping[str, float]
+Node = Callable[[Values], float]
+Function = Callable[..., float]
+
+MOST_TOKENS = 400
+"""Numbers, names and signs of a formula at most."""
+DEEPEST = 60
+"""Brackets within brackets at most."""
+
+CONSTANTS = {"pi": math.pi, "e": math.e}
+FUNCTIONS: dict[str, Function] = {
+    "sin": math.sin,
+    "cos": math.cos,
+    "tan": math.tan,
+    "sec": lambda x: 1.0 / math.cos(x),
+    "csc": lambda x: 1.0 / math.sin(x),
+    "cot": lambda x: 1.0 / math.tan(x),
+    "sinh": math.sinh,
+    "cosh": math.cosh,
+    "tanh": math.tanh,
+    "sech": lambda x: 1.0 / math.cosh(x),
+    "asin": math.asin,
+    "acos": math.acos,
+    "atan": math.atan,
+    "asinh": math.asinh,
+    "acosh": math.acosh,
+    "atanh": math.atanh,
+    "log": math.log,
+    "exp": math.exp,
+    "sqrt": math.sqrt,
+    "abs": abs,
+    "floor": math.floor,
+    "ceil": math.ceil,
+    "round": lambda x: math.floor(x + 0.5),
+    "trunc": math.trunc,
+    "sign": lambda x: math.copysign(1.0, x) if x else 0.0,
+    "max": max,
+    "min": min,
+}
+OTHER_NAMES = {
+    **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh")},
+    "ln": "log",
+    "sgn": "sign",
+}
+ANY_NUMBER_OF = ("max", "min")
+COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
+    "<=": lambda a, b: a <= b,
+    ">=": lambda a, b: a >= b,
+    "<": lambda a, b: a < b,
+    ">": lambda a, b: a > b,
+}
+LATEX_SIGNS = {"cdot": "*", "times": "*", "lt": "<", "gt": ">", "le": "<=", "ge": ">="}
+CLOSING = {"(": ")", "{": "}", "[": "]", "|": "|"}
+TOKEN = re.compile(
+    r"(?P<space>\s+|\\[ ,;:!]|\\left\b|\\right\b|\\left(?=[^a-zA-Z])|\\right(?=[^a-zA-Z]))"
+    r"|(?P<number>(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)"
+    r"|\\(operatorname|mathrm)\s*\{\s*(?P<operator>[A-Za-z]+)\s*\}"
+    r"|\\(?P<command>[A-Za-z]+)"
+    r"|(?P<name>[A-Za-z][A-Za-z0-9]*(_(\{[A-Za-z0-9]+\}|[A-Za-z0-9]+))*)"
+    r"|(?P<sign>==|!=|<=|>=|[-+*/^(){}\[\]|,<>])"
+)
+
+
+class Token(NamedTuple):
+    """A piece of text: its kind (number, name, sign; end), the text without LaTeX, where it begins."""
+
+    kind: str
+    text: str
+    at: int
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A formula that was read; call it with the values of its variables."""
+
+    text: str
+    node: Node
+
+    def __call__(self, **values: float) -> float:
+        """Value, NaN where the formula has none."""
+        return self.node(values)
+
+
+def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Function] | None = None) -> Formula:
+    """Read a formula of those variables; ``functions`` are further ones by name.
+
+    Raises
+    ------
+    DataError
+        With the place in the text, for what is not a formula or names something unknown.
+    """
+    reader = _Reader(text, set(variables), {**FUNCTIONS, **(functions or {})})
+    return Formula(text, reader.whole())
+
+
+def _tokens(text: str) -> list[Token]:
+    found: list[Token] = []
+    at = 0
+    while at < len(text):
+        match = TOKEN.match(text, at)
+        if match is None:
+            _refuse(text, at, text[at], "is no sign of a formula")
+        kind, value = next((name, value) for name, value in match.groupdict().items() if value is not None)
+        if kind in ("command", "operator"):
+            kind, value = ("sign", LATEX_SIGNS[value]) if value in LATEX_SIGNS else ("name", value)
+        elif kind == "name":
+            value = value.replace("{", "").replace("}", "")
+        if kind != "space":
+            found.append(Token(kind, value, at))
+        at = match.end()
+        if len(found) > MOST_TOKENS:
+            _refuse(text, at, f"more than {MOST_TOKENS} signs", "is too long a formula")
+    return [*found, Token("end", "", len(text))]
+
+
+def _refuse(text: str, at: int, found: str, limit: str) -> NoReturn:
+    shown = text if len(text) <= 60 else f"{text[:57]}..."
+    raise DataError(f"formula {shown!r} at character {at + 1}", value=found or "its end", limit=limit)
+
+
+class _Reader:
+    """Recursive descent, one method for each strength of binding."""
+
+    def __init__(self, text: str, variables: set[str], functions: Mapping[str, Function]) -> None:
+        self.text = text
+        self.variables = variables
+        self.functions = functions
+        self.tokens = _tokens(text)
+        self.next = 0
+        self.depth = 0
+
+    def whole(self) -> Node:
+        node = self.choice()
+        if self.token.kind != "end":
+            self.refuse("cannot stand here")
+        return node
+
+    @property
+    def token(self) -> Token:
+        return self.tokens[self.next]
+
+    def refuse(self, limit: str) -> NoReturn:
+        _refuse(self.text, self.token.at, self.token.text, limit)
+
+    def take(self, *texts: str) -> str | None:
+        """Next token's text where it is a sign or a word among these."""
+        if self.token.kind in ("sign", "name") and self.token.text in texts:
+            self.next += 1
+            return self.tokens[self.next - 1].text
+        return None
+
+    def expect(self, text: str) -> None:
+        if self.take(text) is None:
+            self.refuse(f"must be {text}")
+
+    def choice(self) -> Node:
+        """A or b, of as many as there are."""
+        node = self.all_of()
+        while self.take("or"):
+            node = _either(node, self.all_of())
+        return node
+
+    def all_of(self) -> Node:
+        """A and b."""
+        node = self.comparison()
+        while self.take("and"):
+            node = _both(node, self.comparison())
+        return node
+
+    def comparison(self) -> Node:
+        """A < b; 1 where it holds."""
+        if self.take("not"):
+            return _negated(self.comparison())
+        node = self.sum()
+        while (sign := self.take(*COMPARISONS)) is not None:
+            node = _compared(COMPARISONS[sign], node, self.sum())
+        return node
+
+    def sum(self) -> Node:
+        """A + b − c."""
+        node = self.product()
+        while (sign := self.take("+", "-")) is not None:
+            node = _calculated(_add if sign == "+" else _subtract, node, self.product())
+        return node
+
+    def product(self) -> Node:
+        """A * b / c d."""
+        node = self.signed()
+        while True:
+            sign = self.take("*", "/")
+            if sign is None and not self.begins_factor():
+                return node
+            node = _calculated(_divide if sign == "/" else _multiply, node, self.signed() if sign else self.power())
+
+    def begins_factor(self) -> bool:
+        """Whether a factor follows without a sign before it."""
+        token = self.token
+        if token.kind == "name":
+            return token.text not in ("and", "or", "not")
+        return token.kind == "number" or (token.kind == "sign" and token.text in "({[")
+
+    def signed(self) -> Node:
+        """− a."""
+        negative = False
+        while (sign := self.take("+", "-")) is not None:
+            negative ^= sign == "-"
+        node = self.power()
+        return _calculated(_subtract, _constant(0.0), node) if negative else node
+
+    def power(self) -> Node:
+        """A ^ b, from right to left."""
+        node = self.atom()
+        if self.take("^"):
+            return _calculated(_raise, node, self.signed_power())
+        return node
+
+    def signed_power(self) -> Node:
+        if self.take("-"):
+            return _calculated(_subtract, _constant(0.0), self.signed_power())
+        return self.power()
+
+    def atom(self) -> Node:
+        """A number, a name with what belongs to it, or something in brackets."""
+        token = self.token
+        if token.kind == "number":
+            self.next += 1
+            return _constant(float(token.text))
+        if token.kind == "sign" and token.text in CLOSING:
+            return self.bracket()
+        if token.kind != "name":
+            self.refuse("must be a number, a name or a bracket")
+        self.next += 1
+        return self.named(token)
+
+    def bracket(self) -> Node:
+        """What stands in the bracket that comes next."""
+        opened = self.take(*CLOSING)
+        if opened is None:
+            self.refuse("must be a bracket")
+        self.depth += 1
+        if self.depth > DEEPEST:
+            self.refuse(f"stands in more than {DEEPEST} brackets")
+        node = self.choice()
+        self.depth -= 1
+        self.expect(CLOSING[opened])
+        return _called(abs, [node]) if opened == "|" else node
+
+    def named(self, token: Token) -> Node:
+        """Variable, constant, or a function with its arguments."""
+        name = OTHER_NAMES.get(token.text, token.text)
+        if name in self.variables:
+            return _variable(name)
+        if name == "frac":
+            return _calculated(_divide, self.group(), self.group())
+        if name == "sqrt" and self.token.text == "[":
+            degree = self.bracket()
+            return _calculated(_raise, self.group(), _calculated(_divide, _constant(1.0), degree))
+        if name in self.functions:
+            return self.call(name)
+        if name in CONSTANTS:
+            return _constant(CONSTANTS[name])
+        if len(name) > 1 and all(letter in self.variables or letter in CONSTANTS for letter in name):
+            return self.letters(name)
+        known = ", ".join(sorted(self.variables)) or "no variables"
+        _refuse(self.text, token.at, token.text, f"is unknown; there are {known}, pi, e and the usual functions")
+
+    def letters(self, name: str) -> Node:
+        """Product of variables written without a sign."""
+        nodes = [_variable(i) if i in self.variables else _constant(CONSTANTS[i]) for i in name]
+        node = nodes[0]
+        for other in nodes[1:]:
+            node = _calculated(_multiply, node, other)
+        return node
+
+    def group(self) -> Node:
+        """Something in braces."""
+        if self.token.text != "{":
+            self.refuse("must be {")
+        return self.bracket()
+
+    def call(self, name: str) -> Node:
+        """Function with its arguments, in brackets or, of one, without; ``sin^2 x`` is the square of the sine."""
+        exponent = self.atom() if self.take("^") else None
+        if self.take("("):
+            arguments = [self.choice()]
+            while self.take(","):
+                arguments.append(self.choice())
+            self.expect(")")
+        else:
+            arguments = [self.atom()]
+        if name in FUNCTIONS and name not in ANY_NUMBER_OF and len(arguments) != 1:
+            self.refuse(f"{name} takes one argument, not {len(arguments)}")
+        if name in ANY_NUMBER_OF and len(arguments) < 2:
+            self.refuse(f"{name} takes two arguments or more, not {len(arguments)}")
+        node = _called(self.functions[name], arguments)
+        return node if exponent is None else _calculated(_raise, node, exponent)
+
+
+def _constant(value: float) -> Node:
+    return lambda _: value
+
+
+def _variable(name: str) -> Node:
+    return lambda values: values[name]
+
+
+def _add(a: float, b: float) -> float:
+    return a + b
+
+
+def _subtract(a: float, b: float) -> float:
+    return a - b
+
+
+def _multiply(a: float, b: float) -> float:
+    return a * b
+
+
+def _divide(a: float, b: float) -> float:
+    return a / b
+
+
+def _raise(a: float, b: float) -> float:
+    return math.pow(a, b)
+
+
+def _calculated(operation: Callable[[float, float], float], a: Node, b: Node) -> Node:
+    return _called(operation, [a, b])
+
+
+def _called(function: Function, arguments: Sequence[Node]) -> Node:
+    def value(values: Values) -> float:
+        try:
+            return float(function(*(argument(values) for argument in arguments)))
+        except (ArithmeticError, ValueError):
+            return math.nan
+
+    return value
+
+
+def _compared(comparison: Callable[[float, float], bool], a: Node, b: Node) -> Node:
+    return lambda values: float(comparison(a(values), b(values)))
+
+
+def _both(a: Node, b: Node) -> Node:
+    return lambda values: float(bool(a(values)) and bool(b(values)))
+
+
+def _either(a: Node, b: Node) -> Node:
+    return lambda values: float(bool(a(values)) or bool(b(values)))
+
+
+def _negated(a: Node) -> Node:
+    return lambda values: float(not a(values))

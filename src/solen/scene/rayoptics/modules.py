@@ -1,0 +1,195 @@
+"""Modules: objects written once with formulas in backticks, and unfolded for every use, in loops and under conditions.
+
+A module has points, which its formulas know as x_1, y_1, x_2..., parameters, and variables and functions of its own.
+A text that is one formula in single backticks is its number; in double backticks it is a formula to be kept, with the
+module's values put in. Nothing is executed: all formulas are those of `solen.scene.rayoptics.formula`.
+"""
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from solen.errors import DataError
+from solen.scene.rayoptics.formula import Function, Values, parse
+
+MOST_TIMES = 1000
+"""Rounds of a loop at most where the module names no limit; it may name a hundredfold."""
+MOST_NUMBER = 1e300
+FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
+VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Values and functions by name."""
+
+    values: Values = field(default_factory=dict)
+    functions: Mapping[str, Function] = field(default_factory=dict)
+
+    def number(self, text: str) -> float:
+        """Value of a formula; `DataError` where it has none."""
+        value = parse(text, tuple(self.values), self.functions)(**self.values)
+        if value != value:
+            raise DataError(f"formula {text!r}", value=value, limit="must have a value")
+        return value
+
+    def with_values(self, values: Values) -> "Scope":
+        """Further values; of two of one name the new one counts."""
+        return replace(self, values={**self.values, **values})
+
+    def defined(self, text: str) -> "Scope":
+        """With one definition more: a variable, or a function of variables."""
+        if function := FUNCTION.match(text):
+            name, names, body = function.groups()
+            variables = tuple(one.strip() for one in names.split(","))
+            formula = parse(body, (*self.values, *variables), self.functions)
+            values = dict(self.values)
+
+            def call(*arguments: float) -> float:
+                return formula(**values, **dict(zip(variables, arguments, strict=True)))
+
+            return replace(self, functions={**self.functions, name: call})
+        if variable := VARIABLE.match(text):
+            return self.with_values({variable[1]: self.number(variable[2])})
+        raise DataError(f"definition {text!r}", limit="must be name = formula or name(x) = formula")
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula of some variables, with all else that it names."""
+
+    text: str
+    variables: tuple[str, ...]
+    scope: Scope = field(default_factory=Scope)
+
+    def of(self, variable: str) -> "Expression":
+        """The same as a formula of one variable."""
+        return replace(self, variables=(variable,))
+
+    def compiled(self) -> Function:
+        """As a function of its variables in their order; `DataError` where it is no formula."""
+        formula = parse(self.text, (*self.scope.values, *self.variables), self.scope.functions)
+        values, names = dict(self.scope.values), self.variables
+
+        def call(*arguments: float) -> float:
+            return formula.node({**values, **dict(zip(names, arguments, strict=True))})
+
+        return call
+
+
+def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
+    """Objects of one use of a module.
+
+    Raises
+    ------
+    DataError
+        For what is no formula, has no value, or is repeated too often.
+    """
+    if not isinstance(parameters, dict):
+        raise DataError("params", limit="must be an object of numbers")
+    scope = _scope(definition, _items("points", points), parameters)
+    limit = definition.get("maxLoopLength", MOST_TIMES)
+    if not isinstance(limit, int) or not 1 <= limit <= 100 * MOST_TIMES:
+        raise DataError("maxLoopLength", value=limit, limit=f"must be a whole number from 1 to {100 * MOST_TIMES}")
+    objects = _items("objs", definition.get("objs", []))
+    return [item for item in _list(objects, scope, limit) if isinstance(item, dict)]
+
+
+def _items(what: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        raise DataError(what, limit="must be a list")
+    return value
+
+
+def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping[str, Any]) -> Scope:
+    values: dict[str, float] = {}
+    for text in _items("params", definition.get("params", [])):
+        name, _, _, _, default = _range(text, Scope(values))
+        values[name] = default
+    values |= {name: _number(f"params.{name}", value) for name, value in parameters.items()}
+    for i, point in enumerate(points, 1):
+        if not isinstance(point, dict):
+            raise DataError(f"points[{i - 1}]", limit="must be a point")
+        values |= {f"{axis}_{i}": _number(f"points[{i - 1}].{axis}", point.get(axis)) for axis in ("x", "y")}
+    scope = Scope(values)
+    for text in _items("vars", definition.get("vars", [])):
+        scope = scope.defined(str(text))
+    return scope
+
+
+def _number(what: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise DataError(what, value=value, limit="must be a number")
+    if not abs(value) < MOST_NUMBER:
+        raise DataError(what, limit=f"must be below {MOST_NUMBER:g} in size")
+    return float(value)
+
+
+def _range(text: Any, scope: Scope) -> tuple[str, float, float, float, float]:
+    """Name, start, step, end and default of ``name=start:step:end`` or ``name=start:step:end:default``."""
+    name, equals, rest = str(text).partition("=")
+    parts = rest.split(":")
+    if not equals or len(parts) not in (3, 4):
+        raise DataError(f"range {text!r}", limit="must be name=start:step:end or name=start:step:end:default")
+    start, step, end = (scope.number(one) for one in parts[:3])
+    return name.strip(), start, step, end, scope.number(parts[3]) if len(parts) == 4 else start
+
+
+def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
+    found: list[Any] = []
+    for item in items:
+        if not isinstance(item, dict):
+            found.append(_any(item, scope, limit))
+            continue
+        kept = {key: value for key, value in item.items() if key not in ("for", "if")}
+        rounds = _rounds(item.get("for", []), scope, limit)
+        found += [_any(kept, one, limit) for one in rounds if "if" not in item or one.number(str(item["if"]))]
+    return found
+
+
+def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
+    """The scope with every combination of the loops' values."""
+    ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else _items("for", loops))]
+    series = [_series(start, step, end, limit, name) for name, start, step, end, _ in ranges]
+    total = 1
+    for values in series:
+        total *= len(values)
+    if total > limit:
+        raise DataError("for", value=f"{total} rounds", limit=f"must be at most {limit} (maxLoopLength)")
+    for chosen in itertools.product(*series):
+        yield scope.with_values(dict(zip((one[0] for one in ranges), chosen, strict=True)))
+
+
+def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:
+    """Values from start on, as long as they are not beyond the end; each is the one before and the step."""
+    if step == 0.0 or (end - start) * step < 0.0 or (end - start) / step + 1.0 > limit:
+        raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} rounds")
+    found, value = [], start
+    while value <= end:  # as the peer has it: a falling range gives its start at most
+        found.append(value)
+        value += step
+    return found
+
+
+def _any(value: Any, scope: Scope, limit: int) -> Any:
+    if isinstance(value, str):
+        return _text(value, scope)
+    if isinstance(value, list):
+        return _list(value, scope, limit)
+    if isinstance(value, dict):
+        return {key: _any(item, scope, limit) for key, item in value.items()}
+    return value
+
+
+def _text(text: str, scope: Scope) -> Any:
+    """A text with its formulas: a number, a formula, or text with numbers in it."""
+    if text.startswith("``") and text.endswith("``") and len(text) > 4 and "`" not in text[2:-2]:
+        return Expression(text[2:-2], (), scope)
+    parts = text.split("`")
+    if len(parts) == 3 and not parts[0] and not parts[2]:
+        return scope.number(parts[1])
+    if "" in parts[1:-1:2] or len(parts) % 2 == 0:
+        raise DataError(f"text {text!r}", limit="mixes a formula to be kept with text, or leaves a backtick open")
+    return "".join(f"{scope.number(one):.17g}" if i % 2 else one for i, one in enumerate(parts))

@@ -1,0 +1,376 @@
+"""From a file of ray-optics to a scene: its objects one after the other, its detectors as monitors.
+
+Whatever a file holds that is not understood is left out and told, never guessed: a whole object, or one key of it.
+Only what is no scene of ray-optics at all, or cannot be traced, is refused.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen import files
+from solen.errors import DataError, DesignError, SolenError
+from solen.scene.model import Monitor, Scene
+from solen.scene.rayoptics.arrangement import Element, Glass, arranged
+from solen.scene.rayoptics.fields import LARGEST, Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.modules import unfolded
+from solen.scene.rayoptics.objects import READERS, World, line
+from solen.scene.rayoptics.sources import EMISSIONS, Lamps, rays
+from solen.scene.sources import Rays
+
+VERSION = 5
+MERGING = 1e-6
+"""What lies nearer, in length scales of the file, is one place."""
+WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
+"""Brightness up to which a part split off is dropped, and where brightness shall be correct."""
+NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
+"""Objects that light does not see."""
+LOOKS = frozenset(
+    (
+        *(
+            "version",
+            "name",
+            "importedFromBeta",
+            "showGrid",
+            "snapToGrid",
+            "lockObjs",
+            "gridSize",
+            "observer",
+            "origin",
+        ),
+        *("scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"),
+        *("theme", "backgroundImage", "numericalTolerances"),
+    )
+)
+"""Keys of a scene that say nothing about light, or only how another program computes it."""
+LIGHT = frozenset(
+    (
+        *("objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors"),
+        *("colorMode", "randomSeed", "maxRayDepth"),
+    )
+)
+MODES = ("rays", "extended", "images", "observer")
+MOST_MODULES_DEEP = 8
+
+
+class Counted(Protocol):
+    """What a trace says of a monitor."""
+
+    @property
+    def power(self) -> float:
+        """Net power, as a share of the emitted power."""
+
+    @property
+    def map(self) -> NDArray[np.float64]:
+        """The same by bins."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A detector's reading in the file's units: power, and power per length in bins beginning at each position."""
+
+    power: float
+    position: NDArray[np.float64] | None = None
+    irradiance: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class Detector:
+    """A detector as one or two monitors: its whole bins, and what its line is longer than those."""
+
+    name: str
+    monitors: tuple[Monitor, ...]
+    bins: int = 0
+    bin_size: float = 0.0
+
+    def reading(self, monitors: Mapping[str, Counted], emitted: float) -> Reading:
+        """Its reading from those of its monitors; bins that no monitor has are of no length and stay 0."""
+        found = [monitors[monitor.name] for monitor in self.monitors]
+        power = emitted * math.fsum(one.power for one in found)
+        if not self.bins:
+            return Reading(power)
+        parts = [one.map if len(one.map) else np.array([one.power]) for one in found]
+        values = np.zeros(self.bins)
+        joined = np.concatenate(parts)
+        values[: len(joined)] = joined
+        return Reading(power, np.arange(float(self.bins)) * self.bin_size, values * (emitted / self.bin_size))
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A scene of ray-optics as solen traces it.
+
+    Lengths are the file's units, taken as mm; y is turned over, so that z points up. Powers are ray-optics' brightness.
+
+    Attributes
+    ----------
+    scene
+        The same scene of solen; its rays are those of the file, in the file's order.
+    detectors
+        What each detector of the file reads.
+    not_understood
+        What was left out.
+    weak, weakest
+        Brightness up to which ray-optics drops a part that is split off, and the part that goes on.
+    max_hits
+        How many objects a ray meets at most; None: any number.
+    fresh
+        For each ray, whether it begins anew rather than following the one before it.
+    """
+
+    scene: Scene
+    detectors: tuple[Detector, ...]
+    not_understood: tuple[NotUnderstood, ...]
+    weak: float
+    weakest: float
+    max_hits: int | None
+    fresh: tuple[bool, ...] = field(repr=False)
+
+    @property
+    def partial(self) -> bool:
+        """Whether some surface reflects in part."""
+        return any(
+            i.behaviour == "splitter" or (i.behaviour == "refracting" and (i.surface is None or i.surface.partial))
+            for i in self.scene.interfaces
+        )
+
+    def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
+        """Readings of all detectors from a trace's monitors."""
+        return {one.name: one.reading(monitors, self.scene.emitted) for one in self.detectors}
+
+
+def load(path: Path | str, *, facets: bool = False) -> Imported:
+    """Scene of a file; as `loads`, and `DataError` where it cannot be read."""
+    return loads(files.read_text(Path(path), DataError), str(path), facets=facets)
+
+
+def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
+    """Scene of a JSON text.
+
+    Parameters
+    ----------
+    text
+        The file's text.
+    where
+        How errors name it.
+    facets
+        Curves of formulas as the polylines that ray-optics traces, which only tracers in plain Python know; by default
+        the curves themselves, exactly or to 1e-7 of their size.
+
+    Raises
+    ------
+    DataError
+        Where it is no scene of ray-optics of version 5.
+    DesignError
+        Where its scene cannot be traced: it has no light, or an index below 1.
+    """
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as bad:
+        raise DataError(where, limit=f"not JSON: {bad}") from None
+    if not recognised(data):
+        raise DataError(where, limit="not a scene of ray-optics: it has no list objs and no version")
+    if data["version"] != VERSION:
+        raise DataError(
+            f"{where}: version",
+            value=data["version"],
+            limit=f"this solen reads version {VERSION}",
+            remedy="open the scene in ray-optics and save it again",
+        )
+    return _Scene(data, where, facets).imported()
+
+
+def recognised(data: object) -> bool:
+    """Whether parsed JSON has the form of a scene of ray-optics, of whatever version."""
+    return isinstance(data, dict) and isinstance(data.get("objs"), list) and "version" in data
+
+
+class _Scene:
+    """Gathers a scene from the objects of a file."""
+
+    def __init__(self, data: dict[str, Any], where: str, facets: bool) -> None:
+        self.data = data
+        self.facets = facets
+        self.where = where
+        self.missed: list[NotUnderstood] = []
+        self.parts: list[Glass | Element] = []
+        self.sources: list[Rays] = []
+        self.fresh: list[bool] = []
+        self.detectors: list[Detector] = []
+        self.counts: dict[str, int] = {}
+        self.named: dict[str, tuple[int, str]] = {}
+        self.settings = Fields(0, "scene", data)
+        self.settings.unread -= LOOKS
+        try:
+            self.world = self._world()
+            self.lamps = self._lamps()
+            self.max_hits = self._max_hits()
+        except UnreadError as bad:
+            raise DataError(f"{where}: {bad.key}", limit=bad.reason) from None
+
+    def imported(self) -> Imported:
+        for number, item in self._objects():
+            self._read(number, item)
+        for key in sorted(self.settings.unread - LIGHT):
+            self._miss(0, "scene", key, "unknown key")
+        try:
+            found = arranged(self.parts, MERGING * self.world.length_scale, self.world.colours)
+        except DesignError as bad:
+            raise type(bad)(f"{self.where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+        for name, reason in found.refused:
+            self._miss(*self.named[name], None, reason)
+        scene = Scene(
+            found.regions,
+            found.interfaces,
+            tuple(self.sources),
+            tuple(monitor for detector in self.detectors for monitor in detector.monitors),
+            str(self.data.get("name") or Path(self.where).stem),
+            open_media=True,
+        )
+        weak = WEAK_IN_COLOUR if self.lamps.correct else WEAK
+        weakest = WEAK_IN_COLOUR if self.lamps.correct else 0.0
+        return Imported(
+            scene, tuple(self.detectors), tuple(self.missed), weak, weakest, self.max_hits, tuple(self.fresh)
+        )
+
+    def _world(self) -> World:
+        scale = self.settings.number_of("lengthScale", 1.0)
+        if not scale > 0.0:
+            raise UnreadError("lengthScale", f"must be above 0, not {scale:g}")
+        return World(scale, self.settings.flag("simulateColors"), _span(self.data["objs"]), self.facets)
+
+    def _lamps(self) -> Lamps:
+        mode = self.settings.choice("mode", "rays")
+        if mode not in MODES:
+            raise UnreadError("mode", f"must be one of {', '.join(MODES)}")
+        densities = (self.settings.number_of("rayModeDensity", 0.1), self.settings.number_of("imageModeDensity", 1.0))
+        density = densities[mode in ("images", "observer")]
+        if not density > 0.0:
+            raise UnreadError("rayModeDensity", f"must be above 0, not {density:g}")
+        correct = self.settings.choice("colorMode", "default") != "default"
+        seed = self.data.get("randomSeed")
+        world = self.world
+        observed = mode == "observer"
+        return Lamps(density, world.length_scale, world.colours, correct, observed, None if seed is None else str(seed))
+
+    def _max_hits(self) -> int | None:
+        value = self.data.get("maxRayDepth")
+        if value is None or isinstance(value, str):  # JSON has no infinity
+            return None
+        return max(int(self.settings.number_of("maxRayDepth")), 0)
+
+    def _miss(self, number: int, kind: str, key: str | None, reason: str) -> None:
+        self.missed.append(NotUnderstood(number, kind, key, reason))
+
+    def _objects(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Objects with their numbers in the file; modules unfolded in their place."""
+        for number, item in enumerate(self.data["objs"], 1):
+            if isinstance(item, dict):
+                yield from self._unfolded(number, item, 0)
+            else:
+                self._miss(number, "object", None, "is no object")
+
+    def _unfolded(self, number: int, item: dict[str, Any], depth: int) -> Iterator[tuple[int, dict[str, Any]]]:
+        if item.get("type") != "ModuleObj":
+            yield number, item
+            return
+        name = item.get("module")
+        modules = self.data.get("modules") or {}
+        definition = modules.get(name) if isinstance(modules, dict) and isinstance(name, str) else None
+        if not isinstance(definition, dict) or depth > MOST_MODULES_DEEP:
+            self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it is in itself")
+            return
+        try:
+            inner = unfolded(definition, item.get("points", []), item.get("params", {}))
+        except SolenError as bad:
+            self._miss(number, "ModuleObj", str(name), str(bad))
+            return
+        for one in inner:
+            yield from self._unfolded(number, one, depth + 1)
+
+    def _read(self, number: int, item: dict[str, Any]) -> None:
+        """Take one object in, or say why not."""
+        kind = item.get("type")
+        if kind in NO_LIGHT:
+            return
+        kinds: dict[str, Callable[[Fields], None]] = {
+            **dict.fromkeys(READERS, self._take_part),
+            **dict.fromkeys(EMISSIONS, self._take_source),
+            "Detector": self._take_detector,
+        }
+        if not isinstance(kind, str) or kind not in kinds:
+            self._miss(number, str(kind), None, "this type of object is unknown to solen")
+            return
+        fields = Fields(number, kind, item)
+        try:
+            kinds[kind](fields)
+        except UnreadError as bad:
+            self._miss(number, kind, bad.key, f"{bad.reason}; the object is left out")
+            return
+        except SolenError as bad:
+            self._miss(number, kind, None, f"{bad}; the object is left out")
+            return
+        for key in sorted(fields.unread):
+            self._miss(number, kind, key, "unknown key")
+
+    def _next_name(self, kind: str) -> str:
+        """Name of the next object of a type, as in glass1."""
+        self.counts[kind] = self.counts.get(kind, 0) + 1
+        return f"{kind.lower()}{self.counts[kind]}"
+
+    def _take_part(self, fields: Fields) -> None:
+        name = self._next_name(fields.type)
+        self.named[name] = (fields.number, fields.type)
+        self.parts += READERS[fields.type](fields, name, self.world)
+
+    def _take_source(self, fields: Fields) -> None:
+        sources, fresh = rays(fields, self.lamps)
+        self.sources += sources
+        self.fresh += fresh
+
+    def _take_detector(self, fields: Fields) -> None:
+        """The whole bins as one monitor, and what is left of the line as another."""
+        segment, mapped, size = line(fields), fields.flag("irradMap"), fields.number_of("binSize", 1.0)
+        name = self._detector_name(fields)
+        if not mapped:
+            self.detectors.append(Detector(name, (Monitor(name, segment.a, segment.b),)))
+            return
+        if not size > 0.0 or segment.length_mm / size > 1e6:
+            raise UnreadError("binSize", f"must be above 0 and leave at most a million bins, not {size:g}")
+        bins, whole = math.ceil(segment.length_mm / size), math.floor(segment.length_mm / size)
+        share = whole * size / segment.length_mm
+        end = cast(
+            "tuple[float, float]",
+            tuple((1.0 - share) * a + share * b for a, b in zip(segment.a, segment.b, strict=True)),
+        )
+        monitors = [Monitor(name, segment.a, end if bins > whole else segment.b, whole)] if whole else []
+        if bins > whole and end != segment.b:
+            monitors.append(Monitor(f"{name} rest" if whole else name, end, segment.b))
+        self.detectors.append(Detector(name, tuple(monitors), bins, size))
+
+    def _detector_name(self, fields: Fields) -> str:
+        """Its own name; else, or where that is taken, the number of the detector."""
+        number, taken = self._next_name("Detector"), {detector.name for detector in self.detectors}
+        name = fields.data.get("name")
+        return name if isinstance(name, str) and name and name not in taken else number
+
+
+def _span(objects: list[Any]) -> float:
+    """How far the numbers x and y of the file reach."""
+    found: list[float] = []
+    waiting: list[Any] = [objects]
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, dict):
+            waiting += item.values()
+            numbers = (item.get(key) for key in ("x", "y"))
+            found += [float(one) for one in numbers if isinstance(one, int | float) and abs(one) <= LARGEST]
+        elif isinstance(item, list):
+            waiting += item
+    return max(found) - min(found) if found else 0.0

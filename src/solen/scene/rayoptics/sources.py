@@ -1,0 +1,191 @@
+"""Rays as ray-optics places them: number, place and brightness follow from the density of rays of the scene.
+
+With a density d and a length scale l a *beam* has a ray every l/d along its line, the first half a step from its start,
+and a fan of them there if it diverges; a *point source* has a ray every 2π/int(500 d), and so has what it emits into
+an angle. A ray's brightness is b/d (a beam's b l/d, divided among its fan), but at most 1; where the scene asks for
+correct brightness, d grows by 1/500 until none is more. Half of it is in either polarisation.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+
+from solen.plane import Point, minus
+from solen.scene.rayoptics.chance import drawn
+from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError
+from solen.scene.sources import Rays
+from solen.scene.sources.base import LEAST_POWER
+
+MOST_RAYS = 2_000_000
+"""Rays of a scene at most: each is listed on its own."""
+PER_TURN = 500
+STEP = 1.0 / PER_TURN
+SHORT_OF_END = 1e-5
+"""How far in rad from the end of an angle there is no ray any more."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One ray: origin, direction, brightness; ``fresh`` where it does not follow the one before it."""
+
+    origin: Point
+    direction: Point
+    brightness: float
+    fresh: bool = False
+
+
+@dataclass
+class Lamps:
+    """What sources must know of their scene, and its random numbers."""
+
+    density: float
+    length_scale: float
+    colours: bool
+    correct: bool
+    observed: bool
+    seed: str | None
+    numbers: Iterator[float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.numbers = drawn(self.seed or "")
+
+    def settled(self, brightest: Callable[[float], float]) -> float:
+        """Density at which no ray is brighter than 1, where brightness shall be correct."""
+        density = self.density
+        if self.correct:
+            steps = 0
+            while brightest(density) > 1.0:
+                density += STEP
+                steps += 1
+                if steps > MOST_RAYS:
+                    raise UnreadError("brightness", "needs too many rays")
+        return density
+
+
+Emission = Callable[[Fields, Lamps], list[Placed]]
+
+
+def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
+    """Sources of one object, of rays of one brightness each, and which rays begin anew."""
+    wavelength_nm = fields.number_of("wavelength", GREEN_NM)
+    if not wavelength_nm > 0.0:
+        raise UnreadError("wavelength", f"must be above 0, not {wavelength_nm:g}")
+    placed = [ray for ray in EMISSIONS[fields.type](fields, lamps) if ray.brightness >= LEAST_POWER]
+    spectrum = ((wavelength_nm, 1.0),) if lamps.colours else ()
+    groups = [list(group) for _, group in groupby(placed, key=lambda ray: ray.brightness)]
+    sources = tuple(
+        Rays(
+            tuple(ray.origin for ray in group),
+            tuple(ray.direction for ray in group),
+            group[0].brightness * len(group),
+            spectrum=spectrum,
+        )
+        for group in groups
+    )
+    return sources, tuple(ray.fresh for ray in placed)
+
+
+def _brightness(fields: Fields, default: float) -> float:
+    brightness = fields.number_of("brightness", default)
+    if brightness < 0.0:
+        raise UnreadError("brightness", f"must be at least 0, not {brightness:g}")
+    return brightness
+
+
+def _per_turn(density: float) -> int:
+    """Directions in a full turn."""
+    count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
+    if not 0 < count <= MOST_RAYS:
+        raise UnreadError("brightness" if count else None, "the scene's density of rays leaves it none, or too many")
+    return count
+
+
+def _single(fields: Fields, lamps: Lamps) -> list[Placed]:  # noqa: ARG001  one of several
+    origin, other = fields.point("p1"), fields.point("p2")
+    if origin == other:
+        raise UnreadError("p2", "is the same point as p1")
+    return [Placed(origin, minus(other, origin), _brightness(fields, 1.0), fresh=True)]
+
+
+def _upwards(angle: float) -> Point:
+    """Direction of an angle counted from the file's +y, which points down."""
+    return (math.sin(angle), -math.cos(angle))
+
+
+def _angles(start: float, end: float, step: float) -> Iterator[float]:
+    """Angles one step after another, each from the one before."""
+    angle = start
+    while angle < end:
+        yield angle
+        angle += step
+
+
+def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
+    """All directions from a point."""
+    origin = (fields.number_of("x"), -fields.number_of("y"))
+    brightness = _brightness(fields, 0.5)
+    density = lamps.settled(lambda d: brightness / d)
+    step = math.tau / _per_turn(density)
+    first = -2.0 * step + 1e-6 if lamps.observed else 0.0
+    each = min(brightness / density, 1.0)
+    angles = _angles(first, math.tau - SHORT_OF_END, step)
+    return [Placed(origin, _upwards(angle), each, fresh=angle == first) for angle in angles]
+
+
+def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
+    """Directions from a point about a line, or from the line on."""
+    origin, aim = fields.point("p1"), fields.point("p2")
+    brightness, spread = _brightness(fields, 0.5), math.radians(fields.number_of("emisAngle", 36.001))
+    symmetric = fields.flag("symmetric", True)
+    density = lamps.settled(lambda d: brightness / d)
+    step = math.tau / _per_turn(density)
+    first = -2.0 * step + 1e-6 if lamps.observed else 0.0
+    start, end = (first - spread / 2.0, first + spread / 2.0) if symmetric else (first, first + spread)
+    middle = math.atan2(origin[1] - aim[1], aim[0] - origin[0])
+    each = min(brightness / density, 1.0)
+    return [
+        Placed(origin, (math.cos(angle + middle), -math.sin(angle + middle)), each, fresh=angle == first)
+        for angle in _angles(start, end - SHORT_OF_END, step)
+    ]
+
+
+def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
+    """Parallel rays from a line, or a fan at each place, or places and angles drawn by chance."""
+    a, b = fields.point("p1"), fields.point("p2")
+    if a == b:
+        raise UnreadError("p2", "is the same point as p1")
+    brightness, half = _brightness(fields, 0.5), math.radians(fields.number_of("emisAngle", 0.0)) / 2.0
+    lambert, random = fields.flag("lambert"), fields.flag("random")
+    scale = lamps.length_scale
+
+    def fan(density: float) -> float:
+        return 1.0 + 2.0 * math.floor(half / (math.tau / _per_turn(density)))
+
+    density = lamps.settled(lambda d: brightness * scale / d / fan(d))
+    count = math.dist(a, b) * density / scale
+    if count * fan(density) > MOST_RAYS:
+        raise UnreadError(None, f"would have more than {MOST_RAYS} rays")
+    normal = math.atan2(b[0] - a[0], a[1] - b[1]) + math.pi / 2.0
+    each = min(brightness * scale / density * (1.0 / fan(density)), 1.0)
+
+    def placed(share: float, angle: float, fresh: bool = False) -> Placed:
+        origin = (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]))
+        return Placed(origin, _upwards(normal + angle), each * (math.cos(angle) if lambert else 1.0), fresh)
+
+    if random:
+        if lamps.seed is None:
+            raise UnreadError("random", "the scene has no randomSeed, so that its rays differ from time to time")
+        pairs = [(next(lamps.numbers), next(lamps.numbers)) for _ in range(math.ceil(count * fan(density)))]
+        return [placed(u, (2.0 * v - 1.0) * half, fresh=i == 0) for i, (u, v) in enumerate(pairs)]
+    step = math.tau / _per_turn(density)
+    angles = [0.0, *(way * angle for angle in _angles(step, half, step) for way in (1.0, -1.0))]
+    return [placed((k + 0.5) / count, angle) for k in range(math.floor(count + 0.5)) for angle in angles]
+
+
+EMISSIONS: dict[str, Emission] = {
+    "SingleRay": _single,
+    "PointSource": _point,
+    "AngleSource": _into_angle,
+    "Beam": _beam,
+}

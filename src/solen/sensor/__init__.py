@@ -1,0 +1,24 @@
+"""One design under its motion, as plain calls: lens, body, scene, trace, response.
+
+A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers see over the
+angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without. A
+:class:`Sensitivity` is how its receivers answer to one number of the design.
+"""
+
+from solen.sensor.response import SATURATED, Response, Sensitivity
+from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
+from solen.sensor.study import Case, Study, study
+
+__all__ = [
+    "OPTICAL_KEYS",
+    "SATURATED",
+    "SLOPE_DEG",
+    "TOLERANCE",
+    "Case",
+    "Response",
+    "Sensitivity",
+    "Sensor",
+    "Study",
+    "TraceOptions",
+    "study",
+]

@@ -1,0 +1,111 @@
+"""``solen trace SCENE.json``: both formats, what is printed, what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solen.cli import _run
+from solen.curve import Segment
+from solen.scene import Interface, Monitor, Rays, Region, Scene, save
+
+PEER = {
+    "version": 5,
+    "name": "a lamp and a screen",
+    "objs": [
+        {"type": "SingleRay", "p1": {"x": 0, "y": 0}, "p2": {"x": 1, "y": 0}, "brightness": 0.5},
+        {"type": "Detector", "p1": {"x": 9, "y": -4}, "p2": {"x": 9, "y": 3}, "irradMap": True, "binSize": 2},
+        {"type": "Detector", "p1": {"x": 8, "y": -4}, "p2": {"x": 8, "y": 3}, "name": "all"},
+        {"type": "Hologram"},
+    ],
+}
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Path:
+    file = tmp_path / "peer.json"
+    file.write_text(json.dumps(PEER), encoding="utf-8")
+    return file
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    wall = Interface("wall", Segment((20.0, -5.0), (20.0, 5.0)), "air", "air", "receiver", "eye")
+    rays = Rays(((0.0, 0.0), (0.0, 1.0)), ((1.0, 0.0), (1.0, 0.0)))
+    return save(
+        tmp_path / "own.JSON",
+        Scene((Region("air", 1.0),), (wall,), (rays,), (Monitor("line", (9.0, 4.0), (9.0, -4.0), 4),)),
+    )
+
+
+def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert _run(["trace", *arguments]) == 0
+    found = capsys.readouterr()
+    assert not found.err
+    return found.out
+
+
+def test_a_peers_scene_in_its_units(peer: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found: dict[str, Any] = json.loads(printed(capsys, str(peer), "--json"))
+    assert found["name"] == "a lamp and a screen"
+    assert found["format"] == "ray-optics"
+    assert found["detectors"]["detector1"]["map"] == {"position": [0, 2, 4, 6], "irradiance": [0, 0, 0.25, 0]}
+    assert found["detectors"]["all"] == {"power": 0.5, "u": None, "rays": 1}
+    assert found["emitted"] == 0.5
+    reason = "this type of object is unknown to solen"
+    assert found["not_understood"] == [{"object": 4, "type": "Hologram", "key": None, "reason": reason}]
+    lines = printed(capsys, str(peer)).splitlines()
+    assert lines[0] == "a lamp and a screen (ray-optics), 1 rays, mode power"
+    assert lines[-1] == f"not understood: object 4, Hologram: {reason}"
+
+
+def test_a_peers_scene_by_the_engine(peer: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(printed(capsys, str(peer), "--json", "--mode", "power"))
+    assert found["detectors"]["detector1"]["map"]["irradiance"] == [0, 0, 0.25, 0]
+
+
+def test_solens_own_scene(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads(printed(capsys, str(own), "--json", "--paths"))
+    assert found["detectors"]["eye"]["power"] == 1.0
+    assert found["detectors"]["line"]["power"] == 1.0
+    assert found["detectors"]["line"]["map"] == {"position": [0, 2, 4, 6], "irradiance": [0, 0.25, 0.25, 0]}
+    assert found["ledger"]["detected"] == 1.0
+    assert len(found["paths"]) == 2
+
+
+def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drawn = tmp_path / "drawn.svg"
+    assert f"figure: {drawn}" in printed(capsys, str(peer), "--figure", str(drawn))
+    assert "a lamp and a screen" in drawn.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("--angle-deg", "0"), "--angle-deg = 0.0; belongs to a design"),
+        (("--no-lens",), "--no-lens; belongs to a design"),
+        (("--set", "lens.focus_mm=3"), "--set = 'lens.focus_mm=3'; belongs to a design"),
+        (("--rays", "7"), "--rays = '7'; belongs to a design"),
+        (("--mode", "guess"), "--mode = 'guess'; must be one of count, power, roulette"),
+        (("--sampling", "sobol"), "add --mode power"),
+        (("--histogram", "7"), "add --mode power"),
+        (("--figure", "drawn.gif"), "a figure ends in"),
+    ],
+)
+def test_what_a_scene_does_not_have_is_refused(
+    arguments: tuple[str, ...], told: str, peer: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert _run(["trace", str(peer), *arguments]) == 2
+    found = capsys.readouterr()
+    assert not found.out
+    assert told in found.err
+    assert found.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}', '{"version": 3, "objs": []}', '{"solen_scene": 9}'])
+def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(content, encoding="utf-8")
+    assert _run(["trace", str(file)]) == 2
+    assert str(file) in capsys.readouterr().err

@@ -1,0 +1,137 @@
+"""Formulas of scenes of ray-optics: values beside Python's own, and refusals that name the place."""
+
+import math
+
+import pytest
+
+from solen.errors import DataError
+from solen.scene.rayoptics.formula import FUNCTIONS, parse
+from solen.scene.rayoptics.modules import Scope, unfolded
+
+X = 0.37
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        (r"0.5\cdot\sqrt{1-x^2}", 0.5 * math.sqrt(1 - X**2)),
+        (r"-\sqrt{1-x^2}", -math.sqrt(1 - X**2)),
+        (r"x-\operatorname{floor}\left(x\right)", X),
+        (r"50\cdot\cos\left(x\right)", 50 * math.cos(X)),
+        (r"\frac{1}{2}x", X / 2),
+        (r"\frac{x+1}{x-1}", (X + 1) / (X - 1)),
+        (r"\sqrt[3]{x}", X ** (1 / 3)),
+        (r"\left|x-2\right|", 2 - X),
+        ("|x-2|", 2 - X),
+        (r"e^{-x}\cdot\pi", math.exp(-X) * math.pi),
+        (r"\sin^2 x + \cos^{2} x", 1.0),
+        ("sin^2(x)+cos^2(x)", 1.0),
+        (r"\arctan\left(x\right)", math.atan(X)),
+        ("(1-x)^3*2+3*(1-x)^2*x", (1 - X) ** 3 * 2 + 3 * (1 - X) ** 2 * X),
+        ("2x^2 - 3 x + 1", 2 * X**2 - 3 * X + 1),
+        ("2(x+1)(x-1)", 2 * (X + 1) * (X - 1)),
+        ("1/2x", X / 2),
+        ("-x^2", -(X**2)),
+        ("2^-1", 0.5),
+        ("2^3^2", 512.0),
+        ("1 - 2 - 3", -4.0),
+        ("1.5e-2 + .5", 0.515),
+        ("xx", X * X),
+        ("max(x, 0.1, 2) - min(x, 0.1, 2)", 1.9),
+        ("round(2.5) + ceil(x) + trunc(-1.7) + sign(-x)", 3 + 1 - 1 - 1),
+        ("ln(x) - log(x)", 0.0),
+        ("x < 1 and not (x == 2)", 1.0),
+        ("x >= 1 or x != x", 0.0),
+    ],
+)
+def test_values(text: str, value: float) -> None:
+    assert parse(text, ["x"])(x=X) == pytest.approx(value, rel=1e-15, abs=1e-15)
+
+
+def test_every_function_has_a_value_somewhere() -> None:
+    for name in FUNCTIONS:
+        argument = 1.5 if name in ("acosh", "sec") else 0.5
+        arguments = "x, x" if name in ("max", "min") else "x"
+        assert math.isfinite(parse(f"{name}({arguments})", ["x"])(x=argument)), name
+
+
+@pytest.mark.parametrize("text", [r"\sqrt{x}", "log(x)", "x^0.5", "1/(x+1)", "asin(2x)", "exp(1000)^2", "x^2^2^-x/0"])
+def test_where_there_is_no_value_there_is_none(text: str) -> None:
+    assert math.isnan(parse(text, ["x"])(x=-1.0))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("x.__class__", "at character 2"),
+        ("__import__('os')", "at character 1"),
+        ("import os", "'import'; is unknown"),
+        ("open(x)", "'open'; is unknown"),
+        ("lambda: x", "at character 7"),
+        ("y+1", "there are x"),
+        ("(x", "its end'; must be )"),
+        ("x)", "cannot stand here"),
+        ("sin()", "must be a number, a name or a bracket"),
+        ("sin(x, x)", "sin takes one argument, not 2"),
+        ("max(x)", "max takes two arguments or more, not 1"),
+        ("x+", "must be a number"),
+        ("", "must be a number"),
+        (r"\frac{1}", "must be {"),
+        (r"\left(x\right]", "must be )"),
+        ("(" * 100 + "x", "more than 60 brackets"),
+        ("x+" * 10_000 + "x", "too long"),
+        ("x=1", "at character 2"),
+        ("x;x", "at character 2"),
+    ],
+)
+def test_refusals_name_the_place(text: str, told: str) -> None:
+    with pytest.raises(DataError, match="formula") as bad:
+        parse(text, ["x"])(x=1.0)
+    assert told in str(bad.value)
+    assert "\n" not in str(bad.value)
+
+
+def test_modules_unfold_in_loops_under_conditions() -> None:
+    module = {
+        "params": ["n=1:1:9:3", "size=0:1:10:2"],
+        "vars": ["half = size/2", "square(t) = t^2 * half"],
+        "objs": [
+            {"for": "i=1:1:n", "if": "i != 2", "type": "A", "x": "`x_1 + square(i)`", "label": "no. `i`!"},
+            {"for": ["i=0:1:1", "j=0:1:1"], "type": "B", "nested": {"v": ["`10 i + j`"]}},
+        ],
+    }
+    found = unfolded(module, [{"x": 100, "y": 0}], {"size": 4})
+    assert found[:2] == [{"type": "A", "x": 102.0, "label": "no. 1!"}, {"type": "A", "x": 118.0, "label": "no. 3!"}]
+    assert [one["nested"]["v"][0] for one in found[2:]] == [0.0, 1.0, 10.0, 11.0]
+
+
+def test_a_kept_formula_knows_its_module() -> None:
+    module = {"vars": ["f(t) = t^3 * x_1"], "objs": [{"type": "A", "eqn": "``f(x) + x_1``"}]}
+    (item,) = unfolded(module, [{"x": 2, "y": 0}], {})
+    assert item["eqn"].of("x").compiled()(3.0) == 56.0
+
+
+@pytest.mark.parametrize(
+    ("module", "told"),
+    [
+        ({"objs": [{"for": "i=1:1:5000", "type": "A"}]}, "must end within 1000 rounds"),
+        ({"objs": [{"for": ["i=1:1:500", "j=1:1:500"], "type": "A"}]}, "250000 rounds"),
+        ({"objs": [{"for": "i=1:0:5", "type": "A"}]}, "must end within"),
+        ({"objs": [{"for": "i=1:5", "type": "A"}]}, "name=start:step:end"),
+        ({"objs": [{"type": "A", "x": "`random()`"}]}, "'random'; is unknown"),
+        ({"objs": [{"type": "A", "x": "`1/0`"}]}, "must have a value"),
+        ({"objs": [{"type": "A", "x": "``x`` and text"}]}, "backtick"),
+        ({"vars": ["no definition"], "objs": []}, "must be name = formula"),
+        ({"maxLoopLength": 10**9, "objs": []}, "maxLoopLength"),
+    ],
+)
+def test_modules_are_refused_in_one_line(module: dict[str, object], told: str) -> None:
+    with pytest.raises(DataError) as bad:
+        unfolded(module, [], {})
+    assert told in str(bad.value)
+
+
+def test_a_scope_is_not_changed_by_what_is_added() -> None:
+    scope = Scope({"a": 1.0})
+    assert scope.with_values({"a": 2.0}).number("a") == 2.0
+    assert scope.number("a") == 1.0
