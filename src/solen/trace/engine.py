@@ -212,10 +212,12 @@ def _trace_chunk(job: Job, chunk: Chunk) -> loop.Sums:
     if job.scene.extrusion is not None:
         return _trace_in_space(job, chunk, job.scene.extrusion)
     rays, rules = rows_of(job, chunk), rules_of(job, chunk)
+    treatments = job.tables.treatments if len(job.tables.treatments) else None
     legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
     while True:
         sums = empty(job, legs)
-        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, loop.room(len(launch), dtype, waiting))
+        room = loop.room(len(launch), dtype, waiting)
+        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, room, treatments)
         if enough and (not job.legs or sums.counts[loop.LEGS] <= legs):
             return sums
         legs = max(legs, int(sums.counts[loop.LEGS]) if job.legs else 0)

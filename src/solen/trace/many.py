@@ -108,9 +108,10 @@ class _Batch:
         job, waiting = self.jobs[0], 64 * BLOCK
         rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
         dtype = job.tables.shape.dtype.type
+        treatments = self.tables.treatments if len(self.tables.treatments) else None
         while not batch.trace_tasks(
             job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
-            loop.room(most, dtype, waiting), begin, stop,
+            loop.room(most, dtype, waiting), treatments, begin, stop,
         ):  # fmt: skip
             waiting *= 2
             self._clear(begin, stop)

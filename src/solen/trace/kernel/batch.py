@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from solen.trace.kernel.compiled import called
 from solen.trace.kernel.loop import Rows, Space, Sums, trace_rays
-from solen.trace.kernel.rows import Ints, Precision
+from solen.trace.kernel.rows import Floats, Ints, Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
 
@@ -44,6 +44,7 @@ def trace_tasks(
     rays: Rows,
     rules: Rules,
     space: Space,
+    treatments: Floats | None,
     begin: int,
     stop: int,
 ) -> bool:
@@ -117,6 +118,6 @@ def trace_tasks(
         )
         for ray in range(y - x):
             room.branches[ray] = 1
-        if not trace_rays(k, mine, own, some, rule, room):
+        if not trace_rays(k, mine, own, some, rule, room, None if treatments is None else mine.treatments):
             return False
     return True

@@ -131,7 +131,25 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                         count_arrival(k, tables, sums, c, px, pz, place, dx * nz - dz * nx, power, optical)
                 else:
                     tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
-                        k, tables, rules, c, colour, here, there, number, hits, px, pz, dx, dz, nx, nz, s, p, least
+                        k,
+                        tables,
+                        rules,
+                        tables.treatments,
+                        c,
+                        colour,
+                        here,
+                        there,
+                        number,
+                        hits,
+                        px,
+                        pz,
+                        dx,
+                        dz,
+                        nx,
+                        nz,
+                        s,
+                        p,
+                        least,
                     )
                     if lost > 0.0:
                         sums.fate[ABSORBED] += lost

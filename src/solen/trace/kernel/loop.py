@@ -228,9 +228,12 @@ def scatter(
 
 @called
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
-    k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, space: Space
+    k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, space: Space, treatments: Floats | None
 ) -> bool:
-    """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait."""
+    """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait.
+
+    ``treatments`` are those of the tables, or None where there are none.
+    """
     state, tags, found = space.state, space.tags, space.found
     x, z, dx, dz, s, p = state[X], state[Z], state[DX], state[DZ], state[S], state[P]
     least, at, optical = state[LEAST], state[AT], state[OPTICAL]
@@ -310,7 +313,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     count_arrival(k, tables, sums, c, px, pz, place, sine, power, way)
                 continue
             tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
-                k, tables, rules, c, colour[i], here, there, number[i], hits[i], px, pz, dx[i], dz[i], nx, nz,
+                k, tables, rules, treatments, c, colour[i], here, there, number[i], hits[i], px, pz, dx[i], dz[i], nx, nz,
                 s_here, p_here, least[i],
             )  # fmt: skip
             if lost > 0.0:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.nearest import normal_at, other_side
-from solen.trace.kernel.rows import TREATED, Precision, as_in
+from solen.trace.kernel.rows import TREATED, Floats, Precision, as_in
 from solen.trace.kernel.surface import COUNT, ROULETTE, at_surface, chance_of, drawn, end_fate
 from solen.trace.kernel.treated import FREE_PATH, PHASE, acting, at_treated
 from solen.trace.result import ABSORBED, ESCAPED, TRUNCATED
@@ -134,6 +134,7 @@ def leave(
     k: Precision,
     tables: Tables,
     rules: Rules,
+    treatments: Floats | None,
     c: int,
     colour: int,
     here: int,
@@ -150,9 +151,12 @@ def leave(
     p: float,
     least: float,
 ) -> Leaving:
-    """What the surface of curve ``c`` makes of ray ``number``, which has met ``hits`` interfaces before this one."""
+    """What the surface of curve ``c`` makes of ray ``number``, which has met ``hits`` interfaces before this one.
+
+    ``treatments`` are those of the tables, or None where there are none: then what they need is not even compiled.
+    """
     n1, n2, lost = tables.refractive_index[colour, here], tables.refractive_index[colour, there], k.zero
-    if tables.behaviour[c] < TREATED:
+    if treatments is None or tables.behaviour[c] < TREATED:
         on_x, on_z, back_x, back_z, back_s, back_p = at_surface(
             k, tables.behaviour[c], rules.splitting, dx, dz, nx, nz, n1, n2, s, p
         )

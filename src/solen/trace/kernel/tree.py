@@ -123,7 +123,25 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             running = False
             continue
         tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, _, both, ends, goes_back = leave(
-            k, tables, family.rules, c, family.colour, here, there, 0, hits, px, pz, dx, dz, nx, nz, s, p, least
+            k,
+            tables,
+            family.rules,
+            tables.treatments,
+            c,
+            family.colour,
+            here,
+            there,
+            0,
+            hits,
+            px,
+            pz,
+            dx,
+            dz,
+            nx,
+            nz,
+            s,
+            p,
+            least,
         )
         value[receivers + 1] += lost
         if ends:
