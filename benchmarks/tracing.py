@@ -7,13 +7,14 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numba
 import numpy as np
 
 import solen
-from solen.scene import Scene
+from solen.scene import CosinePower, Emitter, Extrusion, Scene
 from solen.sensor import Sensor
 from solen.spec import Design, Material
 from solen.trace import Mode, integrate, integrate_many, trace, trace_many, trace_reference
@@ -56,6 +57,20 @@ def main() -> None:
         print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.2f} ms; ", end="")
         print(f"a fan of {RAYS} rays takes {fan_s / seconds:.0f} times as long")
     sweep(sensor)
+    space(sensor)
+
+
+def space(sensor: Sensor) -> None:
+    """Rays in space beside rays in the plane, of a fan and of a chip."""
+    flat = sensor.scene(-3.0, RAYS // 5)
+    (fan,) = flat.sources
+    pose = sensor.body(-3.0).emitter
+    chip = Emitter(pose.point, pose.axis_deg, fan.rays, CosinePower(1.0), 120.0, 0.2, 0.2)
+    for name, scene in (("fan", flat), ("chip", replace(flat, sources=(chip,)))):
+        for mode in MODES:
+            solid = replace(scene, extrusion=Extrusion(sensor.design.body.thickness_mm))
+            times = [best_s(partial(trace, one, mode, threads=1)) for one in (scene, solid)]
+            print(f"{mode:6} a {name} in space takes {times[1] / times[0]:.1f} times as long as in the plane")
 
 
 def sweep(sensor: Sensor) -> None:

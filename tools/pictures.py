@@ -24,7 +24,7 @@ def four_motions() -> Figure:
         for name, values in MOTIONS.items():
             sensor = Sensor.of(with_values(design, {"emitter.width_mm": width_mm, **values}))
             axes.plot(ANGLES_DEG, sensor.power(ANGLES_DEG.tolist()).contrast, label=name)
-        axes.set(title=title, xlabel="angle / °")
+        axes.set(title=f"simulated, {title}", xlabel="angle / °")
         axes.grid(alpha=0.3)
     panels[0].set_ylabel("contrast (R − L)/(R + L)")
     panels[1].legend(fontsize="small")

@@ -311,6 +311,10 @@ def _trace_lines(found: dict[str, Any]) -> list[str]:
         u = "" if one["u"] is None else f" ± {one['u']:.1e}"
         lines.append(f"  {name:9} {one['power']:.6f}{u}  ({one['rays']} rays)")
     lines += [f"  {name:9} {power:.6f}" for name, power in found["ledger"].items()]
+    if "missed" in found:
+        lines.append(
+            f"  of what escaped, {found['missed']:.6f} passed above or below, {found['leaked']:.6f} leaked there"
+        )
     if found["single_error"] is not None:
         lines.append(f"single precision is off by at most {found['single_error']:.1e} where it was compared")
     if not found["reached"]:

@@ -18,8 +18,7 @@ from solen.errors import OutputError, SpecError
 from solen.report import results as numbers
 from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, TraceOptions, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
-from solen.trace import Detected, Series, Slope, Trace, convergence
-from solen.trace import Path as Way
+from solen.trace import Series, Slope, Trace, convergence
 from solen.trace.dataset import check_installed, writer
 
 DESIGN_NAME = "sensor.toml"
@@ -61,8 +60,8 @@ class Sampling:
 
     def check(self) -> None:
         """`SpecError` for a choice that there is not, or one that adaptive integration does not have."""
-        _check_choice("--sampling", self.method, ("fan", "sobol", "adaptive"))
-        _check_choice("--precision", self.precision or "double", ("double", "single"))
+        check_choice("--sampling", self.method, ("fan", "sobol", "adaptive"))
+        check_choice("--precision", self.precision or "double", ("double", "single"))
         if self.method != "adaptive":
             return
         others = {"--seed": self.seed, "--precision": self.precision, "--histogram": self.histogram}
@@ -144,10 +143,10 @@ def trace_design(
     """Trace a design at one angle."""
     sampling = sampling or Sampling()
     _check_angle(angle_deg)
-    _check_figure(figure)
+    check_figure(figure)
     sampling.check()
     if netcdf is not None:
-        _check_netcdf(netcdf)
+        check_netcdf(netcdf)
     design = open_design(path, assignments)
     if paths and sampling.method == "adaptive":
         raise SpecError("--paths", limit="has no meaning with --sampling adaptive", remedy="leave one of them out")
@@ -180,7 +179,7 @@ def convergence_of(
 ) -> dict[str, Any]:
     """Error against rays of a design at one angle, for each way to choose the rays."""
     _check_angle(angle_deg)
-    _check_figure(figure)
+    check_figure(figure)
     design = with_values(open_design(path, assignments), {"trace.mode": mode})
     found = convergence(Sensor.of(design).scene(angle_deg), design.trace.mode)
     if figure is not None:
@@ -256,18 +255,21 @@ def _check_angle(angle_deg: float) -> None:
         raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
 
 
-def _check_figure(figure: Path | None) -> None:
+def check_figure(figure: Path | None) -> None:
+    """`OutputError` where a figure is asked for in no known format."""
     if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
         raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
 
 
-def _check_netcdf(target: Path) -> None:
+def check_netcdf(target: Path) -> None:
+    """`OutputError` where a netCDF file cannot be written by that name, or by this installation."""
     if target.suffix.lower() != ".nc":
         raise OutputError(str(target), limit="a netCDF file ends in .nc", remedy="rename it")
     check_installed()
 
 
-def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """`SpecError` where an option is none of its choices."""
     if value not in choices:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
 
@@ -291,47 +293,19 @@ def _attributes(sensor: Sensor, angle_deg: float) -> dict[str, str | float]:
 
 
 def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
-    ledger, scene = result.ledger, sensor.scene(angle_deg)
+    scene = sensor.scene(angle_deg)
     faces = {name: [i.name for i in scene.interfaces if i.receiver == name] for name in scene.receivers}
     found: dict[str, Any] = {
         "name": sensor.design.name,
         "angle_deg": angle_deg,
         "lens": sensor.design.lens.shape,
-        "mode": result.mode,
-        "method": result.method,
-        "rays": result.rays,
-        "detectors": {name: _detected(result.detectors[name], faces[name]) for name in sorted(result.detectors)},
-        "ledger": {
-            "detected": ledger.detected,
-            "escaped": ledger.escaped,
-            "absorbed": ledger.absorbed,
-            "truncated": ledger.truncated,
-        },
-        "hits": result.hits,
-        "undefined": result.undefined,
-        "undefined_at_mm": [list(place) for place in result.undefined_at],
-        "truncated": result.truncated,
-        "truncated_at_mm": [list(place) for place in result.truncated_at],
-        "single_error": result.single_error,
-        "pieces": result.pieces,
-        "reached": result.reached,
-        "why": result.why or None,
+        **numbers.trace_numbers(result, in_space=scene.extrusion is not None),
+        "detectors": {name: numbers.detected_numbers(result.detectors[name], faces[name]) for name in sorted(faces)},
     }
     if result.legs is not None:
-        found["paths"] = [_way(way, [interface.name for interface in scene.interfaces]) for way in result.paths()]
-    return found
-
-
-def _detected(reading: Detected, faces: Sequence[str]) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        "power": reading.power,
-        "u": numbers.number(reading.u),
-        "rays": reading.rays,
-        "optical_path_mm": numbers.number(reading.optical_path_mm),
-    }
-    if reading.angle.size:
-        found["position"] = {face: row.tolist() for face, row in zip(faces, reading.position, strict=True)}
-        found["angle"] = reading.angle.tolist()
+        found["paths"] = [
+            numbers.way_numbers(way, [interface.name for interface in scene.interfaces]) for way in result.paths()
+        ]
     return found
 
 
@@ -349,19 +323,6 @@ def _sensitivity(row: Sensitivity) -> dict[str, Any]:
     values = {name: numbers.number(slope.value) for name, slope in slopes.items()}
     uncertainties = {f"u_{name}": numbers.number(slope.u) for name, slope in slopes.items()}
     return {"key": row.key, "value": row.value, **values, **uncertainties, "why": row.why or None}
-
-
-def _way(way: Way, faces: list[str]) -> dict[str, Any]:
-    return {
-        "ray": way.ray,
-        "branch": way.branch,
-        "parent": way.parent,
-        "fate": way.fate,
-        "power": way.power,
-        "faces": [faces[i] for i in way.interfaces],
-        "points_mm": way.points.tolist(),
-        "exit_direction": None if way.exit_direction is None else list(way.exit_direction),
-    }
 
 
 def _drawn(sensor: Sensor, angle_deg: float, suffix: str) -> bytes:

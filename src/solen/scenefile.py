@@ -13,7 +13,7 @@ from typing import Any
 
 from solen import files
 from solen.errors import DataError, SpecError
-from solen.pipeline import MOST_PATHS, Sampling, _check_choice, _check_figure, _check_netcdf, _detected, _way
+from solen.pipeline import MOST_PATHS, Sampling, check_choice, check_figure, check_netcdf
 from solen.report import results as numbers
 from solen.scene import Monitor, Scene, loads, rayoptics
 from solen.sensor import TOLERANCE
@@ -77,12 +77,12 @@ def trace_scene(
 ) -> dict[str, Any]:
     """Trace a scene's file; a mode that was not asked for is power, or for ray-optics its own way."""
     sampling = sampling or Sampling()
-    _check_figure(figure)
+    check_figure(figure)
     sampling.check()
     if netcdf is not None:
-        _check_netcdf(netcdf)
+        check_netcdf(netcdf)
     if mode is not None:
-        _check_choice("--mode", mode, MODES)
+        check_choice("--mode", mode, MODES)
     opened = open_scene(path, facets=mode is None)
     if paths and opened.scene.rays > MOST_PATHS:
         raise SpecError("--paths", value=f"{opened.scene.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
@@ -135,9 +135,9 @@ def _traced(scene: Scene, mode: Mode, sampling: Sampling, legs: bool) -> Trace:
 
 
 def _told(opened: Opened, result: Trace, paths: bool) -> dict[str, Any]:
-    scene, ledger, imported = opened.scene, result.ledger, opened.imported
+    scene, imported = opened.scene, opened.imported
     faces = {name: [i.name for i in scene.interfaces if i.receiver == name] for name in scene.receivers}
-    detectors = {name: _detected(result.detectors[name], faces[name]) for name in scene.receivers}
+    detectors = {name: numbers.detected_numbers(result.detectors[name], faces[name]) for name in scene.receivers}
     if imported is None:
         detectors |= {one.name: _monitor(one, result.monitors[one.name]) for one in scene.monitors}
     else:
@@ -146,29 +146,15 @@ def _told(opened: Opened, result: Trace, paths: bool) -> dict[str, Any]:
         "name": scene.name,
         "format": opened.name,
         "units": _units(imported),
-        "mode": result.mode,
-        "method": result.method,
-        "rays": result.rays,
+        **numbers.trace_numbers(result, in_space=scene.extrusion is not None),
         "emitted": scene.emitted,
         "detectors": detectors,
-        "ledger": {
-            "detected": ledger.detected,
-            "escaped": ledger.escaped,
-            "absorbed": ledger.absorbed,
-            "truncated": ledger.truncated,
-        },
-        "hits": result.hits,
-        "undefined": result.undefined,
-        "undefined_at_mm": [list(place) for place in result.undefined_at],
-        "truncated": result.truncated,
-        "truncated_at_mm": [list(place) for place in result.truncated_at],
-        "single_error": result.single_error,
-        "reached": result.reached,
-        "why": result.why or None,
         "not_understood": _missed(imported),
     }
     if paths:
-        found["paths"] = [_way(way, [interface.name for interface in scene.interfaces]) for way in result.paths()]
+        found["paths"] = [
+            numbers.way_numbers(way, [interface.name for interface in scene.interfaces]) for way in result.paths()
+        ]
     return found
 
 

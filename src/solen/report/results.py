@@ -8,6 +8,7 @@ import io
 import json
 import math
 import tomllib
+from collections.abc import Sequence
 from typing import Any
 
 import solen
@@ -15,6 +16,7 @@ from solen.geometry import arm_angle_deg
 from solen.lens import Lens, OvalLens
 from solen.sensor import Case, Response, Sensor, Study
 from solen.spec import dumps
+from solen.trace import Detected, Path, Trace
 
 SCHEMA = 1
 
@@ -124,6 +126,61 @@ def summary(case: Case) -> dict[str, Any]:
         "truncated": max(trace.ledger.truncated for trace in power.traces),
         "undefined_rays": sum(trace.undefined for trace in power.traces),
         "rays_traced": int(power.rays.sum() + case.counted.rays.sum()),
+    }
+
+
+def trace_numbers(result: Trace, in_space: bool = False) -> dict[str, Any]:
+    """What a trace says as a whole: how it was done, where the power went, what was cut off."""
+    ledger = result.ledger
+    of_space = {"missed": result.missed, "leaked": result.leaked} if in_space else {}
+    return {
+        "mode": result.mode,
+        "method": result.method,
+        "rays": result.rays,
+        "ledger": {
+            "detected": ledger.detected,
+            "escaped": ledger.escaped,
+            "absorbed": ledger.absorbed,
+            "truncated": ledger.truncated,
+        },
+        **of_space,
+        "hits": result.hits,
+        "undefined": result.undefined,
+        "undefined_at_mm": [list(place) for place in result.undefined_at],
+        "truncated": result.truncated,
+        "truncated_at_mm": [list(place) for place in result.truncated_at],
+        "single_error": result.single_error,
+        "pieces": result.pieces,
+        "reached": result.reached,
+        "why": result.why or None,
+    }
+
+
+def detected_numbers(reading: Detected, faces: Sequence[str]) -> dict[str, Any]:
+    """Reading of a receiver, with its histograms by face where there are any."""
+    found: dict[str, Any] = {
+        "power": reading.power,
+        "u": number(reading.u),
+        "rays": reading.rays,
+        "optical_path_mm": number(reading.optical_path_mm),
+    }
+    if reading.angle.size:
+        found["position"] = {face: row.tolist() for face, row in zip(faces, reading.position, strict=True)}
+        found["angle"] = reading.angle.tolist()
+    return found
+
+
+def way_numbers(way: Path, faces: list[str]) -> dict[str, Any]:
+    """Way of a branch, by the names of the faces it met."""
+    return {
+        "ray": way.ray,
+        "branch": way.branch,
+        "parent": way.parent,
+        "fate": way.fate,
+        "power": way.power,
+        "faces": [faces[i] for i in way.interfaces],
+        "points_mm": way.points.tolist(),
+        "exit_direction": None if way.exit_direction is None else list(way.exit_direction),
     }
 
 

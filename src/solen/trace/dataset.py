@@ -133,6 +133,8 @@ def _whole(trace: Trace) -> dict[str, _Variable]:
     return {
         "fate": (("fate",), list(fates), {"long_name": "where power went"}),
         "ledger": _real(("fate",), list(fates.values()), SHARE, "share of the emitted power, 1 in sum"),
+        "missed": _real((), trace.missed, SHARE, "of what escaped, what passed above or below all bodies"),
+        "leaked": _real((), trace.leaked, SHARE, "of what escaped, what left bodies through top or bottom"),
         "rays": _count((), trace.rays, "rays traced"),
         "hits": _count((), trace.hits, "times that light met an interface"),
         "undefined": _count((), trace.undefined, "rays that met an interface from a medium they were not in"),

@@ -313,8 +313,8 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
                     count_arrival(k, tables, sums, c, px, pz, place, sine, power, way)
                 continue
             tx, tz, on_s, on_p, bx, bz, back_s, back_p, lost, cut, both, ends, goes_back = leave(
-                k, tables, rules, treatments, c, colour[i], here, there, number[i], hits[i], px, pz, dx[i], dz[i], nx, nz,
-                s_here, p_here, least[i],
+                k, tables, rules, treatments, c, colour[i], here, there, number[i], hits[i],
+                px, pz, dx[i], dz[i], nx, nz, s_here, p_here, least[i],
             )  # fmt: skip
             if lost > 0.0:
                 sums.fate[ABSORBED] += lost
