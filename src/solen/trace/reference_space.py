@@ -7,7 +7,7 @@ power. Profiles of scatter are drawn by turning down uniform draws, so that only
 
 import math
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from solen.errors import DesignError
@@ -21,13 +21,13 @@ Light = tuple[Field, Field]
 UP: Vector = (0.0, 1.0, 0.0)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Reading:
-    """Sums over rays of what became of their power, with squares for the standard error."""
+    """Sums over rays of what became of their power, and of its squares for the standard error."""
 
-    rays: int = 0
-    sums: dict[str, float] = field(default_factory=dict)
-    squares: dict[str, float] = field(default_factory=dict)
+    rays: int
+    sums: dict[str, float]
+    squares: dict[str, float]
 
     def mean(self, what: str) -> float:
         """Share of the emitted power."""
@@ -87,7 +87,7 @@ def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: i
             )
             at = (float(launch.x_mm[i]), float(launch.y_mm[i]), float(launch.z_mm[i]))
             tracer.follow(Ray(at, d, light), source.spectrum[launch.line[i]][0] if source.spectrum else None)
-    return tracer.reading
+    return Reading(tracer.rays, tracer.all, tracer.squares)
 
 
 class _Tracer:
@@ -97,8 +97,11 @@ class _Tracer:
         self.scene, self.slab, self.limits, self.draw = scene, slab, limits, draw
         self.regions = {region.name: region for region in scene.regions}
         self.half = 0.5 * slab.thickness_mm
-        self.reading = Reading()
+        self.rays = 0
         self.sums: dict[str, float] = {}
+        """of one ray"""
+        self.all: dict[str, float] = {}
+        self.squares: dict[str, float] = {}
         self.nm: float | None = None
 
     def follow(self, ray: Ray, wavelength_nm: float | None) -> None:
@@ -110,10 +113,10 @@ class _Tracer:
                 going = self._step(going)
         if going is not None:
             self._count("truncated", going.light)
-        self.reading.rays += 1
+        self.rays += 1
         for what, power in self.sums.items():
-            self.reading.sums[what] = self.reading.sums.get(what, 0.0) + power
-            self.reading.squares[what] = self.reading.squares.get(what, 0.0) + power * power
+            self.all[what] = self.all.get(what, 0.0) + power
+            self.squares[what] = self.squares.get(what, 0.0) + power * power
 
     def _count(self, what: str, light: Light) -> "Ray | None":
         """Add up power that is gone; no ray is left of it."""

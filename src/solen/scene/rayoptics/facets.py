@@ -61,20 +61,20 @@ class Facets(Curve):
         return self.corners[0] == self.corners[-1]
 
     def points(self, u: Floats) -> Floats:
-        """See :meth:`~solen.curve.base.Curve.points`."""
+        """See `Curve.points`."""
         starts, steps, _ = self._table
         place = self.low + u * (self.high - self.low)
         which = np.clip(np.floor(place), 0, len(starts) - 1).astype(int)
         return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
 
     def velocities(self, u: Floats) -> Floats:
-        """See :meth:`~solen.curve.base.Curve.velocities`; at a corner, that of the chord behind it."""
+        """See `Curve.velocities`; at a corner, that of the chord behind it."""
         _, steps, _ = self._table
         place = self.low + u * (self.high - self.low)
         return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
 
     def part(self, u_from: float, u_to: float) -> "Facets":
-        """See :meth:`~solen.curve.base.Curve.part`; at its ends normals are blended with what was beyond them."""
+        """See `Curve.part`; at its ends normals are blended with what was beyond them."""
         span = self.high - self.low
         return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
 
@@ -84,7 +84,7 @@ class Facets(Curve):
         return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`~solen.curve.base.Curve.normal_at`; blended as a mirror's.
+        """See `Curve.normal_at`; blended as a mirror's.
 
         Two images add up to that of half their doubled angle.
         """
@@ -137,7 +137,7 @@ class Facets(Curve):
         return 1 if cross((float(step[0]), float(step[1])), direction) < 0.0 else -1
 
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """See :meth:`~solen.curve.base.Curve.hits`."""
+        """See `Curve.hits`."""
         starts, steps, _ = self._table
         x, z = starts[:, 0] - origin[0], starts[:, 1] - origin[1]
         slant = direction[0] * steps[:, 1] - direction[1] * steps[:, 0]
@@ -150,11 +150,11 @@ class Facets(Curve):
         return tuple(found.tolist())
 
     def moved(self, motion: Rigid) -> "Facets":
-        """See :meth:`~solen.curve.base.Curve.moved`."""
+        """See `Curve.moved`."""
         return replace(self, corners=tuple(motion.point(corner) for corner in self.corners))
 
     def reversed(self) -> "Facets":
-        """See :meth:`~solen.curve.base.Curve.reversed`."""
+        """See `Curve.reversed`."""
         last = len(self.corners) - 1.0
         return replace(self, corners=self.corners[::-1], low=last - self.high, high=last - self.low)
 
