@@ -19,12 +19,13 @@ from solen.files import read_text
 from solen.material.dispersion import KINDS, Dispersion
 from solen.parts import light_of
 from solen.spec import Design
+from solen.spec.shelf import Shelf
 from solen.spec.strict import Migrations, NotNegative, Strict, Text, migrated, nearest, parse_toml, refused, told_of
 
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 
-_LIBRARY = files("solen.material") / "library"
+_SHELF = Shelf(files("solen.material") / "library", "resin")
 
 
 class Loss(Strict):
@@ -106,21 +107,12 @@ def load_resin(path: Path | str) -> Resin:
 
 def library() -> tuple[str, ...]:
     """Names of the resins that solen ships, sorted."""
-    return tuple(sorted(file.name[:-5] for file in _LIBRARY.iterdir() if file.name.endswith(".toml")))
+    return _SHELF.names()
 
 
 def library_resin(name: str) -> Resin:
     """Resin of the library; `DataError` with the nearest name where there is none of that name."""
-    names = library()
-    if name not in names:
-        near = nearest(name, names)
-        raise DataError(
-            "resin",
-            value=name,
-            limit=f"not in the library ({', '.join(names)})",
-            remedy=f"did you mean {near}?" if near else "a file's name ends in .toml",
-        )
-    return _resin((_LIBRARY / f"{name}.toml").read_text(encoding="utf-8"), f"resin {name}")
+    return _resin(_SHELF.text(name), f"resin {name}")
 
 
 def optical(design: Design) -> Optical:

@@ -18,6 +18,7 @@ from pydantic import Field, model_validator
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.spec.design import why_no_pattern
+from solen.spec.shelf import Shelf
 from solen.spec.strict import (
     Migrations,
     NotNegative,
@@ -26,7 +27,6 @@ from solen.spec.strict import (
     Strict,
     Text,
     migrated,
-    nearest,
     parse_toml,
     refused,
     told_of,
@@ -38,7 +38,7 @@ PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into t
 Basis = Literal["datasheet", "sibling", "measured", "estimate"]
 Angle = Annotated[Number, Field(ge=0, le=180)]
 
-_LIBRARY = files("solen.parts") / "library"
+_SHELF = Shelf(files("solen.parts") / "library", "part")
 
 
 class Sourced(Strict):
@@ -149,21 +149,12 @@ def load_part(path: Path | str) -> Part:
 
 def library() -> tuple[str, ...]:
     """Names of the parts that solen ships, sorted."""
-    return tuple(sorted(file.name[:-5] for file in _LIBRARY.iterdir() if file.name.endswith(".toml")))
+    return _SHELF.names()
 
 
 def library_part(name: str) -> Part:
     """Part of the library; `DataError` with the nearest name where there is none of that name."""
-    names = library()
-    if name not in names:
-        near = nearest(name, names)
-        raise DataError(
-            "part",
-            value=name,
-            limit=f"not in the library ({', '.join(names)})",
-            remedy=f"did you mean {near}?" if near else "a file's name ends in .toml",
-        )
-    return _part((_LIBRARY / f"{name}.toml").read_text(encoding="utf-8"), f"part {name}")
+    return _part(_SHELF.text(name), f"part {name}")
 
 
 def _part(text: str, what: str) -> Part:
