@@ -1,6 +1,8 @@
 """What a sensor's neighbours show: a chip, a decentre, another index, space, and where the light goes."""
 
+import json
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from solen.sensor import Practice, Sensor, study
 from solen.sensor.practice import budget, practice
 from solen.spec import Design, loads, template, with_values
+from tests.scene.rayfile_support import lambertian, zemax
 
 COARSE: dict[str, Any] = {"motion.step_deg": 3.0}
 
@@ -78,7 +81,7 @@ def test_the_index_is_off_and_the_lens_is_not() -> None:
 
 
 def test_a_known_uncertainty_of_the_index_is_taken_as_well(tmp_path: Any) -> None:
-    resin = 'schema = 1\nname = "one"\nsource = "a test"\n\n[index]\nkind = "constant"\nn = 1.44\nu = 0.003\n'
+    resin = 'schema = 1\nname = "one"\nsource = "a test"\n\n[index]\nkind = "number"\nn = 1.44\nu_n = 0.003\n'
     (tmp_path / "one.toml").write_text(resin, encoding="utf-8")
     sensor = Sensor.of(design(material__resin="one.toml").in_folder(tmp_path))
     off = practice(sensor, sensor.power()).index
@@ -179,6 +182,35 @@ def test_a_flat_face_and_a_bend_have_all_of_it() -> None:
         assert one.skipped == {}
         assert one.null is not None
         assert abs(one.null.shift_deg) > 0.03
+
+
+def test_a_file_of_rays_has_its_own_size(tmp_path: Any) -> None:
+    zemax(tmp_path / "led.sdf", lambertian(4096))
+    sensor = Sensor.of(
+        Design(name="one", material={"index": 1.44}, emitter={"ray_file": "led.sdf"}).in_folder(tmp_path)
+    )
+    own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
+    assert own.extent.kind == "file"
+    assert own.point is None
+    assert "file of rays" in own.skipped["point"]
+    assert own.in_space is not None
+    assert own.in_space.pattern == "file"
+    assert own.budget is not None
+    assert own.budget.beside > 0.3
+
+
+def test_a_drawn_body_has_what_has_a_meaning(tmp_path: Any) -> None:
+    corners = [[2.0, 0.0], [3.0, 20.0], [0.2, 20.0], [0.0, 19.0], [-0.2, 20.0], [-3.0, 20.0], [-2.0, 0.0], [2.0, 0.0]]
+    names = ["wall", "receiver-right", "wall", "wall", "receiver-left", "wall", "lens"]
+    faces = [{"layer": name, "points": [a, b]} for name, (a, b) in zip(names, pairwise(corners), strict=True)]
+    faces.append({"layer": "emitter", "points": [[0.0, -1.0]]})
+    (tmp_path / "one.json").write_text(json.dumps({"units": "mm", "shapes": faces}), encoding="utf-8")
+    body = {"kind": "outline", "file": "one.json"}
+    sensor = Sensor.of(Design(name="one", material={"index": 1.49}, body=body).in_folder(tmp_path))
+    own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
+    assert own.skipped == {}
+    assert own.null is not None
+    assert own.budget is not None
 
 
 def test_a_study_has_it_where_asked_for_and_progress_rises() -> None:
