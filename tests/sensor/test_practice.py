@@ -202,9 +202,10 @@ def test_a_file_of_rays_has_its_own_size(tmp_path: Any) -> None:
 def test_a_drawn_body_has_what_has_a_meaning(tmp_path: Any) -> None:
     corners = [[2.0, 0.0], [3.0, 20.0], [0.2, 20.0], [0.0, 19.0], [-0.2, 20.0], [-3.0, 20.0], [-2.0, 0.0], [2.0, 0.0]]
     names = ["wall", "receiver-right", "wall", "wall", "receiver-left", "wall", "lens"]
-    faces = [{"layer": name, "points": [a, b]} for name, (a, b) in zip(names, pairwise(corners), strict=True)]
-    faces.append({"layer": "emitter", "points": [[0.0, -1.0]]})
-    (tmp_path / "one.json").write_text(json.dumps({"units": "mm", "shapes": faces}), encoding="utf-8")
+    pieces = [{"kind": "segment", "start": a, "end": b} for a, b in pairwise(corners)]
+    faces = [{"name": name, "curve": piece} for name, piece in zip(names, pieces, strict=True)]
+    data = {"solen_outline": 1, "faces": faces, "emitters": [{"point": [0.0, -1.0]}]}
+    (tmp_path / "one.json").write_text(json.dumps(data), encoding="utf-8")
     body = {"kind": "outline", "file": "one.json"}
     sensor = Sensor.of(Design(name="one", material={"index": 1.49}, body=body).in_folder(tmp_path))
     own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))

@@ -4,11 +4,11 @@ A value that does not exist is null, never NaN. Powers are fractions of the emit
 """
 
 import csv
+import dataclasses
 import io
 import json
 import math
 import tomllib
-from dataclasses import asdict
 from typing import Any
 
 import solen
@@ -129,69 +129,6 @@ def summary(case: Case) -> dict[str, Any]:
     }
 
 
-def practice_numbers(found: Practice) -> dict[str, Any]:
-    """What the comparison with a design's neighbours found; null is what ``skipped`` gives the reason for."""
-    return {
-        "emitter": asdict(found.extent),
-        "point": None if found.point is None else _response(found.point),
-        "chip": None if found.chip is None else _response(found.chip),
-        "null_shift": None if found.null is None else _null_shift(found.null),
-        "index": None
-        if found.index is None
-        else [
-            {"step": one.step, "index": one.index, "is_u_index": one.known, **_response(one.response)}
-            for one in found.index
-        ],
-        "budget": None if found.budget is None else asdict(found.budget),
-        "in_space": None if found.in_space is None else _in_space(found.in_space),
-        "skipped": found.skipped,
-    }
-
-
-def practice_summary(found: Practice) -> dict[str, Any]:
-    """The few numbers of it that one asks for first."""
-    chip = found.chip
-    return {
-        "emitter": asdict(found.extent),
-        "chip": None if chip is None else _ends(chip),
-        "null_shift": None if found.null is None else _null_shift(found.null),
-        "skipped": found.skipped,
-    }
-
-
-def received_share(response: Response) -> float:
-    """Power at both receivers, mean over the angles."""
-    return float((response.right + response.left).mean())
-
-
-def _ends(response: Response) -> dict[str, float | None]:
-    return {
-        "from_deg": float(response.angle_deg[0]),
-        "to_deg": float(response.angle_deg[-1]),
-        "contrast_from": number(response.contrast[0]),
-        "contrast_to": number(response.contrast[-1]),
-        "received_share": received_share(response),
-    }
-
-
-def _null_shift(found: NullShift) -> dict[str, float]:
-    return {**asdict(found), "shift_deg": found.shift_deg}
-
-
-def _in_space(found: InSpace) -> dict[str, Any]:
-    return {
-        "emitter": asdict(found.extent),
-        "pattern": found.pattern,
-        "pattern_replaced": found.replaced,
-        "cone_deg": found.cone_deg,
-        "thickness_mm": found.thickness_mm,
-        "received_plane": received_share(found.plane),
-        "received_space": received_share(found.same),
-        "plane": _response(found.plane),
-        "space": _response(found.space),
-    }
-
-
 def csv_table(study: Study) -> str:
     """One row an angle: right, left and contrast of every case, in the order of the header."""
     columns = [(f"{name}_{kind}", response) for name, case in study.cases.items() for kind, response in _pairs(case)]
@@ -242,4 +179,67 @@ def _response(response: Response) -> dict[str, Any]:
             }
             for trace in response.traces
         ],
+    }
+
+
+def practice_numbers(found: Practice) -> dict[str, Any]:
+    """What the comparison with a design's neighbours found; null is what ``skipped`` gives the reason for."""
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "point": None if found.point is None else _response(found.point),
+        "chip": None if found.chip is None else _response(found.chip),
+        "null_shift": None if found.null is None else _null_shift(found.null),
+        "index": None
+        if found.index is None
+        else [
+            {"step": one.step, "index": one.index, "is_u_index": one.known, **_response(one.response)}
+            for one in found.index
+        ],
+        "budget": None if found.budget is None else dataclasses.asdict(found.budget),
+        "in_space": None if found.in_space is None else _in_space(found.in_space),
+        "skipped": found.skipped,
+    }
+
+
+def practice_summary(found: Practice) -> dict[str, Any]:
+    """The few numbers of it that one asks for first."""
+    chip = found.chip
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "chip": None if chip is None else _ends(chip),
+        "null_shift": None if found.null is None else _null_shift(found.null),
+        "skipped": found.skipped,
+    }
+
+
+def received_share(response: Response) -> float:
+    """Power at both receivers, mean over the angles."""
+    return float((response.right + response.left).mean())
+
+
+def _ends(response: Response) -> dict[str, float | None]:
+    return {
+        "from_deg": float(response.angle_deg[0]),
+        "to_deg": float(response.angle_deg[-1]),
+        "contrast_from": number(response.contrast[0]),
+        "contrast_to": number(response.contrast[-1]),
+        "received_share": received_share(response),
+    }
+
+
+def _null_shift(found: NullShift) -> dict[str, float]:
+    return {**dataclasses.asdict(found), "shift_deg": found.shift_deg}
+
+
+def _in_space(found: InSpace) -> dict[str, Any]:
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "pattern": found.pattern,
+        "pattern_replaced": found.replaced,
+        "cone_deg": found.cone_deg,
+        "thickness_mm": found.thickness_mm,
+        "received_plane": received_share(found.plane),
+        "received_space": received_share(found.same),
+        "plane": _response(found.plane),
+        "space": _response(found.space),
     }
