@@ -378,7 +378,22 @@ def _run_lines(found: dict[str, Any]) -> list[str]:
     for name, one in found["summary"].items():
         ends = f"{_text(one['contrast_from'])} at {one['from_deg']:g} deg to {_text(one['contrast_to'])}"
         lines.append(f"  {name:8} contrast {ends} at {one['to_deg']:g} deg, received {one['received_share']:.4f}")
-    return [*lines, f"report: {found['report']}"]
+    return [*lines, *_practice_lines(found["practice"]), f"report: {found['report']}"]
+
+
+def _practice_lines(found: dict[str, Any] | None) -> list[str]:
+    """A real chip, and what its decentre does."""
+    if found is None:
+        return []
+    lines, chip, shift, emitter = [], found["chip"], found["null_shift"], found["emitter"]
+    if chip is not None and emitter["kind"] != "file":
+        ends = f"{_text(chip['contrast_from'])} at {chip['from_deg']:g} deg to {_text(chip['contrast_to'])}"
+        width = f"{emitter['width_mm']:g} mm wide" + (", for comparison" if emitter["kind"] == "comparison" else "")
+        lines.append(f"  {'chip':8} contrast {ends} at {chip['to_deg']:g} deg, {width}")
+    if shift is not None:
+        moved = f"{shift['shift_deg']:+.3f} ± {shift['u_deg']:.1g} deg"
+        lines.append(f"  {'null':8} moves by {moved} for {shift['step_mm']:g} mm of the emitter towards +x")
+    return lines
 
 
 @contextmanager

@@ -224,12 +224,12 @@ def sensitivity(
 
 
 def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progress | None = None) -> dict[str, Any]:
-    """Do the whole chain: lens, body, traces over the motion with and without lens, figures, tables and report."""
+    """Do the whole chain: lens, body, traces over the motion with and without lens and beside neighbours, report."""
     from solen.report import html
 
     design = open_design(path, assignments)
     with files.output_folder(out):
-        found = study(design, progress)
+        found = study(design, progress, practical=True)
         drawn = html.figures(found)
         data = numbers.results(found)
         texts = {f"{name}.svg": text for name, text in drawn.items()}
@@ -247,6 +247,7 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
         "material": data["material"],
         "lens": data["lens"],
         "summary": data["summary"],
+        "practice": None if found.practice is None else numbers.practice_summary(found.practice),
     }
 
 

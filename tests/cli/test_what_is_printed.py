@@ -338,7 +338,10 @@ def test_a_run_ends_with_where_its_report_is(
     lines = told.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
     assert lines[0].startswith("SOLen 860 nm: index 1.44 at 860 nm")
     assert lines[-1] == f"report: {tmp_path / 'o u t' / 'report.html'}"
-    assert len(lines) == 3
+    assert len(lines) == 5
+    assert lines[2].split()[:2] == ["chip", "contrast"]
+    assert lines[2].endswith("0.2 mm wide, for comparison")
+    assert lines[3].split()[:3] == ["null", "moves", "by"]
 
 
 def test_check_says_that_all_angles_work(told: Told, design: str) -> None:

@@ -19,7 +19,8 @@ from solen.sensor import Study, study
 from solen.spec import template
 
 STEP = "motion.step_deg=6"
-PICTURES = {"lens-profile.svg", "response.svg", "rays.svg", "rays-at-the-lens.svg", "rays-without-lens.svg"}
+NAMES = ("lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens")
+PICTURES = {f"{name}.svg" for name in NAMES}
 EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
 
 
@@ -138,7 +139,7 @@ def test_interrupted_while_tracing_an_old_folder_stays_as_it_was(design: Path, t
 
 @pytest.fixture(scope="module")
 def studied(design: Path) -> Study:
-    return study(pipeline.open_design(design, [STEP]))
+    return study(pipeline.open_design(design, [STEP]), practical=True)
 
 
 @pytest.fixture
@@ -146,7 +147,7 @@ def quick(out: Path, found: dict[str, Any], studied: Study, monkeypatch: pytest.
     """What a run is to write, with its study and figures made before, so that writing is all that is left to do."""
     assert found
     drawn = {name.removesuffix(".svg"): (out / name).read_text(encoding="utf-8") for name in PICTURES}
-    monkeypatch.setattr(pipeline, "study", lambda *_: studied)
+    monkeypatch.setattr(pipeline, "study", lambda *_, **__: studied)
     monkeypatch.setattr(html, "figures", lambda *_: {name: drawn[name] for name in html.FIGURES})
     return {name: (out / name).read_bytes() for name in EVERYTHING}
 

@@ -23,7 +23,12 @@ DESIGNS: dict[str, dict[str, object]] = {
     "narrow": {"emitter.cone_deg": 1.0},
     "almost": {"lens.design_index": 1.44001},
     "no comparison": {"motion.pivot": [30.0, 0.0]},
+    "chip": {"emitter.width_mm": 0.3, "emitter.offset_mm": 0.02},
+    "in space": {"trace.dimension": "extruded", "emitter.pattern": "uniform", "emitter.cone_deg": 90.0},
 }
+
+PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space")
+"""Designs that are compared with their neighbours as well."""
 
 Studies = Callable[[str], Study]
 Drawn = Callable[[str], dict[str, str]]
@@ -36,7 +41,7 @@ def studied() -> Studies:
     def get(name: str) -> Study:
         if name not in kept:
             design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
-            kept[name] = study(design)
+            kept[name] = study(design, practical=name in PRACTICAL)
         return kept[name]
 
     return get

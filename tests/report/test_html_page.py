@@ -11,7 +11,7 @@ from solen.report.results import results
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}
-PAPER_FIGURES = ["lens-profile", "response", "rays", "rays-at-the-lens", "rays-without-lens"]
+PAPER_FIGURES = ["lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens"]
 
 
 class Page(HTMLParser):
@@ -58,7 +58,8 @@ def text(studied: Studies, drawn: Drawn) -> str:
 def test_all_figures_are_inside_with_a_caption_each(text: str) -> None:
     page = Page(text)
     assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == len(PAPER_FIGURES)
-    assert page.texts["h2"] == ["What this means if you want to print it", "Response", "Rays", "Lens and body"]
+    headings = ["What this means if you want to print it", "Response", "Before you print", "Rays", "Lens and body"]
+    assert page.texts["h2"] == headings
     assert page.texts["h1"] == ["SOLen 860 nm"]
 
 
@@ -87,7 +88,7 @@ def test_no_two_things_of_the_page_share_an_id(text: str) -> None:
     ids = Page(text).ids
     assert [name for name, times in ids.items() if times > 1] == []
     svgs = [part.partition("</svg>")[0] for part in text.split("<svg")[1:]]
-    order = ["response", "rays", "rays-at-the-lens", "rays-without-lens", "lens-profile"]
+    order = ["response", "practice", "rays", "rays-at-the-lens", "rays-without-lens", "lens-profile"]
     for name, svg in zip(order, svgs, strict=True):
         inside = re.findall(r' id="([^"]*)"', svg)
         assert len(inside) > 10
@@ -106,16 +107,16 @@ def test_a_name_is_text_and_never_markup(studied: Studies, drawn: Drawn) -> None
 
 def test_a_design_without_lens_has_only_its_own_figures(studied: Studies, drawn: Drawn) -> None:
     texts = drawn("no lens")
-    assert set(texts) == {"response", "rays", "rays-at-the-lens"}
+    assert set(texts) == {"response", "practice", "rays", "rays-at-the-lens"}
     page = Page(html(studied("no lens"), texts))
-    assert page.tags["svg"] == 3
+    assert page.tags["svg"] == 4
     assert "with lens" not in "".join(page.texts["th"])
 
 
 def test_where_there_is_no_comparison_the_page_says_why(studied: Studies, drawn: Drawn, text: str) -> None:
     study, texts = studied("no comparison"), drawn("no comparison")
     assert study.flat_refused is not None
-    assert set(texts) == set(PAPER_FIGURES) - {"rays-without-lens"}
+    assert set(texts) == set(PAPER_FIGURES) - {"practice", "rays-without-lens"}
     page = Page(html(study, texts))
     (told,) = [one for one in page.texts["p"] if "no comparison" in one]
     assert study.flat_refused in told

@@ -59,16 +59,17 @@ def test_the_report_renders_with_all_figures_and_headings(
     texts = drawn("paper")
     found = laid_out(html(studied("paper"), texts), tmp_path, width)
     assert found["headings"] == [
-        *("SOLen 860 nm", "What this means if you want to print it", "Response", "Rays", "Lens and body")
+        *("SOLen 860 nm", "What this means if you want to print it", "Response", "Before you print", "Rays"),
+        "Lens and body",
     ]
-    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 5
+    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 6
     for (left, top, wide, high), caption in zip(found["figures"], found["captions"], strict=True):
         assert wide > 300
         assert high > 80
         assert left >= 0
         assert left + wide <= found["width"] + 1
         assert caption[1] >= top + high - 1
-    assert found["findings"] == 6
+    assert found["findings"] == 8
     assert found["rows"] == 3
     assert found["loaded"] == []
     assert found["wide"] <= found["width"], "the page scrolls sideways"

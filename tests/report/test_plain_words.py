@@ -63,7 +63,9 @@ def test_without_a_lens_no_lens_is_compared_nor_described(studied: Studies) -> N
     words = said(studied("no lens"))
     assert "no lens" in words["The signal"]
     assert "Without the lens" not in words["The signal"]
-    assert {"Alignment", "Index"}.isdisjoint(words)
+    assert "magnifies" not in words["Alignment"]
+    assert "focal" not in words["Index"]
+    assert "as it is cut" not in words["Index"]
     assert "lens's edge" not in words["Light"]
 
 
@@ -103,6 +105,10 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
     data = results(study)
     (found, *_) = data["summary"].values()
     expected = [100 * found["received_share"]]
+    assert data["practice"] is None or data["practice"]["budget"] is not None
+    if data["practice"] is not None:
+        shares = [data["practice"]["budget"][part] for part in ("right", "left", "beside", "reflected")]
+        expected += [100 * share for share in shares if share >= 5e-4]
     if data["lens"]["acceptance_deg"] < 60.0:
         expected += [data["lens"]["acceptance_deg"], 60.0]
     if study.lens is not None:
@@ -114,7 +120,54 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
 def test_the_alignment_is_told_by_the_magnification(studied: Studies, name: str) -> None:
     study = studied(name)
     magnification = results(study)["lens"]["magnification"]
-    agree(numbers(said(study)["Alignment"]), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification])
+    text = said(study)["Alignment"].split(" With ")[0]
+    agree(numbers(text), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification])
+
+
+def test_the_shift_of_the_balance_point_is_told_of_the_chip(studied: Studies) -> None:
+    for name in ("paper", "chip", "in space", "no lens"):
+        shift = results(studied(name))["practice"]["null_shift"]
+        _, _, text = said(studied(name))["Alignment"].rpartition("balance point moves by ")
+        assert float(text.split("°")[0]) == pytest.approx(shift["shift_deg"], abs=5.1e-4)
+        assert "for each" not in text
+    assert "0.02 mm off its place" in said(studied("chip"))["Alignment"]
+    assert said(studied("chip"))["Alignment"].count("the chip 0.3 mm wide") == 2
+    assert "balance" not in said(studied("one-sided"))["Alignment"]
+
+
+def test_a_real_chip_is_told_beside_the_point(studied: Studies) -> None:
+    practice = results(studied("paper"))["practice"]
+    text = said(studied("paper"))["A real chip"]
+    assert "for comparison" in text
+    chip, point = practice["chip"]["contrast"], practice["point"]["contrast"]
+    assert practice["chip"]["angle_deg"] == [-3.0, -1.0, 0.0, 1.0, 3.0]
+    told = numbers(text)
+    agree(told[:5] + told[-3:], [0.2, chip[0], -3.0, point[0], chip[1], chip[-1], 3.0, point[-1]])
+    own = said(studied("chip"))["A real chip"]
+    assert own.startswith("The chip is 0.3 mm wide")
+    assert "for comparison" not in own
+
+
+def test_the_plane_is_told_beside_space(studied: Studies) -> None:
+    found = results(studied("paper"))["practice"]["in_space"]
+    text = said(studied("paper"))["In space"]
+    assert "in place of the design's fan" in text
+    told = numbers(text.split("a contrast of ")[1])
+    space = found["space"]["contrast"]
+    agree(told[:2] + told[3:5], [found["plane"]["contrast"][0], space[0], found["plane"]["contrast"][-1], space[-1]])
+    assert "focuses shorter" in text
+    assert "fan" not in said(studied("in space"))["In space"]
+    assert said(studied("in space"))["Not in these numbers"].startswith("Rays in space")
+
+
+def test_what_is_not_known_of_the_neighbours_is_not_told(studied: Studies) -> None:
+    dark, plain = said(studied("dark")), said(studied("acrylate"))
+    assert {"A real chip", "In space"}.isdisjoint(dark)
+    assert {"A real chip", "In space"}.isdisjoint(plain)
+    assert "balance" not in dark["Alignment"]
+    assert "the contrast is" not in dark["Index"]
+    assert "reaches the right receiver" not in dark["Light"]
+    assert "whatever the thickness" in plain["Not in these numbers"]
 
 
 def test_a_matched_lens_is_told_what_another_index_would_do(studied: Studies) -> None:
@@ -126,8 +179,12 @@ def test_a_matched_lens_is_told_what_another_index_would_do(studied: Studies) ->
     assert high is not None
     text = said(study)["Index"]
     assert text.startswith("If the print's index were 0.01 lower")
-    agree(numbers(text.split("--set")[0]), [0.01, low, 0.01, high])
-    assert "--set lens.design_index=1.44 --set material.index=1.45" in text
+    focus, _, response = text.partition(" With ")
+    agree(numbers(focus), [0.01, low, 0.01, high])
+    off = results(study)["practice"]["index"]
+    assert [one["index"] for one in off] == pytest.approx([1.43, 1.45])
+    ends = [off[0]["contrast"][0], 1.43, results(study)["practice"]["chip"]["contrast"][0], 1.44]
+    agree(numbers(response.partition("contrast is ")[2])[:6], [*ends, off[1]["contrast"][0], 1.45])
 
 
 def test_a_mismatched_lens_is_told_where_its_rays_go(studied: Studies) -> None:
@@ -135,7 +192,8 @@ def test_a_mismatched_lens_is_told_where_its_rays_go(studied: Studies) -> None:
     lens = results(study)["lens"]
     text = said(study)["Index"]
     assert text.startswith("The lens is cut for")
-    agree(numbers(text), [1.44, 1.49, lens["paraxial_focus_mm"], lens["marginal_focus_mm"], 20.0])
+    focus, _, _ = text.partition(" With ")
+    agree(numbers(focus), [1.44, 1.49, lens["paraxial_focus_mm"], lens["marginal_focus_mm"], 20.0])
 
 
 def test_the_limits_name_the_absorption_and_the_assumed_arms(studied: Studies) -> None:

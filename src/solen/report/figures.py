@@ -20,10 +20,11 @@ from solen.geometry.body import area, polyline
 from solen.lens import OvalLens
 from solen.plane import along
 from solen.scene import Scene
-from solen.sensor import SATURATED, Case, Sensor
+from solen.sensor import SATURATED, Case, Practice, Sensor
 from solen.trace import Convergence, Mode, Path, Trace
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
+SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 COLOURS = {"right": RIGHT, "left": LEFT}
 METHODS = {
     "fan": ("fan", INK, "o"),
@@ -98,6 +99,24 @@ def response_figure(lens: Case | None, flat: Case | None) -> Figure:
         power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
         power_axes.legend(fontsize=8)
         contrast_axes.legend(fontsize=8)
+    return figure
+
+
+def practice_figure(found: Practice) -> Figure:
+    """Contrast over angle with a point, a chip and the chip in space; how an index that is off changes it."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.2, 3.5), layout="constrained")
+        chip_axes, index_axes = figure.subplots(1, 2)
+        _draw_chip(chip_axes, found)
+        chip_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+        for bound in (-SATURATED, SATURATED):
+            chip_axes.axhline(bound, color=LOST, lw=0.8, ls=":")
+        chip_axes.legend(fontsize=8, loc="upper right")
+        _draw_indices(index_axes, found)
+        index_axes.axhline(0.0, color=INK, lw=0.8)
+        index_axes.set(xlabel="angle (deg)", ylabel="change of the contrast by another index")
+        if found.index:
+            index_axes.legend(fontsize=8)
     return figure
 
 
@@ -210,6 +229,31 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
         power_axes.plot(counted.angle_deg, getattr(counted, side), ".", color=COLOURS[side], ms=3, alpha=0.6)
     contrast_axes.plot(power.angle_deg, power.contrast, style, color=INK, lw=thin, label=name)
     contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
+
+
+def _draw_chip(axes: Axes, found: Practice) -> None:
+    extent = found.extent
+    name = "the design's file of rays" if extent.kind == "file" else f"chip {extent.width_mm:g} mm wide"
+    if found.point is not None:
+        axes.plot(found.point.angle_deg, found.point.contrast, color=LOST, lw=1.4, label="point")
+    if found.chip is not None:
+        axes.plot(found.chip.angle_deg, found.chip.contrast, color=INK, lw=2.0, label=name)
+    if found.in_space is not None:
+        size, plane, space = found.in_space.extent, found.in_space.plane, found.in_space.space
+        name = "in space" if extent.kind == "file" else f"{size.width_mm:g} × {size.height_mm:g} mm, in space"
+        axes.plot(space.angle_deg, space.contrast, color=SPACE, lw=2.0, ls="--", label=name)
+        axes.plot(plane.angle_deg, plane.contrast, "o", color=SPACE, mfc="none", ms=6, label="the same in the plane")
+
+
+def _draw_indices(axes: Axes, found: Practice) -> None:
+    for one in found.index or ():
+        if found.chip is None:
+            continue
+        same = found.chip.part([found.chip.at(angle) for angle in one.response.angle_deg])
+        change = one.response.contrast - same.contrast
+        colour, style = LOWER if one.step < 0.0 else HIGHER, "s:" if one.known else "o-"
+        name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.known else "")
+        axes.plot(one.response.angle_deg, change, style, color=colour, ms=3.5, lw=1.6, label=name)
 
 
 def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:

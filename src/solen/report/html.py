@@ -11,13 +11,22 @@ from markupsafe import Markup
 
 import solen
 from solen.lens import OvalLens
-from solen.report.figures import SHOWN_RAYS, profile_figure, rays_figure, response_figure, sensor_view, svg
+from solen.report.figures import (
+    SHOWN_RAYS,
+    practice_figure,
+    profile_figure,
+    rays_figure,
+    response_figure,
+    sensor_view,
+    svg,
+)
+from solen.report.practical import budget_rows, off_index_rows
 from solen.report.results import results, summary
 from solen.report.words import findings, headline
 from solen.sensor import Case, Study
 from solen.spec import dumps
 
-FIGURES = ("lens-profile", "response", "rays", "rays-at-the-lens", "rays-without-lens")
+FIGURES = ("lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens")
 """Names of all figures that a study may have."""
 
 
@@ -28,6 +37,8 @@ def figures(study: Study) -> dict[str, str]:
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
     drawn = {"response": response_figure(study.lens, study.flat)}
+    if study.practice is not None and study.practice.chip is not None:
+        drawn["practice"] = practice_figure(study.practice)
     if isinstance(case.sensor.cut, OvalLens):
         drawn["lens-profile"] = profile_figure(case.sensor.cut)
     views = [sensor_view(case.sensor, angle, rays) for angle in angles]
@@ -55,6 +66,8 @@ def html(study: Study, drawn: dict[str, str]) -> str:
         rows=range(len(case.power.angle_deg)),
         cases=_cases(study),
         design=dumps(study.design),
+        budget=budget_rows(study),
+        off=off_index_rows(study),
         rays=study.design.emitter.rays,
         version=solen.__version__,
         python=platform.python_version(),

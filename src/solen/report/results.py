@@ -4,6 +4,7 @@ A value that does not exist is null, never NaN. Powers are fractions of the emit
 """
 
 import csv
+import dataclasses
 import io
 import json
 import math
@@ -14,7 +15,7 @@ from typing import Any
 import solen
 from solen.geometry import arm_angle_deg
 from solen.lens import Lens, OvalLens
-from solen.sensor import Case, Response, Sensor, Study
+from solen.sensor import Case, InSpace, NullShift, Practice, Response, Sensor, Study
 from solen.spec import dumps
 from solen.trace import Detected, Path, Trace
 
@@ -35,6 +36,7 @@ def results(study: Study) -> dict[str, Any]:
         "no_lens_refused": study.flat_refused,
         "summary": {name: summary(case) for name, case in study.cases.items()},
         "response": {name: _case(case) for name, case in study.cases.items()},
+        "practice": None if study.practice is None else practice_numbers(study.practice),
     }
 
 
@@ -120,7 +122,7 @@ def summary(case: Case) -> dict[str, Any]:
         "null_deg": case.null_deg,
         "slope_per_deg": case.slope_per_deg,
         "saturation_deg": power.saturation_deg(),
-        "received_share": float((power.right + power.left).mean()),
+        "received_share": received_share(power),
         "u_power": float(power.u.max()),
         "ledger_error": abs(power.traces[worst].ledger.total - 1.0),
         "truncated": max(trace.ledger.truncated for trace in power.traces),
@@ -234,4 +236,67 @@ def _response(response: Response) -> dict[str, Any]:
             }
             for trace in response.traces
         ],
+    }
+
+
+def practice_numbers(found: Practice) -> dict[str, Any]:
+    """What the comparison with a design's neighbours found; null is what ``skipped`` gives the reason for."""
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "point": None if found.point is None else _response(found.point),
+        "chip": None if found.chip is None else _response(found.chip),
+        "null_shift": None if found.null is None else _null_shift(found.null),
+        "index": None
+        if found.index is None
+        else [
+            {"step": one.step, "index": one.index, "is_u_index": one.known, **_response(one.response)}
+            for one in found.index
+        ],
+        "budget": None if found.budget is None else dataclasses.asdict(found.budget),
+        "in_space": None if found.in_space is None else _in_space(found.in_space),
+        "skipped": found.skipped,
+    }
+
+
+def practice_summary(found: Practice) -> dict[str, Any]:
+    """The few numbers of it that one asks for first."""
+    chip = found.chip
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "chip": None if chip is None else _ends(chip),
+        "null_shift": None if found.null is None else _null_shift(found.null),
+        "skipped": found.skipped,
+    }
+
+
+def received_share(response: Response) -> float:
+    """Power at both receivers, mean over the angles."""
+    return float((response.right + response.left).mean())
+
+
+def _ends(response: Response) -> dict[str, float | None]:
+    return {
+        "from_deg": float(response.angle_deg[0]),
+        "to_deg": float(response.angle_deg[-1]),
+        "contrast_from": number(response.contrast[0]),
+        "contrast_to": number(response.contrast[-1]),
+        "received_share": received_share(response),
+    }
+
+
+def _null_shift(found: NullShift) -> dict[str, float]:
+    return {**dataclasses.asdict(found), "shift_deg": found.shift_deg}
+
+
+def _in_space(found: InSpace) -> dict[str, Any]:
+    return {
+        "emitter": dataclasses.asdict(found.extent),
+        "pattern": found.pattern,
+        "pattern_replaced": found.replaced,
+        "cone_deg": found.cone_deg,
+        "thickness_mm": found.thickness_mm,
+        "received_plane": received_share(found.plane),
+        "received_space": received_share(found.same),
+        "plane": _response(found.plane),
+        "space": _response(found.space),
     }

@@ -4,22 +4,25 @@ Every sentence is computed from the study; none is printed when the study does n
 """
 
 from solen.lens import OvalLens
+from solen.report.practical import budget_words, chip_words, null_words, off_index_words, space_words
 from solen.report.results import summary
 from solen.sensor import SATURATED, Case, Study
-
-CHIP_MM = 0.2
-"""Width of a small LED chip, to say what a lens makes of it."""
-INDEX_STEP = 0.01
-"""How far off an index can easily be: a reflectance good to 0.001 gives it to 0.008."""
+from solen.sensor.practice import CHIP_MM, INDEX_STEP
 
 
 def findings(study: Study) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
-    told = [("The signal", _signal(study)), ("Range", _range(study.case)), ("Light", _light(study))]
-    sensor = study.case.sensor
-    if isinstance(sensor.cut, OvalLens):
-        told += [("Alignment", _alignment(study, sensor.cut)), ("Index", _index(sensor.cut, sensor.material.index))]
-    return [*told, ("Not in these numbers", _limits(study))]
+    told = [
+        ("The signal", _signal(study)),
+        ("Range", _range(study.case)),
+        ("A real chip", chip_words(study.practice) if study.practice else ""),
+        ("Alignment", _alignment(study)),
+        ("Index", _index(study)),
+        ("In space", space_words(study)),
+        ("Light", _light(study)),
+        ("Not in these numbers", _limits(study)),
+    ]
+    return [(heading, text) for heading, text in told if text]
 
 
 def headline(study: Study) -> str:
@@ -68,7 +71,9 @@ def _light(study: Study) -> str:
     found, sensor = summary(study.case), study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
+    budget = budget_words(study)
     text = f"On average {found['received_share']:.1%} of the emitted light reaches the receivers."
+    text += f" {budget}" if budget else ""
     if lens is None:
         return text
     if emitter.offset_mm == 0.0 and lens.acceptance_deg < half_cone_deg:
@@ -84,18 +89,32 @@ def _light(study: Study) -> str:
     return text
 
 
-def _alignment(study: Study, lens: OvalLens) -> str:
-    offset_mm, spot_mm = study.design.emitter.offset_mm, CHIP_MM * lens.magnification
-    place = f"{offset_mm:g} mm off the axis" if offset_mm else "exactly in its place"
-    return (
-        f"The lens magnifies {lens.magnification:.1f} times: moving the emitter by 0.01 mm across the axis moves the "
-        f"focal spot by {0.01 * lens.magnification:.2f} mm, and a chip {CHIP_MM} mm wide makes a spot about "
-        f"{spot_mm:.1f} mm wide. These numbers are for a point emitter {place}: a real LED gives a softer curve, and "
-        "one that is glued on elsewhere a shifted one."
-    )
+def _alignment(study: Study) -> str:
+    """What the lens makes of a decentre and of a chip, and what a decentre does to the balance point."""
+    lens, practice, sentences = study.case.sensor.cut, study.practice, []
+    if isinstance(lens, OvalLens):
+        own_mm = study.case.sensor.light.width_mm
+        width_mm = own_mm or CHIP_MM
+        sentences.append(
+            f"The lens magnifies {lens.magnification:.1f} times: moving the emitter by 0.01 mm across the axis moves "
+            f"the focal spot by {0.01 * lens.magnification:.2f} mm, and {'the' if own_mm else 'a'} chip "
+            f"{width_mm:g} mm wide makes a spot about {width_mm * lens.magnification:.1f} mm wide."
+        )
+    if practice is not None and (words := null_words(practice)):
+        sentences.append(words)
+    if sentences and (offset_mm := study.design.emitter.offset_mm):
+        sentences.append(f"The design's emitter is {offset_mm:g} mm off its place.")
+    return " ".join(sentences)
 
 
-def _index(lens: OvalLens, index: float) -> str:
+def _index(study: Study) -> str:
+    """Where another index puts the focus, and what it does to the response."""
+    lens, index = study.case.sensor.cut, study.case.sensor.material.index
+    focus = _focuses(lens, index) if isinstance(lens, OvalLens) else ""
+    return " ".join(filter(None, (focus, off_index_words(study))))
+
+
+def _focuses(lens: OvalLens, index: float) -> str:
     if abs(index - lens.design_index) > 1e-9:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return (
@@ -105,8 +124,7 @@ def _index(lens: OvalLens, index: float) -> str:
     low, high = (lens.paraxial_focus_mm(index + step) for step in (-INDEX_STEP, INDEX_STEP))
     return (
         f"If the print's index were {INDEX_STEP} lower, rays near the axis would cross it {_focus(low)}; "
-        f"{INDEX_STEP} higher, {_focus(high)}. What that does to the response: "
-        f"--set lens.design_index={lens.design_index:.6g} --set material.index={index + INDEX_STEP:.6g}."
+        f"{INDEX_STEP} higher, {_focus(high)}."
     )
 
 
@@ -117,10 +135,18 @@ def _limits(study: Study) -> str:
         if absorption > 0
         else "no absorption was given, so none is counted"
     )
-    return (
-        f"Rays in the plane only, whatever the thickness; perfectly smooth faces, no scatter, no diffraction; {loss}. "
-        + _arms(study)
-    )
+    rough = study.case.sensor.scene().is_random
+    faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
+    return f"{_rays(study)}; {faces}, no diffraction; {loss}. " + _arms(study)
+
+
+def _rays(study: Study) -> str:
+    """In what dimension the numbers are."""
+    if study.design.trace.dimension == "extruded":
+        return "Rays in space, in a body of the same outline at every height"
+    if study.practice is not None and study.practice.in_space is not None:
+        return "Rays in the plane only, but for what is said to be in space"
+    return "Rays in the plane only, whatever the thickness"
 
 
 def _arms(study: Study) -> str:

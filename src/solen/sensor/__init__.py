@@ -2,9 +2,11 @@
 
 A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers see over the
 angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without. A
-:class:`Sensitivity` is how its receivers answer to one number of the design.
+:class:`Sensitivity` is how its receivers answer to one number of the design; a :class:`Practice` is how its response
+compares with those of a real chip, in space, moved and in another index.
 """
 
+from solen.sensor.practice import Budget, Extent, InSpace, NullShift, OffIndex, Practice, practice
 from solen.sensor.response import SATURATED, Response, Sensitivity
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
 from solen.sensor.study import Case, Study, study
@@ -14,11 +16,18 @@ __all__ = [
     "SATURATED",
     "SLOPE_DEG",
     "TOLERANCE",
+    "Budget",
     "Case",
+    "Extent",
+    "InSpace",
+    "NullShift",
+    "OffIndex",
+    "Practice",
     "Response",
     "Sensitivity",
     "Sensor",
     "Study",
     "TraceOptions",
+    "practice",
     "study",
 ]

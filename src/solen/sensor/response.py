@@ -1,6 +1,7 @@
 """What two receivers see over the angles of a motion, and how they answer to one number of the design."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,24 @@ class Response:
         total = self.right + self.left
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(total > 0, (self.right - self.left) / total, np.nan))
+
+    def part(self, places: Sequence[int]) -> "Response":
+        """The same at some of the angles, by their places."""
+        chosen = list(places)
+        arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u[chosen])
+        return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen))
+
+    def joined(self, other: "Response") -> "Response":
+        """Both together, in the order of the angles."""
+        both = Response(
+            mode=self.mode,
+            angle_deg=np.concatenate([self.angle_deg, other.angle_deg]),
+            right=np.concatenate([self.right, other.right]),
+            left=np.concatenate([self.left, other.left]),
+            u=np.concatenate([self.u, other.u]),
+            traces=(*self.traces, *other.traces),
+        )
+        return both.part(np.argsort(both.angle_deg, kind="stable").tolist())
 
     def at(self, angle_deg: float) -> int:
         """Place of the angle nearest to ``angle_deg``."""

@@ -286,12 +286,22 @@ class Sensor:
 
         return self._sweep("count", at, angles_deg, progress)
 
-    def power(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance."""
+    def power(
+        self,
+        angles_deg: Sequence[float] | None = None,
+        progress: Progress | None = None,
+        *,
+        standard_error: float = SAMPLED_TOLERANCE,
+    ) -> Response:
+        """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance.
+
+        Rays in space and scattered light are sampled to the standard error.
+        """
         failed: list[float] = []
 
         def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
-            found = self._reading(angle_deg, integrates=len(failed) < FAILURES)
+            integrates = len(failed) < FAILURES
+            found = self._reading(angle_deg, integrates=integrates, standard_error=standard_error)
             if found[0].method != "adaptive":
                 failed.append(angle_deg)
             return found
@@ -325,7 +335,12 @@ class Sensor:
         return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
 
     def _reading(
-        self, angle_deg: float, *, integrates: bool = True, tolerance: float | None = None
+        self,
+        angle_deg: float,
+        *,
+        integrates: bool = True,
+        tolerance: float | None = None,
+        standard_error: float = SAMPLED_TOLERANCE,
     ) -> tuple[Trace, dict[str, float], float]:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach.
 
@@ -333,7 +348,7 @@ class Sensor:
         """
         scene = self.scene(angle_deg)
         if scene.is_random or scene.extrusion is not None:
-            found, u = self.sampled(angle_deg)
+            found, u = self.sampled(angle_deg, standard_error)
             return found, powers(found), u
         integrates = integrates and not why_not(scene)
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None

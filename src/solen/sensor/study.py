@@ -1,8 +1,9 @@
-"""A design over the angles of its motion: counted and in power, with its lens and without."""
+"""A design over the angles of its motion: counted and in power, with its lens and without, and beside neighbours."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from solen.errors import DesignError
+from solen.sensor.practice import Practice, practice
 from solen.sensor.response import Response
 from solen.sensor.sensor import Progress, Sensor
 from solen.spec import Design
@@ -27,13 +28,14 @@ class Study:
     """A design over the angles of its motion, with its lens and without.
 
     ``lens`` is None for a design without one. ``flat`` is None where the sensor with a lens cannot be built without it;
-    ``flat_refused`` then says why.
+    ``flat_refused`` then says why. ``practice`` compares the design with its neighbours, where that was asked for.
     """
 
     design: Design
     lens: Case | None
     flat: Case | None
     flat_refused: str | None = None
+    practice: Practice | None = None
 
     @property
     def case(self) -> Case:
@@ -50,12 +52,21 @@ class Study:
         return {name: case for name, case in both.items() if case is not None}
 
 
-def study(design: Design, progress: Progress | None = None) -> Study:
+def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> Study:
     """Trace a design over its motion, with its lens and without, counting and in power.
 
     Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
-    at once. ``progress`` is called with the share done, up to 1.
+    at once. ``progress`` is called with the share done, up to 1. ``practical`` adds the comparison of
+    `solen.sensor.practice`.
     """
+    if not practical:
+        return _study(design, progress)
+    found = _study(design, _part(progress, 0, 5, 3))
+    case = found.case
+    return replace(found, practice=practice(case.sensor, case.power, _part(progress, 3, 5, 2)))
+
+
+def _study(design: Design, progress: Progress | None) -> Study:
     sensor = Sensor.of(design)
     sensor.check_pair()
     sensor.check()

@@ -1,0 +1,439 @@
+"""What matters to someone about to print: the numbers that a point in the plane, exactly in its place, does not tell.
+
+The idea: the design's own response is compared with that of a few neighbours, traced as it was. A real emitter is a
+chip; it is glued on some hundredths of a millimetre beside the axis; the print's index is not the one the lens is cut
+for; and its light leaves the plane. Where the design states a chip, that one is taken, and the point is the comparison;
+where it states none, a chip of `CHIP_MM` is. A part of this that has no meaning for a design, or cannot be built, is
+left out and `Practice.skipped` says why.
+
+The interface: `practice` of a sensor and its response, which returns a `Practice`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from solen.errors import SolenError
+from solen.material import Optical, Tabulated
+from solen.parts import Light
+from solen.scene import Scene
+from solen.sensor.response import Response, contrast
+from solen.sensor.sensor import CHIP_TOLERANCE, Progress, Sensor
+from solen.spec import with_values
+from solen.trace import Trace, integrate, trace
+from solen.trace.adaptive import why_not
+
+CHIP_MM = 0.2
+"""Width and height of a small LED chip, where the design states none."""
+DECENTRE_MM = 0.01
+"""How far the emitter is moved."""
+INDEX_STEP = 0.01
+"""How far off an index can easily be: a reflectance good to 0.001 gives it to 0.008."""
+NEAR_DEG = 1.0
+"""Angle at which an index that is off is looked at, beside the ends."""
+STANDARD_ERROR = 1e-3
+"""To what standard error of a receiver's power rays in space and scattered light are sampled here."""
+MOST_ANGLES, FEW_ANGLES = 13, 3
+"""Angles at most: of a response, and of one with another index or in the other dimension."""
+BUDGET_RAYS = 2**17
+"""Rays of the budget where it cannot be integrated."""
+OPAQUE_PER_MM = 1e6
+SETTLED_DEG, MOST_STEPS = 1e-4, 8
+"""When a balance point is found, and after how many steps the search ends."""
+
+Angles = Sequence[float]
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Size of the emitter that is told of: the design's ``own``, one for comparison, or that of its file of rays."""
+
+    width_mm: float
+    height_mm: float
+    kind: Literal["own", "comparison", "file"]
+
+
+@dataclass(frozen=True)
+class NullShift:
+    """Balance point of the chip in its place, and moved by ``step_mm`` towards +x, with the error of their distance."""
+
+    step_mm: float
+    null_deg: float
+    moved_deg: float
+    u_deg: float
+
+    @property
+    def shift_deg(self) -> float:
+        """How far it moves."""
+        return self.moved_deg - self.null_deg
+
+
+@dataclass(frozen=True)
+class OffIndex:
+    """Response with the chip where the material's index is off by ``step`` and the lens stays as it is cut.
+
+    ``known`` says that the step is the standard uncertainty of the index.
+    """
+
+    step: float
+    index: float
+    known: bool
+    response: Response
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Where the emitter's own power goes at rest, as shares that add up to 1 within ``u``; no light from around.
+
+    Attributes
+    ----------
+    right, left
+        At the receivers.
+    beside
+        Meets nothing: it passes beside the lens and the body.
+    above_below
+        Passes above or below them, in space.
+    reflected
+        Is reflected by the body and never enters it.
+    leaked
+        Leaves it through top or bottom, in space.
+    escaped
+        Leaves it elsewhere.
+    absorbed
+        In the material, at walls and at the backs of receivers.
+    truncated
+        Was followed no further.
+    u
+        What a share may be off by.
+    """
+
+    right: float
+    left: float
+    beside: float
+    above_below: float
+    reflected: float
+    leaked: float
+    escaped: float
+    absorbed: float
+    truncated: float
+    u: float
+
+
+@dataclass(frozen=True)
+class InSpace:
+    """The same chip in the plane and in space; the plane at few of the angles.
+
+    ``pattern`` is what it emits by, in both; ``replaced`` says that it stands for the design's fan, which has no light
+    out of the plane. ``extent`` is the chip's.
+    """
+
+    extent: Extent
+    pattern: str
+    replaced: bool
+    cone_deg: float
+    thickness_mm: float
+    plane: Response
+    space: Response
+
+    @property
+    def same(self) -> Response:
+        """In space, at the angles of the plane."""
+        return self.space.part([self.space.at(angle) for angle in self.plane.angle_deg])
+
+
+@dataclass(frozen=True)
+class Practice:
+    """What `practice` found; None is what ``skipped`` gives a reason for, by the same name.
+
+    ``point`` and ``chip`` are in the design's own dimension, and so are ``null`` and ``index``, which are with the
+    chip.
+    """
+
+    extent: Extent
+    point: Response | None
+    chip: Response | None
+    null: NullShift | None
+    index: tuple[OffIndex, ...] | None
+    budget: Budget | None
+    in_space: InSpace | None
+    skipped: dict[str, str] = field(default_factory=dict)
+
+
+class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
+    """Why a part has no meaning for a design."""
+
+
+def practice(sensor: Sensor, own: Response, progress: Progress | None = None) -> Practice:
+    """Compare a sensor with its neighbours over the angles of its response in power.
+
+    Parameters
+    ----------
+    sensor
+        The design.
+    own
+        Its response in power.
+    progress
+        Called with the share done, up to 1.
+    """
+    found, skipped = _Neighbours(sensor, own), dict[str, str]()
+
+    def part(name: str, make: Callable[[], T], done: float) -> T | None:
+        made: T | None = None
+        try:
+            made = make()
+        except (_NoMeaning, SolenError) as why:
+            skipped[name] = str(why)
+        if progress is not None:
+            progress(done)
+        return made
+
+    point = part("point", found.point, 0.05)
+    chip = part("chip", found.chip, 0.3)
+    return Practice(
+        extent=found.extent,
+        point=point,
+        chip=chip,
+        null=part("null", lambda: found.null(chip), 0.4),
+        index=part("index", found.index, 0.7),
+        budget=part("budget", found.budget, 0.75),
+        in_space=part("in_space", found.in_space, 1.0),
+        skipped=skipped,
+    )
+
+
+@dataclass(frozen=True)
+class _Neighbours:
+    """A sensor and what can be compared with it."""
+
+    sensor: Sensor
+    own: Response
+
+    @property
+    def light(self) -> Light:
+        return self.sensor.light
+
+    @property
+    def extent(self) -> Extent:
+        light = self.light
+        if light.ray_file is not None:
+            return Extent(0.0, 0.0, "file")
+        width_mm = light.width_mm or self.sensor.body().emitter.width_mm
+        if width_mm > 0.0:
+            return Extent(width_mm, light.height_mm, "own")
+        return Extent(CHIP_MM, light.height_mm, "comparison")
+
+    @property
+    def angles(self) -> Angles:
+        """Some of the response's angles, and those where an index that is off shows."""
+        return self._near(self._some(MOST_ANGLES))
+
+    def _some(self, most: int) -> Angles:
+        """Fewer of the response's angles, each a part of the more."""
+        return _spread(_spread(self.own.angle_deg.tolist(), MOST_ANGLES), most)
+
+    def _near(self, angles: Angles) -> Angles:
+        first, last = float(self.own.angle_deg[0]), float(self.own.angle_deg[-1])
+        return sorted({*angles, *(near for near in (-NEAR_DEG, NEAR_DEG) if first <= near <= last)})
+
+    def point(self) -> Response:
+        if self.extent.kind == "file":
+            raise _NoMeaning("the emitter is a file of rays, which has its size")
+        if self.extent.kind == "comparison":
+            return self.own
+        if self.light.width_mm == 0.0:
+            raise _NoMeaning("the emitter's width is drawn")
+        return _swept(self._with({"emitter.width_mm": 0.0, "emitter.height_mm": 0.0}), self.angles)
+
+    @property
+    def real(self) -> Sensor:
+        """The sensor with the chip, or as it is."""
+        if self.extent.kind != "comparison":
+            return self.sensor
+        return self._with({"emitter.width_mm": self.extent.width_mm})
+
+    def chip(self) -> Response:
+        known = None if self.extent.kind == "comparison" else self.own
+        return _swept(self.real, self.angles, known)
+
+    def null(self, chip: Response | None) -> NullShift:
+        null = None if chip is None else chip.null_deg()
+        if chip is None or null is None:
+            raise _NoMeaning("with the chip there is no balance point in this range")
+        slope = _slope_per_deg(chip, null)
+        offset_mm = self.sensor.design.emitter.offset_mm
+        moved = _with(self.real, {"emitter.offset_mm": offset_mm + DECENTRE_MM})
+        here, u_here = _null(self.real, null, slope)
+        there, u_there = _null(moved, here, slope)
+        return NullShift(DECENTRE_MM, here, there, u_here + u_there)
+
+    def index(self) -> tuple[OffIndex, ...]:
+        material, angles = self.real.material, self._near(self._some(FEW_ANGLES))
+        u = material.u_index
+        steps = [(-INDEX_STEP, False), (INDEX_STEP, False)]
+        if u is not None and u > 0.0:
+            steps = [one for one in steps if abs(abs(one[0]) - u) > 1e-9] + [(-u, True), (u, True)]
+        steps = [(step, known) for step, known in sorted(steps) if material.index + step >= 1.0]
+        found = []
+        for step, known in steps:
+            off = replace(self.real, material=_off(material, step, self.light))
+            found.append(OffIndex(step, off.material.index, known, _swept(off, angles)))
+        return tuple(found)
+
+    def budget(self) -> Budget:
+        return budget(self.sensor)
+
+    def in_space(self) -> InSpace:
+        extent, light, replaced = self.extent, self.light, False
+        changes: dict[str, Any] = {}
+        if extent.kind != "file":
+            extent = replace(extent, height_mm=extent.height_mm or extent.width_mm)
+            replaced = light.pattern == "fan"
+            changes = {"emitter.width_mm": extent.width_mm, "emitter.height_mm": extent.height_mm}
+        if replaced:
+            changes |= {"emitter.pattern": "lambertian", "emitter.cone_deg": light.cone_deg}
+        plane, space = (self._with({**changes, "trace.dimension": kind}) for kind in ("2d", "extruded"))
+        known = {sensor.design.trace.dimension: self.own for sensor in (plane, space) if _same(sensor, self.sensor)}
+        return InSpace(
+            extent,
+            space.light.pattern if extent.kind != "file" else "file",
+            replaced,
+            light.cone_deg,
+            space.design.body.thickness_mm,
+            _swept(plane, self._some(FEW_ANGLES), known.get("2d")),
+            _swept(space, self.angles, known.get("extruded")),
+        )
+
+    def _with(self, values: dict[str, Any]) -> Sensor:
+        return _with(self.sensor, values)
+
+
+def budget(sensor: Sensor) -> Budget:
+    """Where the light of a sensor's emitter goes at rest.
+
+    Three traces tell it: of the scene as it is; with all its faces black, which leaves only what meets nothing; and
+    with a body in which light goes nowhere, which leaves that and what never enters.
+    """
+    scene = sensor.scene(0.0)
+    scene = replace(scene, sources=scene.sources[:1])
+    whole, u = _settled(scene)
+    black, u_black = _settled(_black(scene))
+    opaque, u_opaque = _settled(_opaque(scene))
+    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    beside = black.ledger.escaped - black.missed
+    reflected = max(0.0, opaque.ledger.escaped - black.ledger.escaped)
+    return Budget(
+        right=right,
+        left=left,
+        beside=beside,
+        above_below=black.missed,
+        reflected=reflected,
+        leaked=whole.leaked,
+        escaped=max(0.0, whole.ledger.escaped - black.ledger.escaped - reflected - whole.leaked),
+        absorbed=whole.ledger.absorbed,
+        truncated=whole.ledger.truncated,
+        u=u + u_black + u_opaque,
+    )
+
+
+def _black(scene: Scene) -> Scene:
+    """The scene with faces that take all light."""
+    return replace(
+        scene,
+        interfaces=tuple(
+            replace(one, behaviour="absorbing", receiver=None, surface=None, height_mm=None) for one in scene.interfaces
+        ),
+    )
+
+
+def _opaque(scene: Scene) -> Scene:
+    """The scene with a body that takes all light that enters it."""
+    regions = tuple(
+        replace(one, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if one.name == "body" else one
+        for one in scene.regions
+    )
+    return replace(scene, regions=regions)
+
+
+def _settled(scene: Scene) -> tuple[Trace, float]:
+    """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
+    if not why_not(scene):
+        found = integrate(scene, "power", CHIP_TOLERANCE)
+        if found.reached:
+            return found, CHIP_TOLERANCE
+    made_of_points = all(source.emission() is not None for source in scene.sources)
+    many = scene
+    if made_of_points:  # a file has the rays that it has
+        many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
+    found = trace(many, "power", sampling="sobol" if made_of_points else "fan")
+    return found, float(0.5 / np.sqrt(found.rays))  # no share's standard error is larger
+
+
+def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
+    """The sensor with some values set; its lens stays."""
+    return replace(sensor, design=with_values(sensor.design, values))
+
+
+def _same(one: Sensor, other: Sensor) -> bool:
+    """Whether they have the same light, in the plane or in space alike."""
+    return one.light == other.light and one.design.trace.dimension == other.design.trace.dimension
+
+
+def _spread(angles: Angles, most: int) -> Angles:
+    """So many of the angles at most, evenly, both ends included."""
+    places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
+    return [angles[i] for i in places.tolist()]
+
+
+def _swept(sensor: Sensor, angles: Angles, known: Response | None = None) -> Response:
+    """Response at angles; what is known of it is not traced again."""
+    if known is None:
+        return sensor.power(angles, standard_error=STANDARD_ERROR)
+    there = set(known.angle_deg.tolist())
+    old = known.part([known.at(angle) for angle in angles if angle in there])
+    missing = [angle for angle in angles if angle not in there]
+    return old.joined(sensor.power(missing, standard_error=STANDARD_ERROR)) if missing else old
+
+
+def _off(material: Optical, step: float, light: Light) -> Optical:
+    """The material with its index off by a step, at all wavelengths of a light."""
+    dispersion = material.dispersion
+    if dispersion is None or not light.spectrum:
+        return replace(material, index=material.index + step, dispersion=None)
+    lines = sorted({light.wavelength_nm, *(nm for nm, _ in light.spectrum)})
+    values = [dispersion.index(nm) + step for nm in lines]
+    if len(lines) == 1:
+        lines, values = [*lines, lines[0] + 1.0], [*values, values[0]]
+    moved = Tabulated(kind="table", wavelength_nm=tuple(lines), n=tuple(values))
+    return replace(material, index=material.index + step, dispersion=moved)
+
+
+def _slope_per_deg(response: Response, null_deg: float) -> float:
+    """Slope of the contrast between the angles on both sides of a balance point."""
+    angle, value = response.angle_deg, response.contrast
+    high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))
+    low = high - 1 if angle[high] > null_deg or high == len(angle) - 1 else high
+    high = max(high, low + 1)
+    return float((value[high] - value[low]) / (angle[high] - angle[low]))
+
+
+def _null(sensor: Sensor, start_deg: float, slope_per_deg: float) -> tuple[float, float]:
+    """Balance point by the secant method, with its error; `_NoMeaning` where it does not settle."""
+    angle, slope, before = start_deg, slope_per_deg, None
+    for _ in range(MOST_STEPS):
+        found = sensor.power([angle], standard_error=STANDARD_ERROR)
+        value = contrast(float(found.right[0]), float(found.left[0]))
+        if value is None or not np.isfinite(slope) or slope == 0.0:
+            raise _NoMeaning("no light reaches the receivers at the balance point")
+        u = 2.0 * float(found.u[0]) / float(found.right[0] + found.left[0])
+        if before is not None and angle != before[0]:
+            slope = (value - before[1]) / (angle - before[0]) or slope
+        if abs(value) <= max(u, SETTLED_DEG * abs(slope)):
+            return angle, (abs(value) + u) / abs(slope)
+        before = (angle, value)
+        angle -= value / slope
+        if abs(angle - start_deg) > 45.0:
+            break
+    raise _NoMeaning("the balance point of the moved emitter is not found")

@@ -1,0 +1,224 @@
+"""What a sensor's neighbours show: a chip, a decentre, another index, space, and where the light goes."""
+
+import json
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.sensor import Practice, Sensor, study
+from solen.sensor.practice import budget, practice
+from solen.spec import Design, loads, template, with_values
+from tests.scene.rayfile_support import lambertian, zemax
+
+COARSE: dict[str, Any] = {"motion.step_deg": 3.0}
+
+
+def design(**values: Any) -> Design:
+    """The 860 nm example over few angles; ``__`` stands for the dot of a key."""
+    return with_values(loads(template()), COARSE | {key.replace("__", "."): value for key, value in values.items()})
+
+
+def found(**values: Any) -> Practice:
+    sensor = Sensor.of(design(**values))
+    return practice(sensor, sensor.power())
+
+
+@cache
+def paper() -> Practice:
+    return found()
+
+
+def contrast(found: Practice, angle_deg: float) -> float:
+    assert found.chip is not None
+    return float(found.chip.contrast[found.chip.at(angle_deg)])
+
+
+def test_a_chip_softens_the_response() -> None:
+    assert paper().extent.kind == "comparison"
+    assert paper().point is not None
+    assert paper().point.contrast[0] > 0.999
+    assert contrast(paper(), -3.0) == pytest.approx(0.896, abs=2e-3)
+    assert contrast(paper(), -1.0) == pytest.approx(0.49, abs=5e-3)
+    assert paper().skipped == {}
+
+
+def test_a_chip_agrees_with_many_points_side_by_side() -> None:
+    offsets = (np.arange(60) + 0.5) / 60 * 0.2 - 0.1
+    powers = []
+    for offset in offsets.tolist():
+        reading = Sensor.of(design(emitter__offset_mm=offset)).integrate(-1.0)
+        powers.append([reading.detectors[name].power for name in ("right", "left")])
+    right, left = np.mean(powers, axis=0)
+    assert contrast(paper(), -1.0) == pytest.approx((right - left) / (right + left), abs=5e-3)
+
+
+def test_the_design_s_own_chip_is_compared_with_a_point() -> None:
+    own = found(emitter__width_mm=0.2)
+    assert (own.extent.kind, own.extent.width_mm) == ("own", 0.2)
+    assert contrast(own, -3.0) == pytest.approx(contrast(paper(), -3.0), abs=2e-4)
+    assert own.point is not None
+    assert paper().point is not None
+    assert own.point.contrast[[0, -1]] == pytest.approx(paper().point.contrast[[0, -1]], abs=1e-5)
+
+
+def test_an_index_that_is_off_with_a_chip() -> None:
+    """A lens cut for 1.44 in 1.484: the contrast at 3 degrees hardly moves, the one at 1 degree does."""
+    off = found(material__index=1.484, lens__design_index=1.44)
+    assert contrast(off, -3.0) == pytest.approx(0.863, abs=2e-3)
+    assert contrast(off, -1.0) == pytest.approx(0.32, abs=7e-3)
+
+
+def test_the_index_is_off_and_the_lens_is_not() -> None:
+    assert paper().index is not None
+    low, high = paper().index
+    assert (low.step, high.step, low.known) == (-0.01, 0.01, False)
+    assert (low.index, high.index) == pytest.approx((1.43, 1.45))
+    same = Sensor.of(design(material__index=1.43, lens__design_index=1.44, emitter__width_mm=0.2)).power([-1.0])
+    assert low.response.contrast[low.response.at(-1.0)] == pytest.approx(same.contrast[0], abs=1e-9)
+
+
+def test_a_known_uncertainty_of_the_index_is_taken_as_well(tmp_path: Any) -> None:
+    resin = 'schema = 1\nname = "one"\nsource = "a test"\n\n[index]\nkind = "number"\nn = 1.44\nu_n = 0.003\n'
+    (tmp_path / "one.toml").write_text(resin, encoding="utf-8")
+    sensor = Sensor.of(design(material__resin="one.toml").in_folder(tmp_path))
+    off = practice(sensor, sensor.power()).index
+    assert off is not None
+    assert [(one.step, one.known) for one in off] == [(-0.01, False), (-0.003, True), (0.003, True), (0.01, False)]
+    assert [one.index for one in off] == pytest.approx([1.43, 1.437, 1.443, 1.45])
+
+
+def test_dispersion_is_moved_at_all_wavelengths() -> None:
+    sensor = Sensor.of(design(material__resin="pmma", emitter__fwhm_nm=30.0, motion__step_deg=6.0))
+    off = practice(sensor, sensor.power()).index
+    assert off is not None
+    assert off[1].index - sensor.material.index == pytest.approx(0.01)
+    assert abs(off[0].response.right - off[1].response.right).max() > 1e-3
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 0.05])
+def test_the_balance_point_moves_with_the_emitter(offset_mm: float) -> None:
+    here = found(emitter__offset_mm=offset_mm).null
+    assert here is not None
+    there = Sensor.of(design(emitter__offset_mm=offset_mm + 0.01, emitter__width_mm=0.2))
+    near = there.power([here.moved_deg - 0.01, here.moved_deg + 0.01])
+    assert near.contrast[0] > 0.0 > near.contrast[1]
+    assert here.u_deg < 0.002
+    assert here.shift_deg == pytest.approx(-0.19, abs=0.01)
+
+
+def test_without_a_balance_point_there_is_no_shift() -> None:
+    one_sided = found(motion__from_deg=1.0)
+    assert one_sided.null is None
+    assert "no balance point" in one_sided.skipped["null"]
+    dark = found(material__absorption_per_mm=1000.0)
+    assert dark.null is None
+    assert dark.chip is not None
+    assert np.isnan(dark.chip.contrast).all()
+
+
+@pytest.mark.parametrize("dimension", ["2d", "extruded"])
+@pytest.mark.parametrize("absorption_per_mm", [0.0, 0.01])
+def test_the_budget_is_whole(dimension: str, absorption_per_mm: float) -> None:
+    values = {"emitter__pattern": "lambertian", "emitter__cone_deg": 120.0, "trace__dimension": dimension}
+    sensor = Sensor.of(design(**values, material__absorption_per_mm=absorption_per_mm))
+    one = budget(sensor)
+    parts = (one.right, one.left, one.beside, one.above_below, one.reflected)
+    rest = (one.leaked, one.escaped, one.absorbed, one.truncated)
+    assert min(*parts, *rest) >= 0.0
+    assert sum(parts) + sum(rest) == pytest.approx(1.0, abs=one.u)
+    assert (one.above_below > 0.01) == (dimension == "extruded")
+    assert (one.absorbed > 0.1) == (absorption_per_mm > 0.0)
+    assert one.right == pytest.approx(one.left, abs=one.u)
+
+
+def test_what_passes_beside_the_lens_is_what_it_does_not_accept() -> None:
+    sensor = Sensor.of(design())
+    one = budget(sensor)
+    assert one.beside == pytest.approx(1.0 - sensor.lens.acceptance_deg / 60.0, abs=one.u)
+    accepted = 1.0 - one.beside
+    assert accepted - one.reflected == pytest.approx(0.5207, abs=5e-4)
+    flat = budget(sensor.without_lens)
+    assert flat.beside == 0.0
+    assert flat.reflected == pytest.approx(1.0 - 0.9604, abs=1e-3)
+
+
+def test_light_from_around_is_not_in_the_budget() -> None:
+    lit = budget(Sensor.of(design(ambient__power=0.5)))
+    dark = budget(Sensor.of(design()))
+    assert (lit.right, lit.beside) == pytest.approx((dark.right, dark.beside), abs=1e-12)
+
+
+def test_in_space_skew_rays_see_another_lens() -> None:
+    space = paper().in_space
+    assert space is not None
+    assert (space.pattern, space.replaced, space.cone_deg) == ("lambertian", True, 120.0)
+    assert (space.extent.width_mm, space.extent.height_mm, space.thickness_mm) == (0.2, 0.2, 4.0)
+    assert abs(space.plane.contrast[[0, -1]]) == pytest.approx([0.89, 0.89], abs=5e-3)
+    assert abs(space.same.contrast[[0, -1]]) == pytest.approx([0.65, 0.65], abs=6e-3)
+    assert space.space.u.max() < 1e-3
+
+
+def test_an_extruded_design_is_compared_with_the_plane() -> None:
+    own = found(
+        trace__dimension="extruded",
+        emitter__pattern="lambertian",
+        emitter__cone_deg=120.0,
+        emitter__width_mm=0.2,
+        emitter__height_mm=0.2,
+    )
+    assert own.in_space is not None
+    assert not own.in_space.replaced
+    assert own.in_space.plane.contrast[0] == pytest.approx(0.89, abs=5e-3)
+    assert own.in_space.space.contrast[0] == pytest.approx(contrast(own, -3.0), abs=1e-12)
+    assert contrast(own, -3.0) == pytest.approx(0.654, abs=4e-3)
+
+
+def test_a_flat_face_and_a_bend_have_all_of_it() -> None:
+    for values in ({"lens__shape": "none"}, {"motion__kind": "bend"}):
+        one = found(**values)
+        assert one.skipped == {}
+        assert one.null is not None
+        assert abs(one.null.shift_deg) > 0.03
+
+
+def test_a_file_of_rays_has_its_own_size(tmp_path: Any) -> None:
+    zemax(tmp_path / "led.sdf", lambertian(4096))
+    sensor = Sensor.of(
+        Design(name="one", material={"index": 1.44}, emitter={"ray_file": "led.sdf"}).in_folder(tmp_path)
+    )
+    own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
+    assert own.extent.kind == "file"
+    assert own.point is None
+    assert "file of rays" in own.skipped["point"]
+    assert own.in_space is not None
+    assert own.in_space.pattern == "file"
+    assert own.budget is not None
+    assert own.budget.beside > 0.3
+
+
+def test_a_drawn_body_has_what_has_a_meaning(tmp_path: Any) -> None:
+    corners = [[2.0, 0.0], [3.0, 20.0], [0.2, 20.0], [0.0, 19.0], [-0.2, 20.0], [-3.0, 20.0], [-2.0, 0.0], [2.0, 0.0]]
+    names = ["wall", "receiver-right", "wall", "wall", "receiver-left", "wall", "lens"]
+    pieces = [{"kind": "segment", "start": a, "end": b} for a, b in pairwise(corners)]
+    faces = [{"name": name, "curve": piece} for name, piece in zip(names, pieces, strict=True)]
+    data = {"solen_outline": 1, "faces": faces, "emitters": [{"point": [0.0, -1.0]}]}
+    (tmp_path / "one.json").write_text(json.dumps(data), encoding="utf-8")
+    body = {"kind": "outline", "file": "one.json"}
+    sensor = Sensor.of(Design(name="one", material={"index": 1.49}, body=body).in_folder(tmp_path))
+    own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
+    assert own.skipped == {}
+    assert own.null is not None
+    assert own.budget is not None
+
+
+def test_a_study_has_it_where_asked_for_and_progress_rises() -> None:
+    told: list[float] = []
+    whole = study(design(lens__shape="none"), told.append, practical=True)
+    assert whole.practice is not None
+    assert whole.practice.point is whole.case.power
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert study(design(lens__shape="none")).practice is None
