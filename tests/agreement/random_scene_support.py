@@ -348,6 +348,7 @@ def _treated(rng: np.random.Generator, interface: Interface) -> Interface:
     band = (low, high) if rng.random() < 0.3 else None
     if interface.behaviour in {"absorbing", "receiver"}:
         return replace(interface, surface=Surface(band_nm=band))
+    in_one = interface.left == interface.right
     scatters: list[Scatter | None] = [
         None,
         Lambertian(float(rng.random())),
@@ -363,8 +364,9 @@ def _treated(rng: np.random.Generator, interface: Interface) -> Interface:
         texture=Texture(50.0, float(rng.uniform(0.0, 3.0))) if rng.random() < 0.3 else None,
     )
     if interface.behaviour == "mirror" and isinstance(interface.curve, Segment) and rng.random() < 0.5:
-        return replace(interface, surface=replace(surface, focal_mm=float(rng.choice([-8.0, 15.0]))))
-    if interface.left == interface.right and interface.behaviour == "refracting":
+        focused = replace(surface, focal_mm=float(rng.choice([-8.0, 15.0])))
+        return replace(interface, behaviour="lens" if in_one and rng.random() < 0.5 else "mirror", surface=focused)
+    if interface.behaviour == "mirror" and in_one and rng.random() < 0.5:
         return replace(interface, behaviour="splitter", surface=surface)
     if interface.behaviour == "refracting" and rng.random() < 0.4:
         films = (Layer(float(rng.uniform(1.0, 2.5)), float(rng.uniform(0.0, 300.0)), float(rng.choice([0.0, 0.2]))),)

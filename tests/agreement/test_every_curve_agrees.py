@@ -15,7 +15,7 @@ from solen.scene import Beam, Chip, Fan, Rays
 from solen.scene.model import BEHAVIOURS
 from solen.trace import Limits, Mode, Trace, trace, trace_reference
 from tests.agreement.compare_support import TURN_RAD, Comparison, compared, turned
-from tests.agreement.random_scene_support import motley_scene
+from tests.agreement.random_scene_support import motley_scene, treated_scene
 
 LIMITS: dict[Mode, Limits] = {
     "count": Limits(max_hits=60),
@@ -100,7 +100,9 @@ def test_the_scenes_have_every_curve_behaviour_source_and_kind_of_light() -> Non
     scenes = [motley_scene(seed, 2) for seed in range(20)]
     kinds: set[type[Curve]] = {type(face.curve) for scene in scenes for face in scene.interfaces}
     assert kinds == {Segment, Arc, Parabola, Conic, CartesianOval, Bezier, Spline}
-    assert {face.behaviour for scene in scenes for face in scene.interfaces} == set(BEHAVIOURS)
+    ideal = {face.behaviour for seed in range(20) for face in treated_scene(seed, 2).interfaces}
+    assert {face.behaviour for scene in scenes for face in scene.interfaces} | ideal == set(BEHAVIOURS)
+    assert {"lens", "splitter"} <= ideal
     assert {type(source) for scene in scenes for source in scene.sources} == {Fan, Beam, Rays, Chip}
     assert {len(source.spectrum) for scene in scenes for source in scene.sources} == {0, 1, 2, 3}
     conics = [face.curve for scene in scenes for face in scene.interfaces if isinstance(face.curve, Conic)]

@@ -118,8 +118,10 @@ def trace(
         raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
     if scene.extrusion is not None:
         _check_extruded(scene, precision, device, legs)
-    if scene.is_turbid and device == "cuda":
-        raise DesignError("device", value=device, limit="knows no medium that scatters", remedy='use device="cpu"')
+    treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
+    if treated and device == "cuda":
+        limit = "knows smooth, clean and bare surfaces alone, and no medium that scatters"
+        raise DesignError("device", value=device, limit=limit, remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     check_seed(seed)
