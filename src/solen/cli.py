@@ -146,7 +146,8 @@ def trace(
     seed
         Of sobol and of roulette: a whole number; the same one gives the same result.
     tolerance
-        Of adaptive: what no power shall be off by, as a share of the emitted power; 1e-6 by default.
+        Of adaptive: what no power shall be off by, as a share of the emitted power; by default 1e-6 for a
+        point of one colour, 1e-4 for other sources.
     precision
         double, or single with its error stated.
     histogram

@@ -16,6 +16,7 @@ from typing import Any, Literal
 from solen import files
 from solen.errors import OutputError, SpecError
 from solen.report import results as numbers
+from solen.scene import Scene
 from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, TraceOptions, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
 from solen.trace import Series, Slope, Trace, convergence
@@ -42,13 +43,13 @@ class Sampling:
     precision: str | None = None
     histogram: str | None = None
 
-    def options(self, mode: str) -> TraceOptions:
+    def options(self, mode: str, draws: bool = False) -> TraceOptions:
         """What `Sensor.trace` is told; `SpecError` for what is wrong, or has no effect in this mode."""
         if self.tolerance is not None:
             raise SpecError("--tolerance", value=self.tolerance, limit="is of --sampling adaptive", remedy="add that")
         sampling: Literal["fan", "sobol"] = "sobol" if self.method == "sobol" else "fan"
         precision: Literal["double", "single"] = "single" if self.precision == "single" else "double"
-        if self.seed is not None and sampling == "fan" and mode != "roulette":
+        if self.seed is not None and sampling == "fan" and mode != "roulette" and not draws:
             limit = f"nothing is drawn in mode {mode} with a fan"
             raise SpecError("--seed", value=self.seed, limit=limit, remedy="add --sampling sobol or --mode roulette")
         found = TraceOptions(sampling=sampling, precision=precision)
@@ -150,13 +151,14 @@ def trace_design(
     design = open_design(path, assignments)
     if paths and sampling.method == "adaptive":
         raise SpecError("--paths", limit="has no meaning with --sampling adaptive", remedy="leave one of them out")
-    if paths and design.emitter.rays > MOST_PATHS:
-        raise SpecError("--paths", value=f"{design.emitter.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
     sensor = Sensor.of(design)
+    scene = sensor.scene(angle_deg)
+    if paths:
+        check_paths(scene)
     if sampling.method == "adaptive":
         result = sensor.integrate(angle_deg, design.trace.mode, sampling.tolerance)
     else:
-        options = sampling.options(design.trace.mode)
+        options = sampling.options(design.trace.mode, draws=scene.is_random)
         options["legs"] = paths
         result = sensor.trace(angle_deg, **options)
     contents: dict[Path, files.Content] = {}
@@ -260,6 +262,15 @@ def check_figure(figure: Path | None) -> None:
     """`OutputError` where a figure is asked for in no known format."""
     if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
         raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
+
+
+def check_paths(scene: Scene) -> None:
+    """`SpecError` where the ways of a scene's rays cannot be written."""
+    if scene.rays > MOST_PATHS:
+        raise SpecError("--paths", value=f"{scene.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
+    if scene.extrusion is not None:
+        limit = "writes ways in the plane, and these rays are in space"
+        raise SpecError("--paths", limit=limit, remedy="leave it out, or trace the plane")
 
 
 def check_netcdf(target: Path) -> None:

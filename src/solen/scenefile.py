@@ -13,11 +13,12 @@ from typing import Any
 
 from solen import files
 from solen.errors import DataError, SpecError
-from solen.pipeline import MOST_PATHS, Sampling, check_choice, check_figure, check_netcdf
+from solen.pipeline import Sampling, check_choice, check_figure, check_netcdf, check_paths
 from solen.report import results as numbers
 from solen.scene import Monitor, Scene, loads, rayoptics
-from solen.sensor import TOLERANCE
+from solen.sensor import CHIP_TOLERANCE, TOLERANCE
 from solen.trace import Crossed, Trace, Turns, integrate, trace, trace_in_turns
+from solen.trace.adaptive import is_extended
 from solen.trace.dataset import writer
 from solen.trace.result import MODES, Mode
 
@@ -84,8 +85,10 @@ def trace_scene(
     if mode is not None:
         check_choice("--mode", mode, MODES)
     opened = open_scene(path, facets=mode is None)
-    if paths and opened.scene.rays > MOST_PATHS:
-        raise SpecError("--paths", value=f"{opened.scene.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
+    if paths:
+        check_paths(opened.scene)
+    if figure is not None and opened.scene.extrusion is not None:
+        raise SpecError("--figure", limit="draws the plane, and these rays are in space", remedy="leave it out")
     keeps_legs = paths or figure is not None
     if opened.imported is not None and mode is None:
         result = _in_turns(opened.imported, sampling, keeps_legs)
@@ -128,8 +131,12 @@ def _traced(scene: Scene, mode: Mode, sampling: Sampling, legs: bool) -> Trace:
             raise SpecError(
                 "--sampling", value="adaptive", limit="keeps no ways of rays", remedy="use fan for pictures"
             )
-        return integrate(scene, mode, TOLERANCE if sampling.tolerance is None else sampling.tolerance)
-    options = sampling.options(mode)
+        if scene.monitors:
+            limit = "reads receivers alone, and this scene has monitors"
+            raise SpecError("--sampling", value="adaptive", limit=limit, remedy="use fan or sobol")
+        usual = CHIP_TOLERANCE if is_extended(scene) else TOLERANCE
+        return integrate(scene, mode, usual if sampling.tolerance is None else sampling.tolerance)
+    options = sampling.options(mode, draws=scene.is_random)
     options["legs"] = legs
     return trace(scene, mode, **options)
 

@@ -365,7 +365,7 @@ def _treated(rng: np.random.Generator, interface: Interface) -> Interface:
     )
     if interface.behaviour == "mirror" and isinstance(interface.curve, Segment) and rng.random() < 0.5:
         focused = replace(surface, focal_mm=float(rng.choice([-8.0, 15.0])))
-        return replace(interface, behaviour="lens" if in_one and rng.random() < 0.5 else "mirror", surface=focused)
+        return replace(interface, behaviour="lens" if in_one else "mirror", surface=focused)
     if interface.behaviour == "mirror" and in_one and rng.random() < 0.5:
         return replace(interface, behaviour="splitter", surface=surface)
     if interface.behaviour == "refracting" and rng.random() < 0.4:

@@ -105,7 +105,7 @@ def test_a_motion_that_breaks_the_body_is_refused_before_the_first_ray(monkeypat
     def no_ray(*_: object, **__: object) -> None:
         raise AssertionError("traced")
 
-    monkeypatch.setattr(solen.sensor, "trace", no_ray)
+    monkeypatch.setattr("solen.sensor.sensor.trace", no_ray)
     told: list[float] = []
     with pytest.raises(DesignError, match="inside the body"):
         study(design(motion__moves=["emitter"], motion__pivot=[30.0, 0.0]), told.append)

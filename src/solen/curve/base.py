@@ -51,6 +51,8 @@ def check_count(what: str, value: object, least: int) -> None:
     """`DesignError` where a value is not a whole number of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
+    if value >= 2**63:
+        raise DesignError(what, value="a number of many digits", limit="must be below 2 to the power of 63")
 
 
 def check_points(what: str, *points: object) -> None:

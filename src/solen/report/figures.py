@@ -5,6 +5,7 @@ Right is blue and left is orange, in every figure; grey is light that neither re
 
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import matplotlib as mpl
@@ -21,7 +22,7 @@ from solen.lens import OvalLens
 from solen.plane import along
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, Practice, Sensor
-from solen.trace import Convergence, Mode, Path, Trace
+from solen.trace import Convergence, Mode, Path, Trace, trace
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
@@ -159,10 +160,14 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 def sensor_view(
     sensor: Sensor, angle_deg: float, rays: int | None = None, mode: Mode = "count"
 ) -> tuple[str, Body, Scene, Trace]:
-    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless told otherwise."""
+    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless told otherwise.
+
+    A picture shows the plane: rays of an extruded sensor are drawn as they would run there.
+    """
     lens = "" if sensor.has_lens else "no lens, "
     title = f"{lens}{angle_deg:+g}°" if angle_deg else f"{lens}0°"
-    return title, sensor.body(angle_deg), sensor.scene(angle_deg, rays), sensor.trace(angle_deg, mode, rays, legs=True)
+    scene = replace(sensor.scene(angle_deg, rays), extrusion=None)
+    return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
 
 
 def scene_figure(scene: Scene, trace: Trace) -> Figure:

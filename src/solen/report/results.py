@@ -166,6 +166,8 @@ def detected_numbers(reading: Detected, faces: Sequence[str]) -> dict[str, Any]:
         "rays": reading.rays,
         "optical_path_mm": number(reading.optical_path_mm),
     }
+    if len(reading.by_source) > 1:
+        found["by_source"] = list(reading.by_source)
     if reading.angle.size:
         found["position"] = {face: row.tolist() for face, row in zip(faces, reading.position, strict=True)}
         found["angle"] = reading.angle.tolist()

@@ -1,12 +1,15 @@
 """The light of a sensor: its emitter as a source, and light from around."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from solen.geometry import Body
+from solen.errors import DesignError
 from solen.geometry.body import Pose
 from solen.parts import Light
+from solen.plane import Point
+from solen.scene.model import Interface
 from solen.scene.sources import (
     Ambient,
     Chip,
@@ -46,14 +49,23 @@ def emitter_of(design: Design, light: Light, pose: Pose, rays: int | None) -> So
     return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
 
 
-def ambient_of(design: Design, body: Body, spectrum: tuple[Line, ...]) -> tuple[Source, ...]:
-    """Ambient light through a circle that holds the body and the emitter, with some room."""
+def ambient_of(
+    design: Design, emitter: Point, interfaces: Sequence[Interface], rays: int | None, spectrum: tuple[Line, ...]
+) -> tuple[Source, ...]:
+    """Ambient light through a circle that holds all faces and the emitter, with some room.
+
+    Where more ``rays`` are asked for than the design has for its emitter, there are as many times more of these.
+    """
     stated = design.ambient
     if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
         return ()
-    points = np.vstack([body.outline(), [body.emitter.point]])
+    if design.trace.dimension == "extruded":
+        limit = "is light in the plane: in space it would also come in through top and bottom"
+        raise DesignError("ambient", limit=limit, remedy='set trace.dimension = "2d", or leave the ambient light out')
+    points = np.vstack([interface.curve.flattened() for interface in interfaces] + [[emitter]])
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = (0.5 * (low + high)).tolist()
     radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
     power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
-    return (Ambient((x, z), radius_mm, stated.rays, design.body.thickness_mm, power, spectrum=spectrum),)
+    many = stated.rays if rays is None else max(1, round(stated.rays * rays / design.emitter.rays))
+    return (Ambient((x, z), radius_mm, many, design.body.thickness_mm, power, spectrum=spectrum),)

@@ -202,6 +202,8 @@ class Scene:
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
         if behaviour == "lens" and surface.focal_mm is None:
             raise DesignError(what, limit="a lens needs surface.focal_mm")
+        if behaviour == "splitter" and interface.surface is None:
+            raise DesignError(what, limit="a splitter needs a surface with its transmitted share")
         if behaviour in ("splitter", "lens") and interface.left != interface.right:
             raise DesignError(what, value=behaviour, limit="must have the same region on both sides")
         if (behaviour == "lens" or surface.focal_mm is not None) and not isinstance(interface.curve, Segment):

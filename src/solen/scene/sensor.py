@@ -44,7 +44,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     outside = [region for region in pad_regions(design.wall) if region.name in used]
     regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
     emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
-    sources = (emitter, *ambient_of(design, body, emitter.spectrum))
+    sources = (emitter, *ambient_of(design, body.emitter.point, interfaces, rays, emitter.spectrum))
     if design.trace.dimension == "2d":
         return Scene(regions, tuple(interfaces), sources, name=design.name)
     high_mm, extrusion = design.receivers.height_mm, Extrusion(design.body.thickness_mm)

@@ -2,8 +2,8 @@
 
 A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. *Scatter* sends a share of what
 leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the surface itself by chance; a
-*coating* is a stack of thin films between the interface's two media, computed as waves. In counting, which has no
-powers, coatings and reflectances play no part.
+*coating* is a stack of thin films between the interface's two media, computed as waves. Counting, which has no
+powers, sees of all this scatter, texture, and films thicker than the wavelength, by their total reflection.
 
 Scatter is stated in direction cosines along the surface: in the plane one number from −1 to 1, in an extruded scene a
 point of the unit disc. A profile is centred on the direction that the smooth surface would give, and cut off where the
@@ -30,8 +30,8 @@ class Layer:
 
     def __post_init__(self) -> None:
         check_numbers("layer", self.index, self.thickness_nm, self.extinction)
-        if not self.index > 0.0:
-            raise DesignError("layer index", value=self.index, limit="must be above 0")
+        if not 1e-3 <= self.index <= 1e3:
+            raise DesignError("layer index", value=self.index, limit="must be from 0.001 to 1000")
         if not (self.thickness_nm >= 0.0 and self.extinction >= 0.0):
             found = f"thickness_nm {self.thickness_nm:g}, extinction {self.extinction:g}"
             raise DesignError("layer", value=found, limit="must be at least 0")

@@ -8,10 +8,11 @@ compares with those of a real chip, in space, moved and in another index.
 
 from solen.sensor.practice import Budget, Extent, InSpace, NullShift, OffIndex, Practice, practice
 from solen.sensor.response import SATURATED, Response, Sensitivity
-from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
+from solen.sensor.sensor import CHIP_TOLERANCE, OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
 from solen.sensor.study import Case, Study, study
 
 __all__ = [
+    "CHIP_TOLERANCE",
     "OPTICAL_KEYS",
     "SATURATED",
     "SLOPE_DEG",

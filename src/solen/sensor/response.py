@@ -114,8 +114,8 @@ class Sensitivity:
 
 
 def powers(found: Trace) -> dict[str, float]:
-    """Power by receiver."""
-    return {name: reading.power for name, reading in found.detectors.items()}
+    """Power of the emitter by receiver: of several sources the first, as ambient light is told apart and subtracted."""
+    return {name: (*reading.by_source, reading.power)[0] for name, reading in found.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:

@@ -224,7 +224,10 @@ class Sensor:
         if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")):
             return "the body is drawn"
         cases = {
-            "emitter.wavelength_nm": (not resin, "the index is stated, whatever the wavelength"),
+            "emitter.wavelength_nm": (
+                not resin and not self.scene().wavelengths_nm,
+                "the index is stated, whatever the wavelength",
+            ),
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
             "material.index": (resin, "follows from the resin and the wavelength"),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),

@@ -66,6 +66,8 @@ def value_of(hint: Any, value: Any, where: str) -> Any:
     if inner and isinstance(value, dict):
         kinds = {cls.kind: cls for cls in inner if hasattr(cls, "kind")}
         return untagged(value, kinds, where) if kinds else made(inner[0], value, where)
+    if inner and value is not None:
+        raise DataError(where, value=value, limit="must be an object")
     try:
         adapter = TypeAdapter(hint, config=ConfigDict(strict=True, allow_inf_nan=False))
         return adapter.validate_json(json.dumps(value))

@@ -56,6 +56,8 @@ def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, co
         on, back = _focused(interface, surface.focal_mm, ray, on, back)
     if surface.coating is not None and not counting:
         on, back = _coated(surface.coating, tilted, on, back)
+    elif surface.coating is not None and _shut(surface.coating, tilted):
+        on, back = on._replace(s=0.0, p=0.0), back._replace(s=ray.s, p=ray.p)
     away = (-ray.facing[0], -ray.facing[1])
     return _scattered(surface, on, away, draw, ON), _scattered(surface, back, ray.facing, draw, BACK)
 
@@ -105,6 +107,12 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
     rs, ts = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "s")
     rp, tp = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "p")
     return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+
+
+def _shut(coating: Coating, ray: Arrival) -> bool:
+    """Whether counting, which knows no waves, sees a total reflection by a film thicker than the wavelength."""
+    axial = ray.n1 * math.sqrt(1.0 - ray.cos**2)
+    return any(film.thickness_nm > (ray.wavelength_nm or math.inf) and film.index < axial for film in coating.layers)
 
 
 def film_powers(

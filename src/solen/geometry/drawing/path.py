@@ -9,6 +9,8 @@ from solen.errors import DataError
 from solen.geometry.drawing.transform import Affine
 from solen.plane import Point
 
+FARTHEST = 1e9
+"""Coordinates beyond which no drawing reaches."""
 NUMBER = re.compile(r"\s*,?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 FLAG = re.compile(r"\s*,?\s*([01])")
 COMMAND = re.compile(r"\s*,?\s*([MmLlHhVvCcSsQqTtAaZz])")
@@ -67,9 +69,16 @@ def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[floa
         found = (FLAG if command in "Aa" and i in (3, 4) else NUMBER).match(data, place)
         if found is None:
             raise DataError(where, value=data[place : place + 20], limit=f"{command} needs another number there")
-        numbers.append(float(found[1]))
+        numbers.append(held(float(found[1]), where))
         place = found.end()
     return numbers, place
+
+
+def held(number: float, where: str) -> float:
+    """A number that a drawing can hold; `DataError` where it is not one, or too far out."""
+    if not abs(number) <= FARTHEST:
+        raise DataError(where, value=number, limit=f"must be a finite number, at most {FARTHEST:g} either way")
+    return number
 
 
 class _Pen:

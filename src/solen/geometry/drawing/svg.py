@@ -27,7 +27,7 @@ from solen.geometry.drawing.model import (
     is_aside,
     is_named,
 )
-from solen.geometry.drawing.path import NUMBER, Piece, path_pieces
+from solen.geometry.drawing.path import NUMBER, Piece, held, path_pieces
 from solen.geometry.drawing.shapes import beziers, ellipse
 from solen.geometry.drawing.transform import Affine
 from solen.plane import Point
@@ -68,6 +68,8 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
         length = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Z]+)\s*", root.get(key, ""))
         if length and length[2] in LENGTH_MM:
             whole_mm = float(length[1]) * LENGTH_MM[length[2]]
+            if len(box) == 4 and not box[place] > 0.0:
+                raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
             found.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
     if not found:
         limit = "does not say its unit: its width and height are not in mm, cm, in or pt"
@@ -124,6 +126,10 @@ class _Reader:
     def _take(self, name: str, what: str, pieces: list[Piece], onto: Affine, *, is_round: bool) -> None:
         """A mark, an emitter, or the strokes of one element."""
         placed = [piece.moved(onto) for piece in pieces]
+        if not placed:
+            raise DataError(
+                f"{self._where}: {what}", value=name, limit="has no size", remedy="give it one or remove it"
+            )
         if is_round and is_named(name, "pivot"):
             self._points.append((name, placed[0].points[0]))
         elif is_round and is_named(name, EMITTER):
@@ -206,9 +212,10 @@ def _number(data: Mapping[str, str], key: str) -> float:
     """Number of an attribute in user units, 0 where there is none."""
     text = data.get(key, "0").strip().removesuffix("px")
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         raise DataError(f"drawing: {key}", value=text, limit="must be a number without unit") from None
+    return held(number, key)
 
 
 def _tag(element: ET.Element) -> str:

@@ -72,7 +72,8 @@ class RayFile(Source):
     def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
         """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
         launch = super().launch_at(u, rays, in_space)
-        return self._weighted(launch, u) if rays == self.rays == len(self.file) else launch
+        whole = self.rays == len(self.file)
+        return self._weighted(launch, u, len(self.file) / rays) if whole else launch
 
     def lines(self, u: Real) -> NDArray[np.int64]:
         """See :meth:`~solen.scene.sources.base.Source.lines`."""
@@ -113,9 +114,9 @@ class RayFile(Source):
             dx * right_z + dz * axis_z,
         )
 
-    def _weighted(self, launch: Launch, u: Real) -> Launch:
-        """The same rays, each with its own power."""
-        each = self.power * self.file.power[self._which(u)]
+    def _weighted(self, launch: Launch, u: Real, times: float) -> Launch:
+        """The same rays, each with so many times its own power."""
+        each = self.power * times * self.file.power[self._which(u)]
         return Launch(
             launch.x_mm,
             launch.z_mm,

@@ -134,7 +134,7 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                         k,
                         tables,
                         rules,
-                        tables.treatments,
+                        None,  # scenes for a card have bare surfaces alone
                         c,
                         colour,
                         here,

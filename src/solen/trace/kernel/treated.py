@@ -108,6 +108,8 @@ def at_treated(
         else:
             cos = ex * nx + ez * nz
             bx, bz = as_in(k.zero, ex - (cos + cos) * nx), as_in(k.zero, ez - (cos + cos) * nz)
+    if t.layers > 0.0 and splitting == COUNT and shut(tables, t, colour, dx * fx + dz * fz, n1):
+        on_s, on_p, back_s, back_p = k.zero, k.zero, s, p
     if t.layers > 0.0 and splitting != COUNT:
         cos_in = -(dx * fx + dz * fz)
         found = film(tables, t, colour, from_right, cos_in, n1, n2)
@@ -196,6 +198,17 @@ def harvey_shack_kept(width: float, wing: float, far: float) -> float:
     power = 1.0 - 0.5 * wing
     most = (1.0 + widest * widest) ** power if power > 0.0 else 1.0
     return (1.0 + far * far) ** power / most if abs(far) <= widest else 0.0
+
+
+@compiled
+def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bool:
+    """Whether counting sees a total reflection: a film thicker than the wavelength, of too low an index to be entered."""
+    sine2 = n1 * n1 * (1.0 - cos * cos)
+    found = False
+    for i in range(int(t.layers)):
+        row = tables.layers[int(t.first_layer) + i]
+        found = found or (row[2] > tables.wavelength[colour] and row[0] * row[0] < sine2)
+    return found
 
 
 @compiled

@@ -29,7 +29,7 @@ from solen.trace.kernel.space import (
     upright,
 )
 from solen.trace.kernel.surface import COUNT, chance_of
-from solen.trace.kernel.treated import BACK, FACET, ON, TRIES, Amplitudes, acting, film
+from solen.trace.kernel.treated import BACK, FACET, ON, TRIES, Amplitudes, acting, film, shut
 from solen.trace.tables import Tables
 
 
@@ -68,6 +68,8 @@ def treated_parts(
         a = film(tables, t, colour, from_right, cos, n1, n2)
     else:
         a = bare(n1, n2, n1 * cos)
+        if t.layers > 0.0 and shut(tables, t, colour, cos, n1):
+            a = Amplitudes(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         if a.on_s > 0.0 and (counting or t.partial == 0.0):
             a = Amplitudes(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
     found = divided(d, e, f, light, n1, n2, a)
