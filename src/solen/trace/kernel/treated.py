@@ -202,7 +202,7 @@ def harvey_shack_kept(width: float, wing: float, far: float) -> float:
 
 @compiled
 def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bool:
-    """Whether counting sees a total reflection: a film thicker than the wavelength, of too low an index to be entered."""
+    """Whether counting sees a total reflection, by a film thicker than the wavelength that cannot be entered."""
     sine2 = n1 * n1 * (1.0 - cos * cos)
     found = False
     for i in range(int(t.layers)):
