@@ -195,7 +195,8 @@ class _Tracer:
             self._count("leaked", gone)
             self._count("escaped", gone)
         back = _mirrored(ray.d, normal)
-        return ray._replace(d=back, light=_acted(ray, back, normal, amplitudes.rs, amplitudes.rp))
+        light = _acted(ray, back, normal, amplitudes.rs, amplitudes.rp)
+        return ray._replace(d=back, light=light, last=None)  # it stands on no wall any more
 
     def _at_wall(self, ray: Ray, met: Meeting) -> Ray | None:
         """At a wall: one part is followed, drawn by its power."""
