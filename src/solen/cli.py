@@ -81,6 +81,7 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
         lambda: [
             f"{found['name']}: a valid sensor at all {found['angles']} angles",
             *_lines({"index": found["material"]["index"]} | found["lens"] | found["body"]),
+            f"faces: {', '.join(found['body']['faces'])}",
         ],
     )
 

@@ -99,7 +99,7 @@ def trace_scene(
     if figure is not None:
         from solen.report import figures
 
-        drawn = figures.scene_figure(opened.scene, result)
+        drawn = figures.scene_figure(opened.scene, result, _units(opened.imported)["length"])
         contents[figure] = figures.encoded(drawn, figure.suffix.lower(), "scene")
     if netcdf is not None:
         contents[netcdf] = writer(result, {"name": opened.scene.name, "format": opened.name})

@@ -78,6 +78,11 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
     if wall.from_mm >= longest_mm - SHORTEST_MM:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
+    if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
+        limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
+        raise DesignError(
+            f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="leave it out for all the rest"
+        )
 
 
 def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:

@@ -170,7 +170,7 @@ def sensor_view(
     return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
 
 
-def scene_figure(scene: Scene, trace: Trace) -> Figure:
+def scene_figure(scene: Scene, trace: Trace, unit: str = "mm") -> Figure:
     """A scene with some of its rays; the trace must have kept its legs. Edges of half-planes do not widen the view."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.4, 5.2), layout="constrained")
@@ -193,7 +193,7 @@ def scene_figure(scene: Scene, trace: Trace) -> Figure:
             axes.plot(*zip(monitor.start, monitor.end, strict=True), color=LEFT, lw=1.2, ls="--")
         axes.set_aspect("equal")
         axes.grid(visible=False)
-        axes.set(title=scene.name, xlabel="x (mm)", ylabel="z (mm)")
+        axes.set(title=scene.name, xlabel=f"x ({unit})", ylabel=f"z ({unit})")
         axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
     return figure
 
@@ -271,7 +271,10 @@ def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *
     beyond = 0.12 * float(high[1] - low[1])
     for colour, lines in _coloured(scene, trace, beyond).items():
         axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.45, alpha=0.85, zorder=2))
+    faces = {face.name for face in body.all_faces}
     for interface in scene.interfaces:
+        if interface.name not in faces or interface.surface is not None:  # pads, mirrors, and walls with a finish
+            axes.plot(*interface.curve.flattened().T, color=INK, lw=1.4, ls=(0, (3, 1.5)), zorder=3)
         if interface.receiver is not None:
             axes.plot(*interface.curve.flattened().T, color=COLOURS.get(interface.receiver, INK), lw=3.5, zorder=3)
     axes.plot(*body.emitter.point, "o", color=INK, ms=3.5, zorder=4)

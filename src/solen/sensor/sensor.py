@@ -229,7 +229,10 @@ class Sensor:
                 "the index is stated, whatever the wavelength",
             ),
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
-            "material.index": (resin, "follows from the resin and the wavelength"),
+            "material.index": (
+                resin or self._is_matched,
+                "follows from the resin and the wavelength" if resin else "something of the same index touches a wall",
+            ),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
             "lens.focus_mm": (not self.has_lens, "the design has no lens"),
             "lens.design_index": (
@@ -240,6 +243,11 @@ class Sensor:
         }
         applies, why = cases.get(key, (False, ""))
         return why if applies else ""
+
+    @property
+    def _is_matched(self) -> bool:
+        """Whether something of the body's own index touches a wall: either way from there light is reflected."""
+        return any(wall.index == self.material.index for wall in self.design.wall)
 
     def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
         """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.

@@ -225,6 +225,10 @@ class _Scene:
             raise type(bad)(f"{self.where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
         for name, reason in found.refused:
             self._miss(*self.named[name], None, reason)
+        if not self.sources:
+            why = "; ".join(str(one) for one in self.missed[:2])
+            limit = f"no light that is understood{f' ({why})' if why else ''}"
+            raise DataError(self.where, limit=limit, remedy="add a source")
         scene = Scene(
             found.regions,
             found.interfaces,
