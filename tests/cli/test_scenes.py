@@ -109,3 +109,8 @@ def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys
     file.write_text(content, encoding="utf-8")
     assert _run(["trace", str(file)]) == 2
     assert str(file) in capsys.readouterr().err
+
+
+def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run(["trace", str(own), "--sampling", "adaptive"]) == 2
+    assert "reads receivers alone, and this scene has monitors" in capsys.readouterr().err

@@ -263,3 +263,27 @@ def test_a_bad_design_makes_no_folder(design: Path, tmp_path: Path) -> None:
     with pytest.raises(SpecError):
         pipeline.run(design, tmp_path / "new", ["lens.half_width_mm=-1"])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_extruded_design_runs_to_its_report_with_pictures_of_the_plane(design: Path, tmp_path: Path) -> None:
+    chosen = ["trace.dimension=extruded", "motion.from_deg=-1", "motion.to_deg=1", "motion.step_deg=2"]
+    found = pipeline.run(design, tmp_path / "out", [*chosen, "emitter.pattern=lambertian", "emitter.cone_deg=60"])
+    assert (tmp_path / "out" / "rays.svg").is_file()
+    assert 0.0 < found["summary"]["lens"]["contrast_from"] < 1.0
+
+
+def test_ambient_light_in_space_is_refused(design: Path) -> None:
+    with pytest.raises(SolenError, match="also come in through top and bottom"):
+        pipeline.trace_design(design, ["trace.dimension=extruded", "ambient.power=1"])
+
+
+def test_ways_of_rays_in_space_are_refused_by_the_name_of_the_option(design: Path) -> None:
+    with pytest.raises(SpecError, match=r"^--paths; writes ways in the plane"):
+        pipeline.trace_design(design, ["trace.dimension=extruded"], paths=True)
+
+
+def test_ambient_light_is_told_apart(design: Path) -> None:
+    found = pipeline.trace_design(design, ["ambient.power=0.5", "trace.mode=power"])
+    for reading in found["detectors"].values():
+        assert sum(reading["by_source"]) == pytest.approx(reading["power"])
+        assert min(reading["by_source"]) > 0.0

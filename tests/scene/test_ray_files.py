@@ -5,13 +5,15 @@ import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 
+from solen.curve import Segment
 from solen.errors import DataError
 from solen.plane import heading
-from solen.scene import RayFile, Scene, dumps, loads
+from solen.scene import Interface, RayFile, Scene, dumps, loads
 from solen.scene.model import Region
 from solen.scene.rayfile import read_rays
 from solen.trace import trace
@@ -213,3 +215,20 @@ def test_a_file_is_a_source_of_a_scene(tmp_path: Path) -> None:
     assert source.dimensions() == 1
     assert np.bincount(source.launch().line).tolist() == [32, 32]
     assert source.with_spectrum(()).launch().line.tolist() == [0] * 64
+
+
+@pytest.mark.parametrize("sampling", ["fan", "sobol"])
+def test_however_rays_are_chosen_each_has_its_power(sampling: Literal["fan", "sobol"], tmp_path: Path) -> None:
+    """Of 300 rays those to the right carry nine times as much."""
+    angles = np.radians(np.linspace(-40.0, 40.0, 300))
+    rays = np.zeros((300, 7))
+    rays[:, 3], rays[:, 5], rays[:, 6] = np.sin(angles), np.cos(angles), np.where(angles > 0.0, 9.0, 1.0)
+    source = RayFile.of(str(zemax(tmp_path / "a.dat", rays)), (0.0, 0.0), 0.0)
+    ends = ((-9.0, 5.0), (0.0, 5.0), (9.0, 5.0))
+    screens = tuple(
+        Interface(name, Segment(a, b).reversed(), "air", "air", "receiver", name)
+        for name, a, b in (("left", *ends[:2]), ("right", *ends[1:]))
+    )
+    found = trace(Scene((Region("air", 1.0),), screens, (source,)), "power", sampling=sampling)
+    assert found.detectors["right"].power == pytest.approx(0.9, abs=max(4.0 * found.u, 1e-3))
+    assert found.ledger.total == pytest.approx(1.0, abs=1e-12)

@@ -364,3 +364,10 @@ def test_an_index_that_cannot_be_written_is_told() -> None:
     scene = Scene((Region("air", Own(A=1.2)),), (Interface("i", CURVES_HERE[0], "air", "air"),), (source,))
     with pytest.raises(DesignError, match="Own; JSON knows number, table, cauchy, sellmeier"):
         scenes.dumps(scene)
+
+
+def test_a_layer_that_is_no_object_is_told_with_its_place() -> None:
+    wrong = data()
+    wrong["interfaces"][0]["surface"] = {"coating": {"layers": [1]}}
+    line = refused(json.dumps(wrong))
+    assert line.startswith("scene.json: interfaces[0]: surface: coating: layers[0] = 1; must be an object")

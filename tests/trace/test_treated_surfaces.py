@@ -29,7 +29,7 @@ from solen.scene import (
     Texture,
 )
 from solen.scene.model import Behaviour
-from solen.trace import Limits, Trace, integrate, trace
+from solen.trace import Limits, Trace, integrate, trace, trace_reference
 from solen.trace.surfaces import film_powers
 
 NM = 600.0
@@ -300,6 +300,7 @@ def test_the_power_of_a_bare_surface_is_fresnels() -> None:
 
 REFUSED: list[tuple[dict[str, object], str]] = [
     ({"behaviour": "lens"}, "needs surface.focal_mm"),
+    ({"behaviour": "splitter"}, "needs a surface"),
     ({"behaviour": "absorbing", "surface": Surface(scatter=Lambertian())}, "takes all light"),
     ({"surface": Surface(focal_mm=3.0)}, "has no meaning for behaviour refracting"),
     ({"behaviour": "mirror", "surface": Surface(coating=Coating((Layer(1.4, 1.0),)))}, "needs a refracting interface"),
@@ -328,3 +329,15 @@ def test_a_trace_is_the_same_whatever_surface_says_nothing() -> None:
     plain: Trace = trace(scene, "power")
     treated = trace(plate(Surface(), ray(33.0), 1.0, 1.5), "power")
     assert plain.detectors["up"].power == pytest.approx(treated.detectors["up"].power, abs=1e-15)
+
+
+@pytest.mark.parametrize("extrusion", [None, Extrusion(2.0)])
+@pytest.mark.parametrize(("gap_nm", "through"), [(20_000.0, 0.0), (50.0, 1.0)])
+def test_counting_sees_the_total_reflection_of_a_thick_film_alone(
+    gap_nm: float, through: float, extrusion: Extrusion | None
+) -> None:
+    scene = plate(Surface(coating=Coating((Layer(1.0, gap_nm),))), ray(60.0), 1.5, 1.5)
+    found = trace(replace(scene, extrusion=extrusion), "count")
+    assert (found.detectors["up"].power, found.detectors["down"].power) == (through, 1.0 - through)
+    if extrusion is None:
+        assert trace_reference(scene, "count").detectors["up"].power == through
