@@ -177,3 +177,9 @@ def test_options_of_a_trace_are_passed_on(paper: Sensor) -> None:
     assert found.detectors["left"].position.shape == (1, 2)
     assert found.detectors["left"].angle.shape == (5,)
     assert paper.trace(ANGLE_DEG, "power", 64, precision="single").single_error is not None
+
+
+def test_rays_in_space_have_no_derivative_and_it_is_said_in_the_user_s_words() -> None:
+    sensor = Sensor.of(with_values(loads(template()), {"trace.dimension": "extruded"}))
+    with pytest.raises(DesignError, match="sensitivity = 'rays in space'; derivatives are known in the plane"):
+        sensor.sensitivity()

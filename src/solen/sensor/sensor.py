@@ -205,6 +205,10 @@ class Sensor:
                 raise SpecError(key, limit=why, remedy="leave it out")
         values = {key: self._number(key) for key in chosen}
         scene = self.scene(angle_deg)
+        if scene.is_random or scene.extrusion is not None:
+            found_in = "rays in space" if scene.extrusion is not None else "scattered light"
+            limit = "derivatives are known in the plane, of light that nothing scatters by chance"
+            raise DesignError("sensitivity", value=found_in, limit=limit, remedy="compare two designs by solen trace")
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
         base = integrate(scene, "power", tolerance, most_legs=MOST_LEGS)
         if not base.reached:
