@@ -10,7 +10,7 @@ The interface: `practice` of a sensor and its response, which returns a `Practic
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -159,7 +159,7 @@ class Practice:
     index: tuple[OffIndex, ...] | None
     budget: Budget | None
     in_space: InSpace | None
-    skipped: dict[str, str] = field(default_factory=dict)
+    skipped: dict[str, str]
 
 
 class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
