@@ -25,7 +25,7 @@ demo: $(VENV)/.run-ready
 	$(BIN)/solen run $(DEMO) --out $(DEMO_OUT)
 
 test: $(VENV)/.dev-ready
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n auto $(PYTEST_ARGS)
 
 evidence: $(VENV)/.dev-ready
 	$(BIN)/python -m pytest -m evidence -s $(PYTEST_ARGS)
