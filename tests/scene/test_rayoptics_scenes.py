@@ -295,8 +295,10 @@ def test_a_bad_file_is_refused_in_one_line(content: str, told: str, tmp_path: Pa
 
 
 def test_a_scene_without_light_and_an_index_below_1_are_refused() -> None:
-    with pytest.raises(DesignError, match="sources = 0"):
+    with pytest.raises(DataError, match="no light that is understood; add a source"):
         scene(circle(0, 0, 1))
+    with pytest.raises(DataError, match=r"no light that is understood \(object 1, Lantern: .*\)"):
+        scene({"type": "Lantern"})
     with pytest.raises(DesignError, match="at least 1"):
         scene(LAMP, circle(0, 0, 1, refIndex=0.8))
     inside = scene(LAMP, circle(0, 0, 1, refIndex=0.8), circle(0, 0, 2, refIndex=1.25))
