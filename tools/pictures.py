@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from examples.four_motions import MOTIONS
-from solen.report.figures import encoded
+from solen.report.canvas import encoded
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 

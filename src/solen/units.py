@@ -1,8 +1,59 @@
-"""Units inside solen are mm, nm, degrees and fractions of the emitted power; they are converted here, at the doors."""
+"""Units inside solen are mm, nm, degrees and fractions of the emitted power; they are converted here, at the doors.
+
+A file states units in its own spelling, ``N/mm²``, ``mW/cm2`` or ``µm``: `is_unit` knows whether a text is one,
+`factor` takes numbers from one to another. pint knows the units; it is loaded when the first text is asked about.
+"""
+
+import re
+from functools import cache
+from typing import Any
 
 NM_PER_UM = 1e3
+
+_LONGEST = 24  # characters of a unit: what is longer is a remark
+_SPELLINGS = {"%t": "%", "%r": "%", "%a": "%", "µ": "µm", "micron": "um", "sec": "s", "sek": "s", "°": "deg", "": "1"}
+_POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
+_FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
 
 def um_from_nm(wavelength_nm: float) -> float:
     """Wavelength in micrometres, as dispersion formulas take it."""
     return wavelength_nm / NM_PER_UM
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit, by the spellings of instruments and of people; an empty one is a pure number's."""
+    return _unit(text) is not None
+
+
+def factor(unit: str, wanted: str) -> float | None:
+    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be."""
+    ours, theirs = _unit(unit), _unit(wanted)
+    if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
+        return None
+    return float((1.0 * ours).to(theirs).magnitude)
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry(on_redefinition="ignore", autoconvert_offset_to_baseunit=False)
+
+
+@cache
+def _unit(text: str) -> Any:
+    """Unit of a text, or None."""
+    plain = text.strip().strip("[]").translate(_POWERS)
+    plain = _SPELLINGS.get(plain.lower(), plain)
+    if len(plain) > _LONGEST or not _FORM.fullmatch(plain):
+        return None
+    if plain == "1":
+        return _registry().dimensionless
+    powered = re.sub(r"(?<=[a-zµΩ)])\^?(-?\d)", r"**\1", plain, flags=re.IGNORECASE)
+    try:
+        unit = _registry().Unit(powered)
+        (1.0 * unit).to_base_units()  # scales with an offset and logarithms have no factor
+    except Exception:
+        return None
+    return unit

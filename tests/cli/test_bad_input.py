@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from solen import pipeline
 from solen.cli import _run
+from solen.pipeline import design as pipeline
 from solen.spec import template
 from solen.trace import convergence
 

@@ -12,8 +12,8 @@ import pytest
 import xarray as xr
 
 import solen
-from solen import pipeline
 from solen.cli import _run
+from solen.pipeline import design as pipeline
 from solen.report import html
 from solen.spec import loads, template
 from solen.trace import convergence

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from solen import pipeline
 from solen.errors import OutputError, SolenError, SpecError
+from solen.pipeline import design as pipeline
 from solen.report import html
 from solen.sensor import Study, study
 from solen.spec import template

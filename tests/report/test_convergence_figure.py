@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from solen.report.figures import METHODS, convergence_figure, encoded, svg
+from solen.report.canvas import encoded, svg
+from solen.report.figures import METHODS, convergence_figure
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 from solen.trace import Convergence, Mode, convergence

@@ -5,7 +5,8 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.figures import encoded, profile_figure, rays_figure, response_figure, sensor_view, svg
+from solen.report.canvas import encoded, svg
+from solen.report.figures import profile_figure, rays_figure, response_figure, sensor_view
 from solen.report.html import figures
 from tests.report.conftest import Drawn, Studies
 

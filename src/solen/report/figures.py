@@ -1,12 +1,10 @@
-"""Every figure, as a matplotlib `Figure` and as SVG text that is the same for the same numbers.
+"""The figures of a design and its rays.
 
 Right is blue and left is orange, in every figure; grey is light that neither receiver gets.
 """
 
-import io
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -20,12 +18,11 @@ from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.lens import OvalLens
 from solen.plane import along
+from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SPACE, STYLE
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, Practice, Sensor
 from solen.trace import Convergence, Mode, Path, Trace, trace
 
-RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
-SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 COLOURS = {"right": RIGHT, "left": LEFT}
 METHODS = {
     "fan": ("fan", INK, "o"),
@@ -36,36 +33,6 @@ METHODS = {
 SHOWN_RAYS = 100
 """Rays drawn in a picture at most: more make it a blot."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
-STYLE: dict[Any, Any] = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.sans-serif": ["Helvetica Neue", "Arial", "DejaVu Sans"],
-    "font.size": 9,
-    "axes.edgecolor": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": SOFT,
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-}
-
-
-def svg(figure: Figure, salt: str) -> str:
-    """SVG text of a figure; ``salt`` keeps its inner names apart from those of other figures on one page."""
-    return encoded(figure, ".svg", salt).decode("utf-8")
-
-
-def encoded(figure: Figure, suffix: str, salt: str) -> bytes:
-    """A figure as the bytes of a file that ends in ``.svg``, ``.png`` or ``.pdf``; no date is in it."""
-    no_date: dict[str, dict[str, Any]] = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None}}
-    with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
-        data = io.BytesIO()
-        figure.savefig(data, format=suffix[1:], dpi=200, metadata=no_date.get(suffix))
-    return data.getvalue()
 
 
 def profile_figure(lens: OvalLens) -> Figure:

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 import solen
 from solen.lens import OvalLens
+from solen.report.canvas import svg
 from solen.report.figures import (
     SHOWN_RAYS,
     practice_figure,
@@ -18,7 +19,6 @@ from solen.report.figures import (
     rays_figure,
     response_figure,
     sensor_view,
-    svg,
 )
 from solen.report.practical import budget_rows, off_index_rows
 from solen.report.results import results, summary

@@ -1,41 +1,13 @@
-"""The commands, in the order of the chain. Each is a thin door on `solen.pipeline`.
+"""The commands of a design: from a new file to the report of its response."""
 
-With ``--json`` a command prints one JSON object on stdout and everything else on stderr. Bad input ends with one line
-on stderr and exit code 2; Ctrl-C with one line and 130. Nothing heavy is imported before a command needs it.
-"""
-
-import io
 import json
-import os
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-import cyclopts
-from cyclopts import App, Parameter
+from cyclopts import Parameter
 
-from solen import __version__
-from solen.errors import SolenError, SpecError
-
-BAD_INPUT, INTERRUPTED = 2, 130
-
-Set = Annotated[
-    list[str] | None,
-    Parameter(
-        name="--set", negative=(), help="A key of the design and its value, as in --set lens.focus_mm=25; repeatable."
-    ),
-]
-Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object on stdout.")]
-
-app = App(
-    name="solen",
-    version=__version__,
-    help="From the index of a resin to the response curve of a 3D-printed soft optical sensor.",
-    help_format="plaintext",
-    suppress_keyboard_interrupt=False,
-)
+from solen.cli.app import Json, Set, app, listing, progress_bar, short, show, text
+from solen.errors import SpecError
 
 
 @app.command(sort_key=1)
@@ -49,16 +21,16 @@ def new(folder: Path, /, *, example: str = "solen-860", as_json: Json = False) -
     example
         Which of the shipped designs: solen-860, solen-500, solen-450 or pmma-860.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
     found = pipeline.new(folder, example)
-    _show(found, as_json, lambda: [f"wrote {found['design']}", f'next: solen run "{found["design"]}" --out out'])
+    show(found, as_json, lambda: [f"wrote {found['design']}", f'next: solen run "{found["design"]}" --out out'])
 
 
 @app.command(sort_key=2)
 def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON either way
     """Print the JSON Schema of the design file, for editors that check as one types."""
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
     print(json.dumps(pipeline.schema(), indent=1))
 
@@ -72,15 +44,15 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
     file
         The design file.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
     found = pipeline.check(file, set_ or ())
-    _show(
+    show(
         found,
         as_json,
         lambda: [
             f"{found['name']}: a valid sensor at all {found['angles']} angles",
-            *_lines({"index": found["material"]["index"]} | found["lens"] | found["body"]),
+            *listing({"index": found["material"]["index"]} | found["lens"] | found["body"]),
             f"faces: {', '.join(found['body']['faces'])}",
         ],
     )
@@ -101,10 +73,10 @@ def lens(
     tolerance_mm
         How far a straight line between two points of the table may leave the profile.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
     found = pipeline.lens(file, set_ or (), csv, tolerance_mm)
-    _show(found, as_json, lambda: _lines(found))
+    show(found, as_json, lambda: listing(found))
 
 
 @app.command(sort_key=5)
@@ -160,27 +132,28 @@ def trace(
     netcdf
         Write everything that was found to this .nc file.
     """
-    from solen import pipeline, scenefile
+    from solen.pipeline import design as pipeline
+    from solen.pipeline import options, scenefile
 
     if paths and not (as_json or netcdf):
         raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
     if sampling == "adaptive" and rays is not None:
         limit = "has no meaning with --sampling adaptive"
         raise SpecError("--rays", value=rays, limit=limit, remedy="leave one of them out")
-    how = pipeline.Sampling(sampling, seed, tolerance, precision, histogram)
+    how = options.Sampling(sampling, seed, tolerance, precision, histogram)
     if scenefile.is_scene(file):
         scenefile.refuse_design_options(
             {"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]}
         )
         scene = scenefile.trace_scene(file, mode=mode, sampling=how, paths=paths, figure=figure, netcdf=netcdf)
-        _show(scene, as_json, lambda: _scene_lines(scene))
+        show(scene, as_json, lambda: _scene_lines(scene))
         return
     chosen = {"lens.shape": "none" if no_lens else None, "emitter.rays": rays, "trace.mode": mode}
     assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
     found = pipeline.trace_design(
         file, assignments, angle_deg=angle_deg or 0.0, sampling=how, paths=paths, figure=figure, netcdf=netcdf
     )
-    _show(found, as_json, lambda: _trace_lines(found))
+    show(found, as_json, lambda: _trace_lines(found))
 
 
 @app.command(name="convergence", sort_key=6)
@@ -207,10 +180,10 @@ def convergence_(
     figure
         Draw error and stated uncertainty against rays into this .svg, .png or .pdf.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
     found = pipeline.convergence_of(file, set_ or (), angle_deg=angle_deg, mode=mode, figure=figure)
-    _show(found, as_json, lambda: _convergence_lines(found))
+    show(found, as_json, lambda: _convergence_lines(found))
 
 
 @app.command(sort_key=7)
@@ -226,11 +199,11 @@ def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = N
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
-    with _progress("differentiating") as progress:
+    with progress_bar("differentiating") as progress:
         found = pipeline.sensitivity(file, keys, set_ or (), angle_deg=angle_deg, progress=progress)
-    _show(found, as_json, lambda: _sensitivity_lines(found))
+    show(found, as_json, lambda: _sensitivity_lines(found))
 
 
 @app.command(sort_key=8)
@@ -244,66 +217,11 @@ def run(file: Path, /, *, out: Path, set_: Set = None, as_json: Json = False) ->
     out
         Folder for report.html, results.json, results.csv and the figures; made if need be.
     """
-    from solen import pipeline
+    from solen.pipeline import design as pipeline
 
-    with _progress("tracing") as progress:
+    with progress_bar("tracing") as progress:
         found = pipeline.run(file, out, set_ or (), progress)
-    _show(found, as_json, lambda: _run_lines(found))
-
-
-def main() -> None:
-    """Entry point: run a command and turn what a user can mend into one line."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
-    sys.exit(_run(sys.argv[1:]))
-
-
-def _run(arguments: list[str]) -> int:
-    """Exit code of a command line."""
-    try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_none")
-        sys.stdout.flush()
-    except SolenError as bad:
-        return _refuse(str(bad), BAD_INPUT)
-    except cyclopts.CycloptsError as bad:
-        return _refuse(" ".join(str(bad).split()), BAD_INPUT)
-    except KeyboardInterrupt:
-        return _refuse("interrupted; no file is half-written", INTERRUPTED)
-    except BrokenPipeError:  # the reader of a pipe had enough
-        _drop_output()
-        return 0
-    except OSError as bad:
-        _drop_output()
-        return _refuse(f"output cannot be written: {bad.strerror or bad}", BAD_INPUT)
-    return 0
-
-
-def _drop_output() -> None:
-    """Send what is still to be flushed at exit nowhere, where stdout can take no more."""
-    sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115  it lives until the interpreter ends
-
-
-def _refuse(line: str, code: int) -> int:
-    print(f"solen: {line}", file=sys.stderr)
-    return code
-
-
-def _show(found: dict[str, Any], as_json: bool, lines: Callable[[], list[str]]) -> None:
-    """One JSON object, or lines for a reader."""
-    print(json.dumps(found, allow_nan=False) if as_json else "\n".join(lines()))
-
-
-def _lines(values: dict[str, Any]) -> list[str]:
-    shown = {key: value for key, value in values.items() if not isinstance(value, list | dict)}
-    width = max(len(key) for key in shown)
-    return [f"  {key:{width}}  {_text(value)}" for key, value in shown.items()]
-
-
-def _text(value: Any) -> str:
-    if value is None:
-        return "none"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    show(found, as_json, lambda: _run_lines(found))
 
 
 def _trace_lines(found: dict[str, Any]) -> list[str]:
@@ -342,11 +260,11 @@ def _scene_lines(found: dict[str, Any]) -> list[str]:
 
 def _convergence_lines(found: dict[str, Any]) -> list[str]:
     reference = found["reference"]
-    by = f"{reference['method']} with {reference['rays']} rays, u {_short(reference['u'])}"
+    by = f"{reference['method']} with {reference['rays']} rays, u {short(reference['u'])}"
     lines = [f"{found['name']} at {found['angle_deg']:g} deg, mode {found['mode']}: error against {by}"]
     for series in found["series"]:
         rows = zip(series["rays"], series["error"], series["u"], strict=True)
-        lines += [f"  {series['method']:8} {rays:8} rays  error {_short(e)}  u {_short(u)}" for rays, e, u in rows]
+        lines += [f"  {series['method']:8} {rays:8} rays  error {short(e)}  u {short(u)}" for rays, e, u in rows]
     return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
 
 
@@ -363,12 +281,8 @@ def _sensitivity_lines(found: dict[str, Any]) -> list[str]:
             lines.append(f"{start}  {row['why']}")
             continue
         slopes = "".join(f"  {_slope(row[name])}" for name in ("right", "left", "contrast"))
-        lines.append(f"{start}{slopes}  {_short(row['u_contrast']):>9}")
+        lines.append(f"{start}{slopes}  {short(row['u_contrast']):>9}")
     return lines + [f"left out: {key}: {why}" for key, why in found["skipped"].items()]
-
-
-def _short(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.1e}"
 
 
 def _slope(value: float | None) -> str:
@@ -378,7 +292,7 @@ def _slope(value: float | None) -> str:
 def _run_lines(found: dict[str, Any]) -> list[str]:
     lines = [f"{found['name']}: index {found['material']['index']:.6g} at {found['material']['wavelength_nm']:g} nm"]
     for name, one in found["summary"].items():
-        ends = f"{_text(one['contrast_from'])} at {one['from_deg']:g} deg to {_text(one['contrast_to'])}"
+        ends = f"{text(one['contrast_from'])} at {one['from_deg']:g} deg to {text(one['contrast_to'])}"
         lines.append(f"  {name:8} contrast {ends} at {one['to_deg']:g} deg, received {one['received_share']:.4f}")
     return [*lines, *_practice_lines(found["practice"]), f"report: {found['report']}"]
 
@@ -389,28 +303,10 @@ def _practice_lines(found: dict[str, Any] | None) -> list[str]:
         return []
     lines, chip, shift, emitter = [], found["chip"], found["null_shift"], found["emitter"]
     if chip is not None and emitter["kind"] != "file":
-        ends = f"{_text(chip['contrast_from'])} at {chip['from_deg']:g} deg to {_text(chip['contrast_to'])}"
+        ends = f"{text(chip['contrast_from'])} at {chip['from_deg']:g} deg to {text(chip['contrast_to'])}"
         width = f"{emitter['width_mm']:g} mm wide" + (", for comparison" if emitter["kind"] == "comparison" else "")
         lines.append(f"  {'chip':8} contrast {ends} at {chip['to_deg']:g} deg, {width}")
     if shift is not None:
         moved = f"{shift['shift_deg']:+.3f} ± {shift['u_deg']:.1g} deg"
         lines.append(f"  {'null':8} moves by {moved} for {shift['step_mm']:g} mm of the emitter towards +x")
     return lines
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr where that is a terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=1.0)
-        yield lambda done: bar.update(task, completed=done)

@@ -13,7 +13,8 @@ from typing import Any
 
 from solen import files
 from solen.errors import DataError, SpecError
-from solen.pipeline import Sampling, check_choice, check_figure, check_netcdf, check_paths
+from solen.pipeline.options import Sampling, check_netcdf, check_paths
+from solen.pipeline.outputs import check_choice, check_figure
 from solen.report import results as numbers
 from solen.scene import Monitor, Scene, loads, rayoptics
 from solen.sensor import CHIP_TOLERANCE, TOLERANCE
@@ -97,10 +98,10 @@ def trace_scene(
         result = _traced(opened.scene, chosen, sampling, keeps_legs)
     contents: dict[Path, files.Content] = {}
     if figure is not None:
-        from solen.report import figures
+        from solen.report import canvas, figures
 
         drawn = figures.scene_figure(opened.scene, result, _units(opened.imported)["length"])
-        contents[figure] = figures.encoded(drawn, figure.suffix.lower(), "scene")
+        contents[figure] = canvas.encoded(drawn, figure.suffix.lower(), "scene")
     if netcdf is not None:
         contents[netcdf] = writer(result, {"name": opened.scene.name, "format": opened.name})
     files.write_all(contents)

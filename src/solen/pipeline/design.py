@@ -1,75 +1,25 @@
-"""What each command does from end to end: inputs read, stages called, outputs written.
-
-Every function returns a plain dictionary, ready for JSON; the command line only chooses how to show it. Whatever is
-computed is computed before the first file is written, and files are renamed into place, so that an interrupted command
-leaves nothing half-written.
-"""
+"""What the commands of a design do: from a new file to the report of its response."""
 
 import csv
 import io
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from solen import files
 from solen.errors import OutputError, SpecError
+from solen.pipeline.options import Sampling, check_netcdf, check_paths
+from solen.pipeline.outputs import check_figure
 from solen.report import results as numbers
-from solen.scene import Scene
-from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, TraceOptions, study
+from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
 from solen.trace import Series, Slope, Trace, convergence
-from solen.trace.dataset import check_installed, writer
+from solen.trace.dataset import writer
 
 DESIGN_NAME = "sensor.toml"
-MOST_PATHS = 100_000
-"""Rays whose ways are written out at most."""
-FIGURE_KINDS = (".svg", ".png", ".pdf")
-MOST_BINS = 10_000
-"""Bins of a histogram at most."""
-LARGEST_SEED = 2**63 - 1
 
 Progress = Callable[[float], None]
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How `trace_design` chooses and follows rays, as said on the command line; None is what was not said."""
-
-    method: str = "fan"
-    seed: str | None = None
-    tolerance: float | None = None
-    precision: str | None = None
-    histogram: str | None = None
-
-    def options(self, mode: str, draws: bool = False) -> TraceOptions:
-        """What `Sensor.trace` is told; `SpecError` for what is wrong, or has no effect in this mode."""
-        if self.tolerance is not None:
-            raise SpecError("--tolerance", value=self.tolerance, limit="is of --sampling adaptive", remedy="add that")
-        sampling: Literal["fan", "sobol"] = "sobol" if self.method == "sobol" else "fan"
-        precision: Literal["double", "single"] = "single" if self.precision == "single" else "double"
-        if self.seed is not None and sampling == "fan" and mode != "roulette" and not draws:
-            limit = f"nothing is drawn in mode {mode} with a fan"
-            raise SpecError("--seed", value=self.seed, limit=limit, remedy="add --sampling sobol or --mode roulette")
-        found = TraceOptions(sampling=sampling, precision=precision)
-        if self.seed is not None:
-            found["seed"] = _whole("--seed", self.seed, 0, LARGEST_SEED)
-        if self.histogram is not None:
-            found["position_bins"] = found["angle_bins"] = _whole("--histogram", self.histogram, 1, MOST_BINS)
-        return found
-
-    def check(self) -> None:
-        """`SpecError` for a choice that there is not, or one that adaptive integration does not have."""
-        check_choice("--sampling", self.method, ("fan", "sobol", "adaptive"))
-        check_choice("--precision", self.precision or "double", ("double", "single"))
-        if self.method != "adaptive":
-            return
-        others = {"--seed": self.seed, "--precision": self.precision, "--histogram": self.histogram}
-        for name, value in others.items():
-            if value is not None:
-                limit = "has no meaning with --sampling adaptive"
-                raise SpecError(name, value=value, limit=limit, remedy="leave one of them out")
 
 
 def open_design(path: Path, assignments: Sequence[str] = ()) -> Design:
@@ -185,9 +135,9 @@ def convergence_of(
     design = with_values(open_design(path, assignments), {"trace.mode": mode})
     found = convergence(Sensor.of(design).scene(angle_deg), design.trace.mode)
     if figure is not None:
-        from solen.report import figures
+        from solen.report import canvas, figures
 
-        drawn = figures.encoded(figures.convergence_figure(found), figure.suffix.lower(), "convergence")
+        drawn = canvas.encoded(figures.convergence_figure(found), figure.suffix.lower(), "convergence")
         files.write_bytes(figure, drawn)
     reference = found.reference
     return {
@@ -258,42 +208,6 @@ def _check_angle(angle_deg: float) -> None:
         raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")
 
 
-def check_figure(figure: Path | None) -> None:
-    """`OutputError` where a figure is asked for in no known format."""
-    if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
-        raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
-
-
-def check_paths(scene: Scene) -> None:
-    """`SpecError` where the ways of a scene's rays cannot be written."""
-    if scene.rays > MOST_PATHS:
-        raise SpecError("--paths", value=f"{scene.rays} rays", limit=f"writes at most {MOST_PATHS} of them")
-    if scene.extrusion is not None:
-        limit = "writes ways in the plane, and these rays are in space"
-        raise SpecError("--paths", limit=limit, remedy="leave it out, or trace the plane")
-
-
-def check_netcdf(target: Path) -> None:
-    """`OutputError` where a netCDF file cannot be written by that name, or by this installation."""
-    if target.suffix.lower() != ".nc":
-        raise OutputError(str(target), limit="a netCDF file ends in .nc", remedy="rename it")
-    check_installed()
-
-
-def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """`SpecError` where an option is none of its choices."""
-    if value not in choices:
-        raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
-
-
-def _whole(name: str, text: str, least: int, most: int) -> int:
-    """Number of a text of digits."""
-    value = int(text) if text.isdecimal() and len(text) < 30 else -1
-    if not least <= value <= most:
-        raise SpecError(name, value=text, limit=f"must be a whole number from {least} to {most}")
-    return value
-
-
 def _attributes(sensor: Sensor, angle_deg: float) -> dict[str, str | float]:
     """What a file says of the design that was traced."""
     return {
@@ -338,8 +252,8 @@ def _sensitivity(row: Sensitivity) -> dict[str, Any]:
 
 
 def _drawn(sensor: Sensor, angle_deg: float, suffix: str) -> bytes:
-    from solen.report import figures
+    from solen.report import canvas, figures
 
     shown = min(sensor.design.emitter.rays, figures.SHOWN_RAYS)
     view = figures.sensor_view(sensor, angle_deg, shown, sensor.design.trace.mode)
-    return figures.encoded(figures.rays_figure([view]), suffix, "rays")
+    return canvas.encoded(figures.rays_figure([view]), suffix, "rays")

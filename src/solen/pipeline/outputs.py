@@ -1,0 +1,52 @@
+"""Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from solen import __version__, files
+from solen.errors import OutputError, SpecError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURE_KINDS = (".svg", ".png", ".pdf")
+
+
+def check_figure(figure: Path | None) -> None:
+    """`OutputError` where a figure is asked for in no known format."""
+    if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
+        raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
+
+
+def check_out(out: Path | None) -> None:
+    """`OutputError` where a result is asked for in a file that is not called JSON."""
+    if out is not None and out.suffix.lower() != ".json":
+        raise OutputError(str(out), limit="a result ends in .json", remedy="rename it")
+
+
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
+    """`SpecError` where an option is none of its choices."""
+    if value not in choices:
+        raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
+
+
+def leave(
+    found: dict[str, Any], kind: str, out: Path | None, figure: Path | None, draw: "Callable[[], Figure]"
+) -> dict[str, Any]:
+    """Write a result and its figure where they are asked for, both or neither, and return the result with their names.
+
+    ``kind`` says in the file what the result is: ``index``, ``cutback``, ``cure``, ``stiffness``; `solen resin build`
+    reads it.
+    """
+    contents: dict[Path, files.Content] = {}
+    if out is not None:
+        data = {"kind": kind, "solen": __version__} | found
+        contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
+    if figure is not None:
+        from solen.report import canvas
+
+        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
+    files.write_all(contents)
+    return found | {name: str(path) for name, path in (("out", out), ("figure", figure)) if path is not None}

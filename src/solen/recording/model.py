@@ -1,0 +1,142 @@
+"""What an instrument, a person or a simulation recorded: channels of numbers with units, and where they come from.
+
+The idea: a spectrum, a compression test, a working curve and a bench's voltages are one kind of thing, columns of
+numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; whoever uses a channel asks
+for it in the unit it needs. What the file was is never lost: its name, checksum, format, instrument and date go along.
+
+The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Channel.to` a unit.
+"""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.units import factor
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Numbers of one quantity, along one axis.
+
+    Attributes
+    ----------
+    name
+        Unique within its recording: a name that a file has twice gets a number, ``sample (2)``.
+    quantity
+        What it is, in the field's words: ``transmittance``, ``force``; empty where the file does not tell.
+    unit
+        As the file spells it; ``1`` for a pure number, empty where none is stated.
+    values
+        Shape (n,); NaN where the file holds no number.
+    axis
+        Name of the channel that it runs along; empty for an axis itself and for columns side by side.
+    note
+        What a reader must know: a scan that was interrupted, a detector at its limit.
+    """
+
+    name: str
+    quantity: str
+    unit: str
+    values: FloatArray
+    axis: str = ""
+    note: str = ""
+
+    def to(self, unit: str) -> FloatArray:
+        """Values in another unit; `DataError` where the channel's is not one that can be taken there."""
+        scale = factor(self.unit, unit)
+        if scale is None:
+            limit = f"cannot be taken to {unit}"
+            remedy = f"state its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
+            raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
+        return self.values * scale
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where numbers come from.
+
+    Attributes
+    ----------
+    file, sha256
+        Name of the file without its folder, and checksum of its bytes.
+    format
+        What it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
+    instrument, date
+        As the file states them; empty where it does not. A date is ISO 8601 where the file's can be told.
+    metadata
+        Everything else that the file says, by its own words.
+    simulated
+        Whether the numbers were computed rather than measured.
+    """
+
+    file: str = ""
+    sha256: str = ""
+    format: str = ""
+    instrument: str = ""
+    date: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain data, for JSON."""
+        names = ("file", "sha256", "format", "instrument", "date", "simulated")
+        return {name: getattr(self, name) for name in names} | {"metadata": dict(self.metadata)}
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Channels that were recorded together, in the order of the file, and their provenance."""
+
+    channels: tuple[Channel, ...]
+    provenance: Provenance
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all channels."""
+        return tuple(channel.name for channel in self.channels)
+
+    def channel(self, name: str) -> Channel:
+        """Channel of a name; `DataError` with the nearest name where there is none."""
+        for channel in self.channels:
+            if channel.name == name:
+                return channel
+        near = difflib.get_close_matches(name, self.names, 1)
+        remedy = f"did you mean {near[0]}?" if near else f"there are {_listed(self.names)}"
+        raise DataError(f"trace {name}", limit=f"not in {self.provenance.file or 'the recording'}", remedy=remedy)
+
+    def find(self, *names: str) -> Channel | None:
+        """First channel called by, or being the quantity of, one of these names; case and spaces do not matter."""
+        for name in names:
+            wanted = _plain(name)
+            for channel in self.channels:
+                if wanted in {_plain(channel.name), _plain(channel.quantity)}:
+                    return channel
+        return None
+
+    def need(self, *names: str) -> Channel:
+        """As `find`; `DataError` where there is none."""
+        found = self.find(*names)
+        if found is None:
+            limit = f"has no column {' or '.join(names)}"
+            remedy = f"its columns are {_listed(self.names)}"
+            raise DataError(self.provenance.file or "recording", limit=limit, remedy=remedy)
+        return found
+
+    def axis_of(self, channel: Channel) -> Channel:
+        """Channel that another runs along."""
+        return self.channel(channel.axis)
+
+
+def _plain(name: str) -> str:
+    return " ".join(name.replace("_", " ").casefold().split())
+
+
+def _listed(names: tuple[str, ...], most: int = 12) -> str:
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
