@@ -50,6 +50,7 @@ def index(
         "u_thickness_um": options.u_thickness_um,
         "bandwidth_nm": bandwidth_nm,
         **arrays(found),
+        "fit": None,
         "at": [_evaluated(index_in(found, lines([nm], [1.0]))) for nm in options.at_nm],
         "led": _in_led(found, options.led),
         "traces": {kind: list(names) for kind, names in spectra.names.items()},
