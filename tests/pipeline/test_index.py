@@ -212,7 +212,7 @@ def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, 
 @pytest.mark.parametrize(
     ("columns", "line"),
     [
-        ({"wavelength_nm": NM, "T": 100 * T}, "trace T = '9"),
+        ({"wavelength_nm": NM, "T": 100 * T}, "T = 91.3"),
         ({"wavelength_nm": np.full(NM.shape, 500.0), "T": T}, "trace T; has 500 nm twice"),
         ({"wavelength_nm": NM, "height": T}, "layer.csv; holds no transmittance"),
     ],

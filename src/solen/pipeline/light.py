@@ -5,8 +5,8 @@ from pathlib import Path
 from solen.errors import DataError
 from solen.material.index.light import Light, led, measured_light
 from solen.parts import EmitterPart, library, library_part, load_part
-from solen.pipeline.traces import listed, wavelengths_of
-from solen.recording import read
+from solen.pipeline.traces import listed
+from solen.recording import read, spectra
 
 
 def light_named(name: str) -> tuple[Light, str]:
@@ -21,11 +21,12 @@ def light_named(name: str) -> tuple[Light, str]:
     if path.suffix.lower() == ".toml":
         return _of_part(load_part(path))
     recording = read(path)
-    values = [one for one in recording.channels if one.quantity != "wavelength"]
-    if len(values) != 1:
-        limit = f"needs one column of power beside the wavelength; it has {listed([one.name for one in values])}"
+    every = spectra(recording)
+    if len(every) != 1:
+        names = listed([one.channel.name for one in every])
+        limit = f"needs one column of power beside the wavelength; it has {names}"
         raise DataError(recording.provenance.file, limit=limit)
-    light = measured_light(wavelengths_of(recording, values[0]), values[0].values)
+    light = measured_light(every[0].wavelength_nm, every[0].channel.values)
     return light, f"spectrum of {recording.provenance.file}"
 
 

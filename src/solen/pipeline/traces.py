@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.errors import DataError
-from solen.recording import Channel, Recording
+from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import FloatArray
-from solen.units import factor
 
 OPTIONS = {"T": "--transmittance", "R": "--reflectance", "A": "--absorbance"}
 QUANTITIES = {"transmittance": "T", "reflectance": "R", "absorbance": "A", "absorptance": "A"}
@@ -56,64 +55,62 @@ def spectra_of(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> Spe
     DataError
         Where a trace is not there, where there are several to choose from, or where one has no wavelengths.
     """
-    groups = _named(recording, chosen) if any(chosen.values()) else _only(recording)
-    traces = {kind: [_trace(recording, kind, one) for one in group] for kind, group in groups.items()}
+    every = spectra(recording)
+    groups = _named(recording, every, chosen) if any(chosen.values()) else _only(recording, every)
+    traces = {kind: [_trace(kind, one) for one in group] for kind, group in groups.items()}
     nm = next(iter(traces.values()))[0][0]
     rows, warnings = {}, []
     for kind, found in traces.items():
         rows[kind] = np.array([_on(nm, *trace) for trace in found])
-        moved = [one.name for one, (own, _) in zip(groups[kind], found, strict=True) if not _same(nm, own)]
+        moved = [one.channel.name for one, (own, _) in zip(groups[kind], found, strict=True) if not _same(nm, own)]
         if moved:
             told = "other wavelengths than the first trace: linear between its own, masked outside them"
             warnings.append(f"{', '.join(moved)} has {told}")
-    names = {kind: tuple(one.name for one in group) for kind, group in groups.items()}
+    names = {kind: tuple(one.channel.name for one in group) for kind, group in groups.items()}
     taken = {name for group in names.values() for name in group}
-    unused = tuple(one.name for one in spectral(recording) if one.name not in taken)
-    notes = [f"{one.name}: {one.note}" for group in groups.values() for one in group if one.note]
-    return Spectra(nm, rows, names, unused, (*notes, *warnings))
-
-
-def spectral(recording: Recording) -> list[Channel]:
-    """Channels of a recording that are transmittance, reflectance, absorbance or absorptance."""
-    return [one for one in recording.channels if kind_of(one) is not None]
+    unused = [one.channel.name for one in every if kind_of(one.channel) and one.channel.name not in taken]
+    notes = [
+        f"{one.channel.name}: {one.channel.note}" for group in groups.values() for one in group if one.channel.note
+    ]
+    return Spectra(nm, rows, names, tuple(unused), (*notes, *warnings))
 
 
 def kind_of(channel: Channel) -> str | None:
     """What a channel is, ``T``, ``R`` or ``A`` of either kind, or None: by its quantity, else by its unit."""
-    if channel.quantity or not channel.axis:
+    if channel.quantity:
         return QUANTITIES.get(channel.quantity)
     by_name = "A" if channel.name.casefold() == "a" else None
     return _UNITS.get(channel.unit.strip().casefold(), by_name)
 
 
-def wavelengths_of(recording: Recording, channel: Channel) -> FloatArray:
-    """Wavelengths in nm that a channel runs along; `DataError` where it has none."""
-    axis = recording.axis_of(channel) if channel.axis else recording.need("wavelength")
-    return axis.to("nm")
-
-
-def _named(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> dict[str, list[Channel]]:
-    groups = {kind: [recording.channel(name) for name in names] for kind, names in chosen.items() if names}
-    for kind, group in groups.items():
-        for one in group:
-            other = kind_of(one) or kind
-            if other != kind:
-                limit, remedy = f"is a trace of {other}", f"name it with {OPTIONS[other]}"
-                raise DataError(f"{OPTIONS[kind]} {one.name}", limit=limit, remedy=remedy)
-        if len({one.name for one in group}) < len(group):
+def _named(
+    recording: Recording, every: Sequence[Spectrum], chosen: Mapping[str, Sequence[str]]
+) -> dict[str, list[Spectrum]]:
+    by_name = {one.channel.name: one for one in every}
+    groups: dict[str, list[Spectrum]] = {}
+    for kind, names in chosen.items():
+        for name in names:
+            channel = recording.channel(name)
+            other = kind_of(channel) or kind
+            if name not in by_name or other != kind:
+                limit = f"is a trace of {other}" if other != kind else "runs along no wavelength"
+                remedy = f"name it with {OPTIONS[other]}" if other != kind else "name another"
+                raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
+            groups.setdefault(kind, []).append(by_name[name])
+        if len(set(names)) < len(names):
             raise DataError(OPTIONS[kind], limit="names a trace twice", remedy="a repeat is a spectrum of its own")
     return groups
 
 
-def _only(recording: Recording) -> dict[str, list[Channel]]:
+def _only(recording: Recording, every: Sequence[Spectrum]) -> dict[str, list[Spectrum]]:
     file = recording.provenance.file or "the recording"
-    found = spectral(recording)
-    groups: dict[str, list[Channel]] = {}
-    for one in found:
-        groups.setdefault(kind_of(one) or "", []).append(one)
+    groups: dict[str, list[Spectrum]] = {}
+    for one in every:
+        if kind := kind_of(one.channel):
+            groups.setdefault(kind, []).append(one)
     for kind, group in groups.items():
         if len(group) > 1:
-            limit = f"holds {len(group)} traces of {kind}: {listed([one.name for one in group])}"
+            limit = f"holds {len(group)} traces of {kind}: {listed([one.channel.name for one in group])}"
             raise DataError(file, limit=limit, remedy=f"choose by {OPTIONS[kind]} NAME, several for repeats of one")
     if not groups:
         limit = f"holds no transmittance; its columns are {listed(recording.names)}"
@@ -128,28 +125,28 @@ def listed(names: Sequence[str]) -> str:
     return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen spectra lists" if more > 0 else "")
 
 
-def _trace(recording: Recording, kind: str, channel: Channel) -> tuple[FloatArray, FloatArray]:
-    """Wavelengths, ascending, and values of a channel."""
-    nm, values = wavelengths_of(recording, channel), _fractions(kind, channel)
+def _trace(kind: str, one: Spectrum) -> tuple[FloatArray, FloatArray]:
+    """Wavelengths, ascending, and values of a trace as pure numbers."""
+    nm, values, name = one.wavelength_nm, _numbers(kind, one), one.channel.name
     seen = np.isfinite(nm)
     order = np.argsort(nm[seen], kind="stable")
     nm, values = nm[seen][order], values[seen][order]
     if not np.isfinite(values).any():
-        raise DataError(f"trace {channel.name}", limit="holds no number")
+        raise DataError(f"trace {name}", limit="holds no number")
     if not (nm > 0.0).all():
-        raise DataError(f"trace {channel.name}", value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
+        raise DataError(f"trace {name}", value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
     twice = np.flatnonzero(np.diff(nm) == 0.0)
     if twice.size:
         limit, remedy = f"has {nm[twice[0]]:g} nm twice", "keep one row per wavelength; repeats are columns"
-        raise DataError(f"trace {channel.name}", limit=limit, remedy=remedy)
+        raise DataError(f"trace {name}", limit=limit, remedy=remedy)
     return nm, values
 
 
-def _fractions(kind: str, channel: Channel) -> FloatArray:
-    """Values of a channel as pure numbers."""
-    if kind == "A" and channel.unit.strip().lower() in _ABSORBANCE_UNITS and factor(channel.unit, "1") is None:
+def _numbers(kind: str, one: Spectrum) -> FloatArray:
+    channel = one.channel
+    if kind == "A" and channel.unit.strip().casefold() in _ABSORBANCE_UNITS:
         return channel.values
-    values = channel.to("1")
+    values = one.ratio()
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     if kind != "A" and middle > _MOST_FRACTION:
         limit, remedy = "a fraction lies between 0 and 1", f"write the unit in the header: {channel.name} (%)"
