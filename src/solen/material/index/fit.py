@@ -27,13 +27,11 @@ from numpy.typing import ArrayLike, NDArray
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, SellmeierForm, UnfitError, resonance_nm
+from solen.material.index.squares import Points, Solved, points_of, solved
 from solen.units import NM_PER_UM
 
 FloatArray = NDArray[np.float64]
 
-_STEPS = 50
-_SURE = 0.01  # chance at which scatter counts as beyond the stated uncertainties
-_SIGMA = 2.33  # the same for a correlation of neighbours
 _SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
 
 
@@ -101,40 +99,6 @@ class Fit:
             "aicc": {str(terms): score for terms, score in self.scores.items()},
             "refused": {str(terms): why for terms, why in self.refused.items()},
         }
-
-
-@dataclass(frozen=True)
-class _Points:
-    """Points that take part, in ascending wavelength."""
-
-    um: FloatArray
-    n: FloatArray
-    u: FloatArray | None
-    shared: FloatArray  # (rows, points)
-    order: NDArray[np.intp]  # where each stood among those that were given
-    given: int
-
-    @property
-    def weights(self) -> FloatArray:
-        """What residuals are multiplied with."""
-        return np.ones_like(self.n) if self.u is None else 1 / self.u
-
-
-@dataclass(frozen=True)
-class _Solved:
-    """One formula through the points, in its inner parameters."""
-
-    form: Form
-    inner: FloatArray
-    covariance: FloatArray
-    residuals: FloatArray
-    chi2: float
-    neighbours: float
-    widened: float
-
-    @property
-    def freedom(self) -> int:
-        return int(self.residuals.size - self.inner.size)
 
 
 def fit_cauchy(
@@ -219,8 +183,8 @@ def fit(
         raise DataError("fit", value=kind, limit=f"must be one of {', '.join(FITS)}")
     if terms is not None and terms not in FITS[kind]:
         raise DataError(f"terms of {kind}", value=terms, limit=f"must be one of {', '.join(map(str, FITS[kind]))}")
-    points = _points(wavelength_nm, n, u_n, shared)
-    found: dict[int, _Solved] = {}
+    points = points_of(wavelength_nm, n, u_n, shared)
+    found: dict[int, Solved] = {}
     refused: dict[int, str] = {}
     for count in (terms,) if terms is not None else _TRIED[kind]:
         needed = count * _PER_TERM[kind] + 1
@@ -228,7 +192,7 @@ def fit(
             refused[count] = f"has {distinct} different wavelengths, needs at least {needed}"
             continue
         try:
-            found[count] = _solved(FITS[kind][count](points.um), points)
+            found[count] = solved(FITS[kind][count](points.um), points)
         except UnfitError as bad:
             refused[count] = str(bad)
     if not found:
@@ -244,105 +208,8 @@ def _spelt(count: int) -> str:
     return f"{count} term{'s' if count > 1 else ''}"
 
 
-def _points(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, shared: ArrayLike | None) -> _Points:
-    """Points that take part."""
-    nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
-    if nm.shape != values.shape or nm.ndim != 1:
-        raise DataError(
-            "fit", value=f"{nm.shape} wavelengths, {values.shape} indices", limit="must be rows of one length"
-        )
-    u = None if u_n is None else np.broadcast_to(np.asarray(u_n, dtype=float), nm.shape)
-    rows = np.zeros((0, nm.size)) if shared is None else np.atleast_2d(np.asarray(shared, dtype=float))
-    rows = np.broadcast_to(rows, (rows.shape[0], nm.size))
-    there = np.isfinite(values) & np.isfinite(nm) & np.isfinite(rows).all(axis=0)
-    if u is not None:
-        there &= np.isfinite(u)
-        if (u[there] <= 0).any():
-            raise DataError(
-                "u_n", value=float(u[there].min()), limit="must be above 0", remedy="leave it out if unknown"
-            )
-    if (nm[there] <= 0).any():
-        raise DataError("wavelength", value=float(nm[there].min()), limit="must be above 0 nm")
-    order = np.flatnonzero(there)[np.argsort(nm[there], kind="stable")]
-    return _Points(
-        nm[order] / NM_PER_UM, values[order], None if u is None else u[order], rows[:, order], order, nm.size
-    )
-
-
-def _solved(form: Form, points: _Points) -> _Solved:
-    """Least squares with the weights of the points, by Gauss and Newton."""
-    inner = form.start(points.um, points.n, points.weights)
-    for _ in range(_STEPS):
-        better = _stepped(form, inner, points)
-        if better is None:
-            break
-        inner = better
-    value, slope = form.value(inner)
-    residuals = points.n - value
-    if not np.isfinite(residuals).all():
-        raise UnfitError("does not converge")
-    form.check(inner)
-    return _with_covariance(form, inner, slope, residuals, points)
-
-
-def _stepped(form: Form, inner: FloatArray, points: _Points) -> FloatArray | None:
-    """Parameters of a smaller sum of squares, by Gauss and Newton's step or a part of it; None where there are none."""
-    weights = points.weights
-    value, slope = form.value(inner)
-    wanted = weights * (points.n - value)
-    cost = float(wanted @ wanted)
-    if not np.isfinite(slope).all():
-        return None
-    step = np.linalg.lstsq(weights[:, None] * slope, wanted, rcond=None)[0]
-    if np.abs(step).max() <= 1e-15 * (1 + np.abs(inner).max()):
-        return None
-    for part in (1.0, 0.25, 0.05):
-        off = weights * (points.n - form.value(inner + part * step)[0])
-        if float(off @ off) < cost:
-            return np.asarray(inner + part * step)
-    return None
-
-
-def _with_covariance(
-    form: Form, inner: FloatArray, slope: FloatArray, residuals: FloatArray, points: _Points
-) -> _Solved:
-    """Covariance of the inner parameters: what is independent, widened where it must be, and what is shared."""
-    weights = points.weights
-    q, r = np.linalg.qr(weights[:, None] * slope)
-    scale = np.abs(np.diag(r))
-    if scale.min() <= 1e-10 * scale.max():
-        raise UnfitError("is not determined by these points")
-    taken = np.linalg.solve(r, q.T) * weights  # (parameters, points): how each follows a point
-    chi2 = float(np.sum((weights * residuals) ** 2))
-    freedom = residuals.size - inner.size
-    neighbours = _neighbours(weights * residuals)
-    variance = _excess(chi2, freedom, points.u is not None)
-    if neighbours > _SIGMA / math.sqrt(residuals.size):
-        variance = max(variance, chi2 / freedom * (1 + neighbours) / (1 - neighbours))
-    own = np.linalg.inv(r)
-    covariance = variance * own @ own.T + (taken @ points.shared.T) @ (taken @ points.shared.T).T
-    form.check_covariance(inner, covariance)
-    return _Solved(form, inner, covariance, residuals, chi2, neighbours, math.sqrt(variance))
-
-
-def _neighbours(weighted: FloatArray) -> float:
-    """Correlation of each residual with the next."""
-    total = float(np.sum(weighted**2))
-    return min(float(np.sum(weighted[1:] * weighted[:-1])) / total, 0.99) if total > 0 else 0.0
-
-
-def _excess(chi2: float, freedom: int, stated: bool) -> float:
-    """What the stated variances are multiplied with; the scatter itself where none are stated."""
-    from scipy.special import gammaincc
-
-    ratio = chi2 / freedom
-    if not stated:
-        return ratio
-    return ratio if gammaincc(freedom / 2, chi2 / 2) < _SURE else 1.0
-
-
-def _scores(found: Mapping[int, _Solved], points: _Points) -> dict[int, float]:
-    """AICc of each number of terms, over a scatter that the richest formula leaves; NaN-free, least is best."""
+def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
+    """AICc of each number of terms, over a scatter that the richest formula leaves; the least is best."""
     richest = found[max(found)]
     spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
     rho = max(richest.neighbours, 0.0)
@@ -362,20 +229,20 @@ def _scores(found: Mapping[int, _Solved], points: _Points) -> dict[int, float]:
 def _told(
     kind: str,
     terms: int,
-    found: Mapping[int, _Solved],
-    points: _Points,
+    found: Mapping[int, Solved],
+    points: Points,
     scores: Mapping[int, float],
     refused: Mapping[int, str],
 ) -> Fit:
     """Result in the formula's own coefficients, which are checked to say the same."""
     span_nm = (float(points.um[0]) * NM_PER_UM, float(points.um[-1]) * NM_PER_UM)
     models = {count: one.form.model(one.inner, one.covariance, span_nm) for count, one in found.items()}
-    solved, model = found[terms], models[terms]
-    _check_delivered(kind, solved, model, points)
+    best, model = found[terms], models[terms]
+    _check_delivered(kind, best, model, points)
     if isinstance(model, Cauchy):
         model = _with_doubt(model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores)
     residuals = np.full(points.given, np.nan)
-    residuals[points.order] = solved.residuals
+    residuals[points.order] = best.residuals
     known = points.u is not None
     return Fit(
         kind,
@@ -383,13 +250,13 @@ def _told(
         model,
         points.n.size,
         residuals,
-        float(np.sqrt(np.mean(solved.residuals**2))),
-        solved.chi2 / solved.freedom if known else None,
-        solved.neighbours,
-        solved.widened if known else 1.0,
-        {count: score for count, score in scores.items() if math.isfinite(score)},
+        float(np.sqrt(np.mean(best.residuals**2))),
+        best.chi2 / best.freedom if known else None,
+        best.neighbours,
+        best.widened if known else 1.0,
+        dict(scores),
         dict(refused),
-        tuple(_warnings(model, solved, known)),
+        tuple(_warnings(model, best, known)),
     )
 
 
@@ -416,12 +283,12 @@ def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[in
     )
 
 
-def _check_delivered(kind: str, solved: _Solved, model: Cauchy | Sellmeier, points: _Points) -> None:
+def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: Points) -> None:
     """Refuse coefficients that lost what the fit knew, as over a range too short for them."""
-    value, slope = solved.form.value(solved.inner)
+    value, slope = one.form.value(one.inner)
     for i in np.linspace(0, points.n.size - 1, 5).astype(int):
         nm = min(max(float(points.um[i]) * NM_PER_UM, model.range_nm[0]), model.range_nm[1])
-        u = math.sqrt(float(slope[i] @ solved.covariance @ slope[i]))
+        u = math.sqrt(float(slope[i] @ one.covariance @ slope[i]))
         off = abs(model.index(nm) - float(value[i])), abs((model.u_index(nm) or 0.0) - u)
         if max(off) > _SAME * u + 1e-9:
             low, high = model.range_nm
@@ -429,7 +296,7 @@ def _check_delivered(kind: str, solved: _Solved, model: Cauchy | Sellmeier, poin
             raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
 
 
-def _warnings(model: Cauchy | Sellmeier, solved: _Solved, known: bool) -> list[str]:
+def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool) -> list[str]:
     """What the numbers of a fit cannot be used for."""
     low, high = model.range_nm
     told = []
@@ -439,11 +306,11 @@ def _warnings(model: Cauchy | Sellmeier, solved: _Solved, known: bool) -> list[s
         told.append(
             f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
         )
-    if known and solved.widened > 1:
+    if known and one.widened > 1:
         told.append(
             f"the points scatter about the formula, or err together with their neighbours (correlation "
-            f"{solved.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
-            f"{solved.widened:.2g}"
+            f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
+            f"{one.widened:.2g}"
         )
     if not known:
         told.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
