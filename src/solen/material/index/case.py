@@ -1,19 +1,17 @@
-"""What every way back from readings on a substrate shares: the case, its derivatives, its errors, the search.
+"""What every way back from readings on a substrate shares: the case, its derivatives, the search.
 
 The idea: a `Case` is the forward model with everything fixed but n and k of the layer. `by` differentiates it by
 anything, exactly. `starts` finds all indices that a grid brackets, so that no second solution stays unnoticed.
-`Errors` are those of the readings, `Shared` what errors common to all wavelengths do to n and k.
 
 The interface: for `solen.material.index.substrate` and `solen.material.index.transmittance`.
 """
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from solen.errors import DataError
 from solen.material.index.stack import Baseline, FloatArray, Numbers, Readings, Side, Substrate, readings
@@ -27,51 +25,11 @@ CLOSED = 1e-12
 """How closely a solution must reproduce the readings."""
 
 ITERATIONS = 20
-COVER = 3.0
-"""Standard uncertainties that decide between a value and none."""
+INPUTS = ("sheet_n", "sheet_k", "sheet_um", "thickness_um")
+"""What is taken as known beside the readings, and may be in error."""
 
 _BLOCK = 2048  # wavelengths on the grid at once
 _STEP = 1e-30  # a complex step has no cancellation
-
-Reasons = tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Standard uncertainties of what went into an inversion.
-
-    Attributes
-    ----------
-    transmittance, reflectance
-        Of the readings, independent from wavelength to wavelength: noise, repeats. One for all, or one for each.
-    transmittance_shared, reflectance_shared
-        Of the readings, one error of all wavelengths: calibration, baseline.
-    thickness_um
-        Of the layer's thickness.
-    """
-
-    transmittance: ArrayLike = 0.0
-    reflectance: ArrayLike = 0.0
-    transmittance_shared: ArrayLike = 0.0
-    reflectance_shared: ArrayLike = 0.0
-    thickness_um: float = 0.0
-
-
-@dataclass(frozen=True)
-class Shared:
-    """Errors that all wavelengths share: what each does to n and to k, with its sign.
-
-    Attributes
-    ----------
-    names
-        What each row is the error of.
-    n, k
-        Shape (rows, wavelengths): change by one standard uncertainty.
-    """
-
-    names: tuple[str, ...]
-    n: FloatArray
-    k: FloatArray
 
 
 class Way(NamedTuple):
@@ -184,48 +142,6 @@ def changes(by_n: Readings, by_k: Readings, wanted: Readings) -> tuple[FloatArra
         )
 
 
-def shared_of(causes: Sequence[tuple[str, ArrayLike, FloatArray, FloatArray]]) -> Shared:
-    """Errors of all wavelengths together, those that are there."""
-    there = [(name, np.asarray(u), n, k) for name, u, n, k in causes if np.any(np.asarray(u) != 0)]
-    shape = (len(there), causes[0][2].size)
-    return Shared(
-        tuple(name for name, *_ in there),
-        np.array([u * n for _, u, n, _ in there]).reshape(shape),
-        np.array([u * k for _, u, _, k in there]).reshape(shape),
-    )
-
-
-def total(parts: Sequence[FloatArray]) -> FloatArray:
-    """Independent uncertainties added up."""
-    return np.asarray(np.sqrt(sum(np.square(part) for part in parts)))
-
-
 def blocks(size: int) -> list[slice]:
     """Slices of a row of wavelengths, each small enough for the grid to fit in memory."""
     return [slice(start, start + _BLOCK) for start in range(0, max(size, 1), _BLOCK)]
-
-
-def kept(reasons: Reasons) -> NDArray[np.bool_]:
-    """Where there is no reason to mask."""
-    return np.array([not why for why in reasons], dtype=bool)
-
-
-def two_fit(n: float, u_n: float, other: float) -> str:
-    """Reason to mask an index that cannot be told from the other one that fits; empty where it can."""
-    if abs(n - other) < 2 * COVER * u_n:
-        return f"two indices fit within the uncertainty, {n:.4g} and {other:.4g} with u(n) = {u_n:.2g}"
-    return ""
-
-
-def too_bright(k: float, u_k: float) -> str:
-    """Reason to mask where more light came out than went in; empty where that can be chance."""
-    if k < -COVER * u_k - CLOSED:
-        return f"more light than came in: k = {k:.2g} is more than {COVER:g} uncertainties of {u_k:.2g} below 0"
-    return ""
-
-
-def unresolved(k: float, u_k: float) -> str:
-    """Reason to mask a k below its own uncertainty; empty where it is above."""
-    if k < max(u_k, 0.0):
-        return f"k is not resolved: {k:.2g} with an uncertainty of {u_k:.2g}"
-    return ""

@@ -3,15 +3,16 @@
 The idea: T fixes the loss of one pass for any assumed n, in closed form, so that R becomes a function of n alone. It
 falls from its value on the bare substrate at n = 1 to a least value near the square root of the substrate's index, and
 rises again: two indices fit one pair of readings. Both are found on a grid, made exact by Newton's method, and told;
-the one nearer to an expected index is the answer. Uncertainties follow from exact derivatives of the forward model, and
-errors that all wavelengths share (the substrate's index above all) are kept apart from those that average out.
+the one nearer to an expected index is the answer.
 
-What the route can tell: R and T of the layer move with n by some 0.1 per unit of n, so that 0.1 % costs about 0.01 in
-n. The substrate's reflectance is part of both, so that an error of its index goes over into n nearly one to one.
-The interface: `invert`; with T alone see `solen.material.index.transmittance`.
+T alone is one number, and gives one: an index if the layer takes no light, which is an upper bound if it does; or k if
+the index is known from elsewhere.
+
+The interface: `invert`, `invert_lossless`, `extinction`; all give `Inverse`, with exact derivatives by everything that
+went in, and mask nothing but what has no value. `solen.material.index.layered` judges it.
 """
 
-import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,70 +22,42 @@ from numpy.typing import ArrayLike
 from solen.material.index.case import (
     CLOSED,
     GRID,
+    INPUTS,
     ITERATIONS,
     N_LEAST,
-    N_MOST,
     Case,
-    Errors,
-    Reasons,
-    Shared,
     Way,
     blocks,
     by,
     case_of,
     changes,
-    kept,
     loss_of,
     rows,
-    shared_of,
     starts,
-    too_bright,
-    total,
-    two_fit,
-    unresolved,
 )
 from solen.material.index.stack import Baseline, FloatArray, Readings, Side, Substrate
 
 
 @dataclass(frozen=True)
-class OnSubstrate:
-    """n and k of a layer on its substrate; NaN where masked, and why.
+class Inverse:
+    """What readings on a substrate say; arrays of shape (wavelengths,), NaN where there is no value.
 
     Attributes
     ----------
-    wavelength_nm, n, u_n, k, u_k
-        Shape (wavelengths,); standard uncertainties with all shared errors in them. Where k is below its own
-        uncertainty k is masked and u_k stays.
+    n, k
+        Index and extinction; k below 0 where more light came out than went in.
     other_n
-        The second index that fits the same readings; NaN where there is none.
-    shared
-        The part of the uncertainties that does not average out over wavelengths.
-    n_by_t, n_by_r, n_by_substrate
-        How n answers to T, to R and to the substrate's index.
-    reason_n, reason_k
-        Why n or k is masked; empty where it is not.
+        The second index that fits the same readings.
+    n_by, k_by
+        Derivatives by ``T``, ``R``, ``n`` (where the layer's index was given) and what was known of the stack:
+        ``sheet_n``, ``sheet_k``, ``sheet_um`` of the substrate and ``thickness_um`` of the layer.
     """
 
-    wavelength_nm: FloatArray
     n: FloatArray
-    u_n: FloatArray
     k: FloatArray
-    u_k: FloatArray
     other_n: FloatArray
-    shared: Shared
-    n_by_t: FloatArray
-    n_by_r: FloatArray
-    n_by_substrate: FloatArray
-    reason_n: Reasons
-    reason_k: Reasons
-
-
-class _Found(NamedTuple):
-    """A solution as it stands, masked nowhere."""
-
-    n: FloatArray
-    k: FloatArray
-    other: FloatArray
+    n_by: Mapping[str, FloatArray]
+    k_by: Mapping[str, FloatArray]
 
 
 def invert(
@@ -93,13 +66,12 @@ def invert(
     wavelength_nm: ArrayLike,
     thickness_um: float,
     substrate: Substrate,
-    errors: Errors | None = None,
     *,
     side: Side = "layer",
     baseline: Baseline = "substrate",
     baseline_r: Baseline = "air",
     near: float = 1.5,
-) -> OnSubstrate:
+) -> Inverse:
     """Index and extinction of a layer on a substrate from T and R as the instrument states them.
 
     Parameters
@@ -108,8 +80,6 @@ def invert(
         Fractions, shape (wavelengths,). NaN is passed over.
     wavelength_nm, thickness_um, substrate
         Of the measurement; the layer's thickness; the sheet under it.
-    errors
-        Standard uncertainties; without them nothing is known of the result's.
     side, baseline, baseline_r
         As in `solen.material.index.stack.on_substrate`.
     near
@@ -123,8 +93,23 @@ def invert(
     t, r, wavelength = rows(transmittance, reflectance, wavelength_nm)
     case = case_of(wavelength, thickness_um, substrate, Way(side, baseline, baseline_r))
     parts = [_solved(case.some(block), Readings(t[block], r[block]), near) for block in blocks(t.size)]
-    found = _Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-    return _told(case, substrate, errors or Errors(), Readings(t, r), found)
+    n, k, other = (np.concatenate(part) for part in zip(*parts, strict=True))
+    by_n, by_k = by(case, n, k, "n"), by(case, n, k, "k")
+    one, none = np.ones(n.shape), np.zeros(n.shape)
+    answers = {"T": changes(by_n, by_k, Readings(one, none)), "R": changes(by_n, by_k, Readings(none, one))}
+    for what in INPUTS:
+        moved = by(case, n, k, what)
+        answers[what] = changes(by_n, by_k, Readings(-moved.T, -moved.R))
+    n_by, k_by = ({what: answer[i] for what, answer in answers.items()} for i in (0, 1))
+    return Inverse(n, k, other, n_by, k_by)
+
+
+class _Found(NamedTuple):
+    """A solution: n, k and the other n."""
+
+    n: FloatArray
+    k: FloatArray
+    other: FloatArray
 
 
 def _solved(case: Case, read: Readings, near: float) -> _Found:
@@ -150,59 +135,75 @@ def _polished(case: Case, read: Readings, n: FloatArray) -> tuple[FloatArray, Fl
     return np.where(closed, n, np.nan), np.where(closed, k, np.nan)
 
 
-def _told(case: Case, substrate: Substrate, errors: Errors, read: Readings, found: _Found) -> OnSubstrate:
-    """Uncertainties and masks of a solution."""
-    n, k, other = found
-    by_n, by_k = by(case, n, k, "n"), by(case, n, k, "k")
-    one, none = np.ones(n.shape), np.zeros(n.shape)
-    by_t = changes(by_n, by_k, Readings(one, none))
-    by_r = changes(by_n, by_k, Readings(none, one))
-    by_sheet = _moved(case, found, "sheet_n")
-    shared = shared_of(
-        [
-            ("T, calibration", errors.transmittance_shared, *by_t),
-            ("R, calibration", errors.reflectance_shared, *by_r),
-            ("index of the substrate", substrate.u_n, *by_sheet),
-            ("extinction of the substrate", substrate.u_k, *_moved(case, found, "sheet_k")),
-            ("thickness of the substrate", substrate.u_thickness_um, *_moved(case, found, "sheet_um")),
-            ("thickness of the layer", errors.thickness_um, *_moved(case, found, "thickness_um")),
-        ]
-    )
-    noise_t, noise_r = np.asarray(errors.transmittance), np.asarray(errors.reflectance)
-    u_n = total([by_t[0] * noise_t, by_r[0] * noise_r, *shared.n])
-    u_k = total([by_t[1] * noise_t, by_r[1] * noise_r, *shared.k])
-    most_r = 1.0 if case.way.baseline_r == "air" else math.inf  # a layer may reflect more than its bare substrate
-    reason_n = tuple(_reason_n(most_r, *row) for row in zip(*read, n, u_n, k, u_k, other, strict=True))
-    reason_k = tuple(why or unresolved(*row) for why, *row in zip(reason_n, k, u_k, strict=True))
-    keep_n, keep_k = kept(reason_n), kept(reason_k)
-    return OnSubstrate(
-        case.wavelength_nm,
-        np.where(keep_n, n, np.nan),
-        np.where(keep_n, u_n, np.nan),
-        np.where(keep_k, k, np.nan),
-        np.where(keep_n, u_k, np.nan),
-        other,
-        shared,
-        by_t[0],
-        by_r[0],
-        by_sheet[0],
-        reason_n,
-        reason_k,
+def invert_lossless(
+    transmittance: ArrayLike,
+    wavelength_nm: ArrayLike,
+    substrate: Substrate,
+    *,
+    baseline: Baseline = "substrate",
+    near: float = 1.5,
+) -> Inverse:
+    """Index of a layer on a substrate from T alone, taking it to be lossless; its thickness plays no part.
+
+    Parameters as of `invert`. Of a layer that takes light after all, n is an upper bound and other_n a lower one.
+    """
+    t, wavelength = rows(transmittance, wavelength_nm)
+    case = case_of(wavelength, 1.0, substrate, Way("layer", baseline, "air"))
+    parts = [_clear(case.some(block), t[block], near) for block in blocks(t.size)]
+    n, other = (np.concatenate(part) for part in zip(*parts, strict=True))
+    with np.errstate(all="ignore"):
+        n_by = {"T": np.asarray(1 / by(case, n, 0.0, "n").T)}
+        n_by |= {what: np.asarray(-by(case, n, 0.0, what).T * n_by["T"]) for what in INPUTS[:3]}
+    return Inverse(n, np.zeros(n.shape), other, n_by, {})
+
+
+def most_transmitted(wavelength_nm: ArrayLike, substrate: Substrate, *, baseline: Baseline = "substrate") -> FloatArray:
+    """The most that a lossless layer of any index reads on a substrate."""
+    (wavelength,) = rows(wavelength_nm)
+    case = case_of(wavelength, 1.0, substrate, Way("layer", baseline, "air"))
+    return np.concatenate(
+        [case.some(block).read(GRID[:, None], 0.0).T.max(axis=0) for block in blocks(wavelength.size)]
     )
 
 
-def _moved(case: Case, found: _Found, what: str) -> tuple[FloatArray, FloatArray]:
-    """How n and k answer to something that was taken as known."""
-    n, k, _ = found
-    read = by(case, n, k, what)
-    return changes(by(case, n, k, "n"), by(case, n, k, "k"), Readings(-read.T, -read.R))
+def _clear(case: Case, transmittance: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
+    """The two indices that read T without loss."""
+    first, second = starts(case.read(GRID[:, None], 0.0).T - transmittance, near)
+    return _polished_clear(case, transmittance, first), _polished_clear(case, transmittance, second)
 
 
-def _reason_n(most_r: float, t: float, r: float, n: float, u_n: float, k: float, u_k: float, other: float) -> str:
-    if math.isnan(t) or math.isnan(r):
-        return "no reading"
-    if not (t > 0 and 0 < r < most_r):
-        return f"T = {t:.4g} and R = {r:.4g} are not those of a layer"
-    if math.isnan(n):
-        return f"no index from {N_LEAST:g} to {N_MOST:g} reads T = {t:.5g} and R = {r:.5g} on this substrate"
-    return two_fit(n, u_n, other) or too_bright(k, u_k)
+def _polished_clear(case: Case, transmittance: FloatArray, n: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        for _ in range(ITERATIONS):
+            n = n + (transmittance - case.read(n, 0.0).T) / by(case, n, 0.0, "n").T
+        closed = (np.abs(case.read(n, 0.0).T - transmittance) < CLOSED) & (n >= N_LEAST)
+    return np.where(closed, n, np.nan)
+
+
+def extinction(
+    transmittance: ArrayLike,
+    n: ArrayLike,
+    wavelength_nm: ArrayLike,
+    thickness_um: float,
+    substrate: Substrate,
+    *,
+    baseline: Baseline = "substrate",
+) -> Inverse:
+    """Extinction of a layer on a substrate from T and an index that is known otherwise, from a refractometer say.
+
+    Parameters
+    ----------
+    n
+        The layer's index, one or one for each wavelength.
+    transmittance, wavelength_nm, thickness_um, substrate, baseline
+        As of `invert`.
+    """
+    t, wavelength, n = rows(transmittance, wavelength_nm, n)
+    case = case_of(wavelength, thickness_um, substrate, Way("layer", baseline, "air"))
+    with np.errstate(all="ignore"):
+        k = loss_of(case, n, np.where(t > 0, t, np.nan))
+        for _ in range(ITERATIONS):
+            k = k + (t - case.read(n, k).T) / by(case, n, k, "k").T
+        k_by = {"T": np.asarray(1 / by(case, n, k, "k").T)}
+        k_by |= {what: np.asarray(-by(case, n, k, what).T * k_by["T"]) for what in ("n", *INPUTS)}
+    return Inverse(n, k, np.full(n.shape, np.nan), {}, k_by)
