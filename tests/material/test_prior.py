@@ -116,7 +116,7 @@ def test_temperature_and_calibration_shift_all_wavelengths_together() -> None:
     assert elastic[0] == pytest.approx(np.hypot(plain[0], 1.5e-3), rel=0.02)
     many = np.linspace(420, 900, 40)
     n = refractometer(1.487, 5e-4, prior=SHARP).index(many)[0]
-    shared = refractometer(n, 1e-4, many, u_shared=1e-3, prior=SHARP).index([600.0])[1]
+    shared = refractometer(n, 1e-4, many, u_shared=1e-3).index([600.0])[1]
     assert shared[0] == pytest.approx(1e-3, rel=0.02)
 
 

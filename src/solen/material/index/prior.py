@@ -315,8 +315,8 @@ def _warnings(values: Values, prior: Prior, model: Cauchy, abbe: tuple[float, fl
     if freedom == 0:
         return [
             "one wavelength was measured; how n changes from there on is not measured but expected, from "
-            f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which makes u(n) {model.u_index(450.0):.4f} at 450 nm and "
-            f"{model.u_index(860.0):.4f} at 860 nm"
+            f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which makes u(n) "
+            f"{model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} at 860 nm"
         ]
     if gammaincc(freedom / 2, chi2 / 2) < _SURE:
         return [
