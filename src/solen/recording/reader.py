@@ -46,4 +46,4 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         if start is not None:
             return cary.read(grid, start)
     place = layout.find(grid, columns)
-    return (testxpert if testxpert.is_testxpert(place) else table).read(grid, place)
+    return testxpert.read(grid, place) if testxpert.is_testxpert(place) else table.read(grid, place)
