@@ -137,10 +137,15 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """What makes the most cells of a text numbers."""
+    """What makes the most cells of a text numbers; where there are none, what makes the most cells."""
     held = [line for line in lines if line.strip()]
     sample = held[:: max(1, len(held) // _SAMPLE)]
-    return max(_SEPARATORS, key=lambda separator: sum(map(_numbers_by(separator), sample)))
+
+    def score(separator: str) -> tuple[int, int]:
+        cells = 0 if separator == " " else sum(line.count(separator) for line in sample)
+        return sum(map(_numbers_by(separator), sample)), cells
+
+    return max(_SEPARATORS, key=score)
 
 
 def _numbers_by(separator: str) -> Callable[[str], int]:

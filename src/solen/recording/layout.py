@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from solen.errors import DataError
 from solen.recording.grid import Grid, splitter
-from solen.recording.numbers import is_number
+from solen.recording.numbers import is_missing, is_number
 from solen.recording.words import heading, stated_unit
 
 
@@ -95,7 +95,8 @@ def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
         return False
     words = grid.rows[row][: grid.width(row)]
     skip = 2 if _units_below(grid, filled, place) else 1
-    if place + skip >= len(filled) or sum(not word for word in words) > len(words) / 2:
+    unnamed = sum(not word for word in words) > len(words) / 2
+    if place + skip >= len(filled) or unnamed or any(word and is_missing(word) for word in words):
         return False
     first = filled[place + skip]
     if any(map(is_number, words)):  # samples may be called 1, 2, 3; then all below are numbers

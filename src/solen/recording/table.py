@@ -19,9 +19,10 @@ from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
 from solen.recording.numbers import is_missing, is_number
+from solen.recording.scan import RANGE_NM
 from solen.recording.words import Heading, heading, is_label, plain
 
-_NM = (100.0, 50_000.0)
+_TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
 
 
@@ -39,7 +40,10 @@ class Column:
 def read(grid: Grid, place: Layout) -> Recording:
     """Recording of a plain table; `DataError` with the line and column of what is damaged."""
     check_rows(grid, place)
-    return recorded(grid, place, columns(grid, place), "table")
+    found = columns(grid, place)
+    for column in found:
+        _check_range(grid, place, column)
+    return recorded(grid, place, found, "table")
 
 
 def check_rows(grid: Grid, place: Layout) -> None:
@@ -77,6 +81,16 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
         words = tuple(cells[column]) if "word" in kind else None
         found.append(Column(column, place.names[column], head, values, words))
     return found
+
+
+def _check_range(grid: Grid, place: Layout, column: Column) -> None:
+    """`DataError` at a wavelength that is none, as where the names of columns moved."""
+    if column.head.quantity != "wavelength" or column.head.unit != "nm" or column.values is None:
+        return
+    outside = np.flatnonzero((column.values < RANGE_NM[0]) | (column.values > RANGE_NM[1]))
+    if outside.size:
+        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        raise grid.refused(place.body[int(outside[0])], column.place, limit, "correct it, or the unit in the header")
 
 
 def _kind(cells: list[str], name: str) -> str:
@@ -166,7 +180,7 @@ def _along_waves(channels: list[Channel]) -> list[Channel]:
 def _in_nm(channel: Channel) -> Channel:
     """Wavelengths with nm for their unit where none is stated and they can be nothing else."""
     values = channel.values[np.isfinite(channel.values)]
-    if channel.unit or not values.size or values.min() < _NM[0] or values.max() > _NM[1]:
+    if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
         return channel
     note = f"no unit is stated; {values.min():g} to {values.max():g} are taken for nm"
     return replace(channel, unit="nm", note=note)
