@@ -9,7 +9,7 @@ The interface: `is_cary` tells by the header, `read` a `Grid`.
 """
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,10 +167,11 @@ def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
 def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_Trace]:
     """Traces with the rows in which they have numbers."""
     names = unique([name for name, _ in heads])
+    widths = {row: grid.width(row) for row in body}
     found = []
     for n, (name, (_, mode)) in enumerate(zip(names, heads, strict=True)):
         column = 2 * n
-        held = [row for row in body if column < grid.width(row) and any(grid.rows[row][column : column + 2])]
+        held = [row for row in body if column < widths[row] and any(grid.rows[row][column : column + 2])]
         if held and held != body[: len(held)]:
             hole = next(row for row, there in zip(body, held, strict=False) if row != there)
             limit = "is empty, and the trace goes on below"
@@ -198,23 +199,22 @@ def _recording(
     grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs
 ) -> Recording:
     """Recording of traces, each with the channel of wavelengths that it runs along; equal ones are one channel."""
-    axes: list[Channel] = []
+    axes: dict[bytes, Channel] = {}
+    taken = {trace.name for trace in traces}
     channels: list[Channel] = []
     for trace, (waves, values), log in zip(traces, pairs, logs.of_traces, strict=True):
-        axis = next((one for one in axes if np.array_equal(one.values, waves)), None)
-        if axis is None:
-            axis = Channel("wavelength", "wavelength", "nm", waves)
-            axes.append(axis := replace(axis, name=_axis_name(len(axes), [trace.name for trace in traces])))
+        new = Channel(_axis_name(len(axes), taken), "wavelength", "nm", waves)
+        axis = axes.setdefault(waves.tobytes(), new)
         quantity, unit = MODES.get(trace.mode.casefold(), ("", ""))
         note = "; ".join(_notes(trace, waves, values, quantity, logs.shared | log))
         channels.append(Channel(trace.name, quantity, unit, values, axis.name, note, log))
     provenance = Provenance(
         grid.source.name, grid.source.sha256, "agilent-cary-csv", logs.instrument, logs.date, logs.shared
     )
-    return Recording((*axes, *channels), provenance)
+    return Recording((*axes.values(), *channels), provenance)
 
 
-def _axis_name(number: int, taken: list[str]) -> str:
+def _axis_name(number: int, taken: set[str]) -> str:
     name = "wavelength" if number == 0 else f"wavelength ({number + 1})"
     return name if name not in taken else f"{name} axis"
 

@@ -50,6 +50,17 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
         raise grid.refused(rows[odd + 1], column, limit, remedy)
 
 
+def disorder(waves: FloatArray) -> str:
+    """Note on wavelengths that run one way but in a few places; empty where all do, or where they are no scan's."""
+    steps = np.diff(waves)
+    ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
+    wrong = min(ways, key=len)
+    if not 0 < wrong.size <= _FEW * steps.size + 1 or steps.size < 4:
+        return ""
+    where = ", ".join(f"{waves[n + 1]:g} after {waves[n]:g}" for n in wrong[:3])
+    return f"{wrong.size} wavelengths are out of order ({where}): rows were moved or repeated, or a digit is damaged"
+
+
 def uneven(steps: FloatArray) -> int | None:
     """First step that is off between even ones, or None. The first may be shorter than the others, and the last.
 

@@ -21,6 +21,7 @@ from solen.recording.layout import Layout
 from solen.recording.model import Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.words import plain
+from solen.units import factor
 
 WORDS = {
     *("standardkraft", "standardweg", "traverse abs.", "traversenweg absolut", "traversenweg", "prüfzeit", "pruefzeit"),
@@ -49,6 +50,9 @@ def read(grid: Grid, place: Layout) -> Recording:
         if column.values is None:
             raise grid.refused(place.body[0], column.place, "is no number", "export the channels of the test alone")
         _check(grid, place, column, column.values)
+    clock = next((one for one in found if factor(one.head.unit, "s") is not None), None)
+    if clock is not None and clock.values is not None:
+        _check_time(grid, place, clock, clock.values)
     _check_repeats(grid, place)
     scan.check_digits(grid, [(column.place, place.body) for column in found])
     made = table.recorded(grid, place, found, "testxpert")
@@ -96,8 +100,6 @@ def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.f
     if beyond.size:
         limit = f"no {quantity} is beyond {_LIMITS[quantity]:g}"
         raise grid.refused(place.body[int(beyond[0])], column.place, limit)
-    if quantity == "time":
-        _check_time(grid, place, column, values)
     hole = np.isnan(values[1:-1]) & np.isfinite(values[:-2]) & np.isfinite(values[2:])
     if 0 < hole.sum() <= _RARE * values.size + 1:
         raise grid.refused(place.body[int(np.flatnonzero(hole)[0]) + 1], column.place, "is empty between numbers")

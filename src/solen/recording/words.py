@@ -97,6 +97,7 @@ _UNITS = (
     "micron microns µ mol L l ml"
 )
 _TOKENS = frozenset(_UNITS.split())
+_LONGEST = 120  # letters of a header: what is longer is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
 
@@ -131,6 +132,8 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
         Whether the columns run along a wavelength, where T, R and A are what an optician calls so.
     """
     text = " ".join(text.split())
+    if len(text) > _LONGEST:
+        return Heading(text, unit, "")
     if unit:
         return _made(text, _unit_text(unit), optical)
     percent = _PERCENT.fullmatch(text)
@@ -164,6 +167,8 @@ def plain(name: str) -> str:
 def stated_unit(text: str) -> bool:
     """Whether a text is a unit that measurements are written in; pint alone would take ``R`` and ``a.u.`` for units."""
     text = text.strip()
+    if len(text) > _LONGEST:
+        return False
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
     return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text))
