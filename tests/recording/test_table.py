@@ -1,5 +1,6 @@
 """Plain tables: headers in every spelling, separators and decimals told by the numbers, words kept, damage refused."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from solen.errors import DataError
 from solen.recording import read
+from solen.recording.numbers import is_number
+from tests.recording.exports import cary, tensile
 
 
 def saved(folder: Path, text: str, encoding: str = "utf-8") -> Path:
@@ -249,3 +252,32 @@ def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path)
         read(saved(tmp_path, "film,,dye\n1,2,3\n"))
     assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
     assert read(saved(tmp_path, ",T,R\n0,0.9,0.1\n1,0.9,0.1\n")).names == ("column 1", "T", "R")
+
+
+def test_a_percentage_of_excel_is_not_taken_for_the_fraction_that_is_stored(tmp_path: Path) -> None:
+    path = workbook(tmp_path, {"data": [["wavelength_nm", "T (%)"], [400, 0.91], [500, 0.92]]})
+    book = openpyxl.load_workbook(io.BytesIO(path.read_bytes()))
+    for cell in ("B2", "B3"):
+        book["data"][cell].number_format = "0.0%"
+    book.save(path)
+    with pytest.raises(DataError, match="sheet data, cell B2 = '91 %'; is no number"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"), [(cary([("a", "%T", 0), ("b", "Abs", 2)]), "agilent-cary-csv"), (tensile(), "testxpert")]
+)
+def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: str, kind: str) -> None:
+    separator = "," if kind.startswith("agilent") else "\t"
+    lines = [line.replace('"', "").split(separator) for line in text.splitlines()]
+    rows: list[list[object]] = [[float(cell) if is_number(cell) else cell or None for cell in line] for line in lines]
+    sheet = read(workbook(tmp_path, {"data": rows}))
+    plain = read(saved(tmp_path, text))
+    assert sheet.provenance.format == plain.provenance.format == kind
+    for one, two in zip(sheet.channels, plain.channels, strict=True):
+        assert (one.name, one.unit, one.quantity, one.values.tolist()) == (
+            two.name,
+            two.unit,
+            two.quantity,
+            two.values.tolist(),
+        )

@@ -93,8 +93,8 @@ _LABELS = (
 )
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "
-    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R percent pct prozent "
-    "micron microns µ mol L l ml"
+    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R "
+    "percent pct prozent micron microns µ mol L l ml"
 )
 _TOKENS = frozenset(_UNITS.split())
 _LONGEST = 120  # letters of a header: what is longer is prose
@@ -181,7 +181,7 @@ def _split(text: str, optical: bool) -> Heading | None:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
         if inner.strip().lower() in _NO_UNIT:
             return _made(name, "", optical)
-        if inner.strip() == "" or _is_unit_of(name, inner):
+        if inner.strip() == "" or _is_unit_of(name, inner, bracketed=True):
             return _made(name, _unit_text(inner), optical)
         return _made(name, "", optical) if _meanings(name) else None
     for form in (_SLASH, _IN, _LAST):
@@ -211,7 +211,7 @@ def _unit_of_parts(parts: list[str]) -> str:
     return "".join(words) if all("/" in pair for pair in pairwise(words)) else ""
 
 
-def _is_unit_of(name: str, unit: str) -> bool:
+def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
     """Whether a text is a unit and, where the name's quantity is known, one of its kind."""
     unit = unit.strip()
     if not stated_unit(unit):
@@ -219,7 +219,8 @@ def _is_unit_of(name: str, unit: str) -> bool:
     meant = _meanings(name)
     if meant:
         return any(_fits(one, _unit_text(unit)) for one in meant)
-    return len(unit) > 1 or not unit.isalpha()  # a single letter after an unknown word is a label: sample A
+    letter = len(unit) == 1 and unit.isalpha()
+    return unit not in _PURE and (not letter or (bracketed and unit != "A"))  # these are labels: sample A, film 1
 
 
 def _fits(quantity: str, unit: str) -> bool:
