@@ -78,7 +78,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
     weld_mm = _weld_mm(part)
     finest_mm = max(FINEST_MM, 2.0 * weld_mm)
     if not finest_mm <= tolerance_mm <= COARSEST_MM:
-        limit = f"must be from {finest_mm:.2g} to {COARSEST_MM:g} mm for this part"
+        limit = f"must be from {finest_mm:g} to {COARSEST_MM:g} mm for this part"
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit)
     solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
     for cut in part.cuts:

@@ -125,11 +125,6 @@ class Part:
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
-    @property
-    def height_mm(self) -> float:
-        """From the lowest to the highest point."""
-        return max(prism.to_mm for prism in self.prisms) - min(prism.from_mm for prism in self.prisms)
-
     def _check_cut(self, cut: Cut) -> None:
         """A cut takes from the part what it says, no less and no more."""
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)

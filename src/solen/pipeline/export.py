@@ -126,6 +126,7 @@ def _told(design: Design, part: Part, body: Body, mesh: Mesh | None, chosen: Seq
         "thickness_mm": design.body.thickness_mm,
         "area_mm2": sum(prism.area_mm2 for prism in part.prisms),
         "volume_mm3": part.volume_mm3,
+        "pieces": _pieces(part),
         "faces": [face.name for face in body.all_faces],
         "seats": [{"name": cut.name, "volume_mm3": cut.volume_mm3} for cut in part.cuts],
         "mesh": None,
@@ -142,9 +143,17 @@ def _told(design: Design, part: Part, body: Body, mesh: Mesh | None, chosen: Seq
     return found
 
 
+def _pieces(part: Part) -> int:
+    """Number of pieces that the outlines make: those that are no holes."""
+    outlines = [outline for prism in part.prisms for outline in prism.outlines]
+    return sum(fabricate.area_mm2([outline]) > 0.0 for outline in outlines)
+
+
 def _warnings(part: Part, body: Body, chosen: Sequence[str]) -> list[str]:
     """What the files do not hold though the design says it."""
     found = []
+    if (pieces := _pieces(part)) > 1:
+        found.append(f"the outlines make {pieces} pieces, and nothing holds them together")
     if body.apart:
         names = ", ".join(face.name for face in body.apart)
         found.append(f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid")
