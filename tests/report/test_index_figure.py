@@ -46,7 +46,7 @@ def test_what_is_no_measurement_says_so_on_the_picture() -> None:
 
 
 def test_each_mode_has_a_title_and_simulated_ones_say_so() -> None:
-    assert {"measured", "absorptance", "as-published", "lossless", "substrate"} <= TITLES.keys()
+    assert {"measured", "absorptance", "as-published", "lossless"} == TITLES.keys()
     assert told(drawn(lossless(NM, reading(T)), simulated=True)).startswith("simulated, index from T alone")
 
 

@@ -30,6 +30,13 @@ def index(
     at_nm: Annotated[list[float] | None, Parameter(negative=())] = None,
     led: str | None = None,
     sheet: str | None = None,
+    substrate: str | None = None,
+    substrate_thickness_um: float | None = None,
+    u_substrate_n: float | None = None,
+    side: str | None = None,
+    r_baseline: str | None = None,
+    fit: str | None = None,
+    polymer: Names = None,
     figure: FigureFile = None,
     out: Out = None,
     as_json: Json = False,
@@ -73,6 +80,21 @@ def index(
         An emitter at whose light n is told: a part of the library, a part's .toml, or a file of a measured spectrum.
     sheet
         Sheet of a workbook.
+    substrate
+        The sheet that the layer stays on: a resin of the library (pet), a resin file, or its index.
+    substrate_thickness_um
+        Its thickness in µm.
+    u_substrate_n
+        Standard uncertainty of its index, where its file states none or yours is known better.
+    side
+        What the light meets first: layer (the default) or substrate.
+    r_baseline
+        What the 100 % of R was: air, of a calibrated mirror (the default), or the bare substrate.
+    fit
+        Formula that is laid through n, weighted, with its covariance: cauchy, sellmeier or none (the default).
+    polymer
+        A class of the literature that n is compared with: acrylate, photoresin, silicone or aromatic; repeatable.
+        Acrylate and photoresin where not stated.
     """
     from solen.pipeline import index as pipeline
     from solen.pipeline.indexroute import IndexOptions
@@ -89,6 +111,13 @@ def index(
         led=led,
         at_nm=tuple(at_nm or ()),
         sheet=sheet,
+        substrate=substrate,
+        substrate_thickness_um=substrate_thickness_um,
+        u_substrate_n=u_substrate_n,
+        side=side,
+        r_baseline=r_baseline,
+        fit=fit,
+        polymers=tuple(polymer or ()),
     )
     found = pipeline.index(file, options, out=out, figure=figure)
     show(found, as_json, lambda: _lines(found))
@@ -110,8 +139,21 @@ def _lines(found: dict[str, Any]) -> list[str]:
     lines += [_evaluated("at", one) for one in found["at"]]
     if found["led"] is not None:
         lines.append(_evaluated(found["led"]["source"], found["led"]))
+    lines += _fit_lines(found["fit"])
     lines += [f"warning: {told}" for told in found["warnings"]]
     return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "out") if kind in found]
+
+
+def _fit_lines(fit: dict[str, Any] | None) -> list[str]:
+    if fit is None:
+        return []
+    names = ("A", "B_um2", "C_um4") if fit["kind"] == "cauchy" else ("B", "C_um2")
+    values = ", ".join(f"{name} = {fit['model'][name]}" for name in names)
+    misfit = "" if fit["chi2_reduced"] is None else f", reduced χ² {fit['chi2_reduced']:.2f}"
+    terms = f"{fit['terms']} term{'s' if fit['terms'] > 1 else ''}"
+    lines = [f"{fit['kind']} fit of {terms} through {fit['points']} points{misfit}: {values}"]
+    lights = [*fit["at"], *([fit["led"]] if fit["led"] is not None else [])]
+    return lines + [_evaluated(f"{fit['kind']} fit", one) for one in lights]
 
 
 def _row(found: dict[str, Any], at: int) -> str:

@@ -11,13 +11,18 @@ import numpy as np
 
 from solen.errors import DataError, SpecError
 from solen.material.index import IndexSpectrum, Length, Reading, is_absorbance, reading, routes
+from solen.material.index.fit import FITS
+from solen.material.index.layered import lossless_on_substrate, measured_on_substrate
+from solen.material.index.literature import POLYMERS
 from solen.material.index.routes import MODES
+from solen.pipeline.onsubstrate import SIDES, check_substrate, setup_of
 from solen.pipeline.outputs import check_choice
 from solen.pipeline.traces import Spectra
 
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 ABSORBANCE_KINDS = (*BASES, "absorptance")
 BASELINES = ("air", "substrate")
+FIT_KINDS = (*FITS, "none")
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
 
 
@@ -43,6 +48,15 @@ class IndexOptions:
         Wavelengths at which n is told, too.
     sheet
         Of a workbook.
+    substrate, substrate_thickness_um, u_substrate_n
+        The sheet that the layer stays on: a resin of the library, a resin file or an index; its thickness; the standard
+        uncertainty of its index.
+    side, r_baseline
+        Whether the light meets the ``layer`` or the ``substrate`` first, and what the 100 % of R was, of `BASELINES`.
+    fit
+        Formula that is laid through n: of `FITS`.
+    polymers
+        Classes of the literature that n is compared with, of `solen.material.index.literature.POLYMERS`.
     """
 
     thickness_um: float | None = None
@@ -56,6 +70,13 @@ class IndexOptions:
     led: str | None = None
     at_nm: Sequence[float] = ()
     sheet: str | None = None
+    substrate: str | None = None
+    substrate_thickness_um: float | None = None
+    u_substrate_n: float | None = None
+    side: str | None = None
+    r_baseline: str | None = None
+    fit: str | None = None
+    polymers: Sequence[str] = ()
 
     def check(self) -> None:
         """`SpecError` for what cannot be, before anything is read."""
@@ -63,16 +84,27 @@ class IndexOptions:
             "--mode": (self.mode, MODES),
             "--baseline": (self.baseline, BASELINES),
             "--absorbance-kind": (self.absorbance_kind, ABSORBANCE_KINDS),
+            "--side": (self.side, SIDES),
+            "--r-baseline": (self.r_baseline, BASELINES),
+            "--fit": (self.fit, FIT_KINDS),
         }
         for name, (value, known) in choices.items():
             if value is not None:
                 check_choice(name, value, known)
-        numbers = [("--thickness-um", self.thickness_um), ("--bandwidth-nm", self.bandwidth_nm)]
+        for name in self.polymers:
+            check_choice("--polymer", name, POLYMERS)
+        numbers = [
+            ("--thickness-um", self.thickness_um),
+            ("--bandwidth-nm", self.bandwidth_nm),
+            ("--substrate-thickness-um", self.substrate_thickness_um),
+            ("--u-substrate-n", self.u_substrate_n),
+        ]
         for name, number in [*numbers, *(("--at-nm", nm) for nm in self.at_nm)]:
             if number is not None and not 0.0 < number < np.inf:
                 raise SpecError(name, value=number, limit="must be finite and above 0")
         for kind in self.u:
             self.u_of(kind)
+        check_substrate(self)
 
     @property
     def thickness(self) -> Length:
@@ -106,12 +138,11 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
     SpecError, DataError
         Where something must be stated, or where what was measured gives no index by that route.
     """
-    if options.baseline == "substrate":
-        limit = "the formulas of a free-standing layer know no substrate"
-        raise SpecError("--baseline substrate", limit=limit, remedy="measure a layer that was peeled off")
     t = _transmittance(spectra, options)
-    mode = options.mode or _mode(spectra, options, t)
     nm = spectra.wavelength_nm
+    if options.substrate is not None:
+        return _on_substrate(spectra, options, t)
+    mode = options.mode or _mode(spectra, options, t)
     if mode == "lossless":
         return routes.lossless(nm, t)
     if mode == "as-published":
@@ -127,6 +158,19 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
         raise SpecError("--mode absorptance", limit="needs the absorptance, measured", remedy=remedy)
     a = reading(spectra.rows["A"], options.u_of("A"), name="A")
     return routes.absorptance(nm, t, a, options.thickness)
+
+
+def _on_substrate(spectra: Spectra, options: IndexOptions, t: Reading) -> IndexSpectrum:
+    """Index of a layer that stays on its substrate: from T and R where both are measured, else from T alone."""
+    nm, setup = spectra.wavelength_nm, setup_of(options, spectra.wavelength_nm)
+    mode = options.mode or ("measured" if "R" in spectra.rows else "lossless")
+    if mode == "lossless":
+        return lossless_on_substrate(nm, t, setup)
+    if "R" not in spectra.rows:
+        limit, remedy = "needs R of layer and substrate together, measured", "name its trace; or take --mode lossless"
+        raise SpecError("--mode measured", limit=limit, remedy=remedy)
+    r = reading(spectra.rows["R"], options.u_of("R"), name="R")
+    return measured_on_substrate(nm, t, r, options.thickness, setup)
 
 
 def absorbance_warnings(spectra: Spectra, options: IndexOptions) -> list[str]:

@@ -289,12 +289,13 @@ def check_index(
     i = int(np.nanargmax(off))
     below = values[i] < known.low[i]
     gap, way = (known.low[i] - values[i], "below") if below else (values[i] - known.high[i], "above")
-    spread = "" if u_n is None else f" ± {(slack[i] - MARGIN) / 2:.2g}"
+    spread = f" ± {(slack[i] - MARGIN) / 2:.2g}" if slack[i] > MARGIN else ""
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     return [
         f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
         f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and {int(outside.sum())} "
-        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, or R"
+        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, R, or "
+        "a loss that was taken for reflection"
     ]
 
 
@@ -342,9 +343,7 @@ def check_dispersion(
     known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
     if fall - 2 * u_fall > TIMES * others[-1]:
         times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
-        return [
-            f"{told} is {times}; {known}: such a fall comes from absorbance taken for reflectance, or from stray loss"
-        ]
+        return [f"{told} is {times}; {known}: such a fall is that of a loss which was taken for reflection"]
     if fall + 2 * u_fall < 0:
         return [f"{told}: the index rises with the wavelength, that of transparent matter falls; {known}"]
     return []
