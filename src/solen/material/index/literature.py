@@ -156,7 +156,8 @@ def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
 class Curve(Protocol):
     """An index by wavelength, NaN outside its range."""
 
-    def __call__(self, wavelength_nm: ArrayLike) -> FloatArray: ...
+    def __call__(self, wavelength_nm: ArrayLike) -> FloatArray:
+        """Index at wavelengths in nm."""
 
 
 def package_curve(shelf: str, book: str, page: str) -> Curve:
