@@ -99,7 +99,7 @@ def test_no_two_things_of_the_page_share_an_id(text: str) -> None:
 def test_warnings_stand_at_the_top_of_the_page(studied: Studies, drawn: Drawn, text: str) -> None:
     page = Page(html(studied("as published"), drawn("as published")))
     assert [one[:35] for one in page.texts["li"]] == [
-        "Index: as published, not a measured",
+        "Index: as published, and perhaps no",
         "Index: as published, n falls by 0.1",
     ]
     assert "li" not in Page(text).texts

@@ -301,12 +301,12 @@ def _material(found: dict[str, Any]) -> dict[str, Any]:
 
 
 def _focus_lines(found: dict[str, Any]) -> list[str]:
-    """Foci in materials whose index is off."""
+    """Foci in materials whose index is off by its standard uncertainty."""
     return [
-        f"  index {one['index']:.6g} ({'n' if one['is_u_index'] else 'off by'} {one['step']:+.2g}): near the axis "
+        f"  index {one['index']:.6g} (off by its uncertainty, {one['step']:+.2g}): near the axis "
         f"{text(one['paraxial_focus_mm'])} mm, smallest spot {text(one['best_focus_mm'])} mm"
         for one in found.get("focus_by_index", ())
-        if one["step"]
+        if one["is_u_index"]
     ]
 
 

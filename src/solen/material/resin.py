@@ -109,8 +109,10 @@ class Stiffness(Strict):
     u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
     interval95_MPa: Interval | None = Field(None, description="Its 95 % interval.")
     strain_range: Interval | None = Field(None, description="Strains from and to which it holds.")
+    test: str = Field("", description="How it was loaded: compression, tension.")
     model: str = Field("", description="Hyperelastic model of the whole curve.")
     parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
+    u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
     warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
 
 
@@ -174,6 +176,10 @@ class Resin(Strict):
         if self.formulation:
             _refuse_parts(self.formulation)
         return self
+
+    def has(self, table: str) -> bool:
+        """Whether the resin states a table."""
+        return table in self.model_fields_set
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -282,7 +282,7 @@ def practice_summary(found: Practice) -> dict[str, Any]:
         "null_shift": None if found.null is None else _null_shift(found.null),
         **_shifts(found),
         "index_step": abs(found.index[0].step) if found.index else None,
-        "index_is_u": bool(found.index) and found.index[0].known,
+        "index_is_u": any(one.known for one in found.index or ()),
         "skipped": found.skipped,
     }
 
