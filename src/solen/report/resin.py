@@ -40,7 +40,7 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
             band = np.array(u, dtype=float)
             axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
         mode = resin.index.mode or resin.index.kind
-        label = f"as published: see warning" if published else mode
+        label = "as published: see warning" if published else mode
         axes.plot(
             wavelengths, n, color=LEFT if published else RIGHT, lw=1.8, ls="--" if published else "-", label=label
         )
