@@ -33,7 +33,7 @@ AS_PUBLISHED = "as-published"
 _ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances
 
 
-def refuse_covariance(covariance: Covariance | None, parameters: int) -> None:
+def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
     """Raise unless a covariance is square of that size, symmetric and without negative eigenvalue."""
     if covariance is None:
         return

@@ -11,9 +11,9 @@ The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`,
 
 import math
 from itertools import pairwise
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Tabulated
@@ -52,12 +52,18 @@ class _Result(Strict):
         )
 
 
+def _of_the_index(warnings: tuple[str, ...]) -> tuple[str, ...]:
+    """Those that are not of k alone, which a resin does not keep."""
+    return tuple(text for text in warnings if not text.startswith("k is masked"))
+
+
 class IndexResult(_Result):
     """Of `solen index` or `solen refractometer`."""
 
     of: ClassVar[str] = "index"
 
     mode: Text = Field(description="how the index was found.")
+    warnings: Annotated[tuple[Text, ...], AfterValidator(_of_the_index)] = ()
     wavelength_nm: tuple[Positive, ...] = ()
     n: tuple[Number | None, ...] = ()
     u_n: tuple[NotNegative | None, ...] = ()

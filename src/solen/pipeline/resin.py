@@ -69,8 +69,9 @@ def gathered(asked: Gathering) -> resins.Resin:
     tables |= {key: text for key, text in (("source", asked.source), ("notes", asked.note)) if text}
     sources: list[resins.Source] = []
     for option, path in asked.results.items():
+        text = read_text(path, DataError)
         with told_of(str(path)):
-            found = read_result(path, option)
+            found = result_of(text, option)
             name, table = _table(found, asked)
         tables[name] = table
         sources += found.found_from()
@@ -81,10 +82,10 @@ def gathered(asked: Gathering) -> resins.Resin:
     return resins.Resin(**tables)
 
 
-def read_result(path: Path, option: str) -> Result:
-    """Result of a command in a file, of a kind that an option takes."""
+def result_of(text: str, option: str) -> Result:
+    """Result of a command from the text of its file, of a kind that an option takes."""
     try:
-        data = json.loads(read_text(path, DataError), parse_constant=_no_number)
+        data = json.loads(text, parse_constant=_no_number)
     except ValueError as bad:
         raise DataError("JSON", limit=f"cannot be read: {bad}", remedy="write it with --out") from None
     except RecursionError:
@@ -115,7 +116,8 @@ def _table(found: Result, asked: Gathering) -> tuple[str, Any]:
 
 def _formulation(text: str) -> tuple[resins.Part, ...]:
     parts = [_named_number(one, "--formulation") for one in text.split(",")]
-    return tuple(resins.Part(component=name, wt_percent=percent) for name, percent in parts)
+    with told_of("--formulation"):
+        return tuple(resins.Part(component=name, wt_percent=percent) for name, percent in parts)
 
 
 def _check_target(out: Path, force: bool) -> None:
