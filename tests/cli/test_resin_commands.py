@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +28,7 @@ INDEX: dict[str, Any] = {
 }
 CUTBACK: dict[str, Any] = {
     "kind": "cutback",
-    "absorption_per_mm": 0.023,
+    "absorption_per_mm": 0.01 * math.log(10.0),
     "u_absorption_per_mm": 0.004,
     "loss_dB_per_cm": 1.0,
     "interval95": [0.6, 1.4],
@@ -112,7 +113,7 @@ def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
     assert isinstance(resin.index, Tabulated)
     assert resin.index.index(860.0) == pytest.approx(1.5 - 0.01 * 210 / 250)
     assert resin.index.u_index(860.0) == pytest.approx(0.012)
-    assert (resin.loss.absorption_per_mm, resin.loss.wavelength_nm) == (0.023, 860.0)
+    assert (resin.loss.absorption_per_mm, resin.loss.wavelength_nm) == pytest.approx((0.0230259, 860.0), abs=1e-7)
     assert resin.cure is not None
     assert (resin.cure.Dp_um, resin.cure.covariance) == (181.0, ((9.0, 1.0), (1.0, 0.25)))
     assert resin.stiffness is not None
@@ -185,9 +186,10 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("index", sources="layer.csv"), "bad.json: sources = 'layer.csv'; must be a list"),
         (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be text"),
         (
-            damaged("cutback", absorption_per_mm=-1.0, interval95=[-50, -40]),
-            "bad.json: absorption_per_mm = -1.0; a guide",
+            damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95=[-50, -40]),
+            "bad.json: loss_dB_per_cm = -43.0; a guide cannot amplify",
         ),
+        (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
         (damaged("cutback", interval95=[1.0]), "bad.json: interval95"),
         (damaged("cure", Dp_um=-181.0), "bad.json: Dp_um = -181.0; must be greater than 0"),
         (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must have no negative"),

@@ -108,7 +108,7 @@ def test_an_index_that_is_none_is_told(changes: dict[str, Any], line: str) -> No
 
 
 CUTBACK: dict[str, Any] = {
-    "absorption_per_mm": 0.023,
+    "absorption_per_mm": 0.01 * math.log(10.0),
     "u_absorption_per_mm": 0.004,
     "loss_dB_per_cm": 1.0,
     "interval95": [0.6, 1.4],
@@ -120,34 +120,45 @@ CUTBACK: dict[str, Any] = {
 def test_a_loss_is_kept_with_its_interval_in_its_unit() -> None:
     found = CutbackResult(**CUTBACK)
     loss = found.as_table()
-    assert (loss.absorption_per_mm, loss.u_absorption_per_mm, loss.wavelength_nm) == (0.023, 0.004, 860.0)
     one_db_per_cm = -math.log(10 ** (-0.1)) / 10.0
+    assert loss.absorption_per_mm == pytest.approx(one_db_per_cm)
+    assert (loss.u_absorption_per_mm, loss.wavelength_nm) == (0.004, 860.0)
     assert loss.interval95_per_mm == pytest.approx((0.6 * one_db_per_cm, 1.4 * one_db_per_cm))
     (source,) = found.found_from()
     assert (source.of, source.file, source.sha256, source.date) == ("loss", "guides.csv", "ab" * 32, "")
 
 
+def test_the_wavelength_of_a_loss_is_stated_or_missed() -> None:
+    without = CutbackResult(**CUTBACK | {"wavelength_nm": None})
+    assert without.as_table().warnings == ("the wavelength that it was measured at is not stated",)
+    stated = without.as_table(wavelength_nm=940.0)
+    assert (stated.wavelength_nm, stated.warnings) == (940.0, ())
+
+
+def test_a_loss_and_an_absorption_that_are_not_the_same_are_told() -> None:
+    with pytest.raises(DataError, match=r"^absorption_per_mm = 0\.03; 1 dB/cm is 0\.0230259 per mm"):
+        CutbackResult(**CUTBACK | {"absorption_per_mm": 0.03})
+
+
 def test_a_loss_of_one_orientation_can_be_taken() -> None:
-    lines = [
-        {"orientation": "flat", "absorption_per_mm": 0.01, "interval95": [0.2, 0.7]},
-        {"orientation": "upright", "absorption_per_mm": 0.05},
-    ]
+    lines = {"flat": {"loss_dB_per_cm": 0.4, "interval95": [0.2, 0.7]}, "upright": {"loss_dB_per_cm": 2.0}}
     found = CutbackResult(**CUTBACK, by_orientation=lines)
-    assert found.as_table().absorption_per_mm == 0.023
+    assert found.as_table().absorption_per_mm == pytest.approx(0.0230, abs=1e-4)
     upright = found.as_table("upright")
-    assert (upright.absorption_per_mm, upright.orientation, upright.interval95_per_mm) == (0.05, "upright", None)
+    assert upright.absorption_per_mm == pytest.approx(0.0461, abs=1e-4)
+    assert (upright.orientation, upright.interval95_per_mm) == ("upright", None)
     assert [one.orientation for one in upright.by_orientation] == ["flat", "upright"]
     with pytest.raises(DataError, match="orientations are flat, upright"):
         found.as_table("edge")
 
 
 def test_a_loss_below_none_is_none_and_said_so() -> None:
-    found = CutbackResult(**CUTBACK | {"absorption_per_mm": -0.002, "interval95": [-0.5, 0.3]})
-    loss = found.as_table()
+    below = {"absorption_per_mm": None, "u_absorption_per_mm": None, "loss_dB_per_cm": -0.1}
+    loss = CutbackResult(**CUTBACK | below | {"interval95": [-0.5, 0.3]}).as_table()
     assert loss.absorption_per_mm == 0.0
-    assert loss.warnings == ("measured -0.002 ± 0.004 per mm, which is no loss: 0 is taken, 0.0069 is possible",)
+    assert loss.warnings == ("measured -0.1 dB/cm, which is no loss: 0 is taken, 0.0069 per mm is possible",)
     with pytest.raises(DataError, match="a guide cannot amplify"):
-        CutbackResult(**CUTBACK | {"absorption_per_mm": -0.02, "interval95": [-0.9, -0.3]}).as_table()
+        CutbackResult(**CUTBACK | below | {"interval95": [-0.9, -0.3]}).as_table()
 
 
 def test_a_working_curve_is_kept() -> None:
@@ -158,10 +169,10 @@ def test_a_working_curve_is_kept() -> None:
         interval95={"Dp_um": [175.0, 187.0], "Ec_mJ_per_cm2": [11.0, 13.0]},
         wavelength_nm=385.0,
         irradiance_mW_per_cm2=13.0,
-    ).as_table()
+    ).as_table(405.0)
     assert (cure.Dp_um, cure.Ec_mJ_per_cm2, cure.interval95_Dp_um) == (181.0, 12.0, (175.0, 187.0))
     assert cure.covariance == ((9.0, 1.0), (1.0, 0.25))
-    assert (cure.wavelength_nm, cure.irradiance_mW_per_cm2) == (385.0, 13.0)
+    assert (cure.wavelength_nm, cure.irradiance_mW_per_cm2) == (405.0, 13.0)
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ def build(
     source: str = "",
     note: str = "",
     orientation: str = "",
+    loss_wavelength_nm: float | None = None,
+    cure_wavelength_nm: float | None = None,
     label: str = "",
     force: Annotated[bool, Parameter(negative=())] = False,
     as_json: Json = False,
@@ -55,6 +57,10 @@ def build(
         Anything worth knowing.
     orientation
         Take the loss of guides that were built in this orientation.
+    loss_wavelength_nm
+        Wavelength that the loss was measured at.
+    cure_wavelength_nm
+        Wavelength of the exposure that the working curve is of.
     label
         Take the stiffness of the material that solen stiffness calls so.
     force
@@ -64,7 +70,17 @@ def build(
 
     given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
     results = {option: path for option, path in given.items() if path is not None}
-    asked = pipeline.Gathering(name, results, formulation, source, note, orientation, label)
+    asked = pipeline.Gathering(
+        name,
+        results,
+        formulation,
+        source,
+        note,
+        orientation,
+        loss_wavelength_nm,
+        cure_wavelength_nm,
+        label,
+    )
     found = pipeline.build(out, asked, force=force)
     show(found, as_json, lambda: [f"wrote {found['resin']}", *_resin_lines(found)])
 

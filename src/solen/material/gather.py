@@ -25,6 +25,8 @@ MOST_ROWS = 64
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
 """A gap between known wavelengths is told of where it is wider than this, and than so many usual steps."""
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
+SAME_LOSS = 1e-6
+"""How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
 
 
 class _Result(Strict):
@@ -151,14 +153,24 @@ def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:
 
 
 class _Line(_Result):
-    """Loss of some guides, as `solen cutback` finds it."""
+    """Loss of some guides, as `solen cutback` finds it; it states no absorption where the loss comes out below 0."""
 
     of: ClassVar[str] = "loss"
 
-    absorption_per_mm: Number = Field(description="absorption of power per mm, base e.")
-    u_absorption_per_mm: NotNegative | None = None
+    loss_dB_per_cm: Number = Field(description="loss of power in dB/cm.")
     interval95: Interval | None = None
-    orientation: str = ""
+    absorption_per_mm: Number | None = None
+    u_absorption_per_mm: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _is_one_loss(self) -> Self:
+        if self.absorption_per_mm is None:
+            return self
+        per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
+        if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=SAME_LOSS, abs_tol=SAME_LOSS):
+            limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
+            raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen cutback again")
+        return self
 
     def numbers(self) -> tuple[dict[str, Any], list[str]]:
         """Absorption of the resin with its uncertainty and interval, and what must be known of it.
@@ -167,38 +179,37 @@ class _Line(_Result):
         """
         interval = None if self.interval95 is None else tuple(one * PER_MM_OF_DB_PER_CM for one in self.interval95)
         found = {
-            "absorption_per_mm": self.absorption_per_mm,
+            "absorption_per_mm": self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM,
             "u_absorption_per_mm": self.u_absorption_per_mm,
             "interval95_per_mm": interval,
         }
-        if self.absorption_per_mm >= 0.0:
+        if self.loss_dB_per_cm >= 0.0:
             return found, []
         if interval is None or interval[1] < 0.0:
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
-            raise DataError("absorption_per_mm", value=self.absorption_per_mm, limit=limit, remedy=remedy)
-        u = "" if self.u_absorption_per_mm is None else f" ± {self.u_absorption_per_mm:.2g}"
-        measured = f"measured {self.absorption_per_mm:.2g}{u} per mm, which is no loss"
-        return found | {"absorption_per_mm": 0.0}, [f"{measured}: 0 is taken, {interval[1]:.2g} is possible"]
+            raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
+        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is no loss"
+        return found | {"absorption_per_mm": 0.0}, [f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"]
 
 
 class CutbackResult(_Line):
     """Of `solen cutback`."""
 
     wavelength_nm: Positive | None = None
-    by_orientation: tuple[_Line, ...] = ()
+    by_orientation: dict[Text, _Line] = Field(default_factory=dict)
 
-    def as_table(self, orientation: str = "") -> Loss:
-        """Loss of the resin: of all guides, or of those of one orientation."""
-        lines = {line.orientation: line for line in self.by_orientation}
+    def as_table(self, orientation: str = "", wavelength_nm: float | None = None) -> Loss:
+        """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
+        lines = self.by_orientation
         if orientation and orientation not in lines:
-            known = ", ".join(lines) or "none"
-            raise DataError(
-                "--orientation", value=orientation, limit=f"not in the result, whose orientations are {known}"
-            )
+            limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
+            raise DataError("--orientation", value=orientation, limit=limit)
         numbers, told = (lines[orientation] if orientation else self).numbers()
+        if self.wavelength_nm is None and wavelength_nm is None:
+            told.append("the wavelength that it was measured at is not stated")
         return Loss(
             **numbers,
-            wavelength_nm=self.wavelength_nm,
+            wavelength_nm=wavelength_nm or self.wavelength_nm,
             orientation=orientation,
             by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
             warnings=(*self.warnings, *told),
@@ -224,15 +235,15 @@ class CureResult(_Result):
     wavelength_nm: Positive | None = None
     irradiance_mW_per_cm2: Positive | None = None
 
-    def as_table(self) -> Cure:
-        """Working curve of the resin."""
+    def as_table(self, wavelength_nm: float | None = None) -> Cure:
+        """Working curve of the resin, of an exposure at a wavelength, where stated."""
         return Cure(
             Dp_um=self.Dp_um,
             Ec_mJ_per_cm2=self.Ec_mJ_per_cm2,
             covariance=self.covariance,
             interval95_Dp_um=self.interval95.Dp_um,
             interval95_Ec_mJ_per_cm2=self.interval95.Ec_mJ_per_cm2,
-            wavelength_nm=self.wavelength_nm,
+            wavelength_nm=wavelength_nm or self.wavelength_nm,
             irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
             warnings=self.warnings,
         )

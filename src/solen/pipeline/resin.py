@@ -36,6 +36,8 @@ class Gathering:
     source: str = ""
     note: str = ""
     orientation: str = ""
+    loss_wavelength_nm: float | None = None
+    cure_wavelength_nm: float | None = None
     label: str = ""
 
 
@@ -58,10 +60,7 @@ def build(out: Path, asked: Gathering, *, force: bool = False) -> dict[str, Any]
 
 def gathered(asked: Gathering) -> resins.Resin:
     """Resin of what was asked to be gathered."""
-    if asked.orientation and "cutback" not in asked.results:
-        raise SpecError("--orientation", value=asked.orientation, limit="is of --cutback", remedy="add that")
-    if asked.label and "stiffness" not in asked.results:
-        raise SpecError("--label", value=asked.label, limit="is of --stiffness", remedy="add that")
+    _check_together(asked)
     if not (asked.results or asked.formulation):
         remedy = f"add {', '.join(f'--{option}' for option in OPTIONS)} or --formulation"
         raise SpecError("solen resin build", limit="has nothing to write", remedy=remedy)
@@ -80,6 +79,21 @@ def gathered(asked: Gathering) -> resins.Resin:
     if sources:
         tables["sources"] = tuple(sources)
     return resins.Resin(**tables)
+
+
+def _check_together(asked: Gathering) -> None:
+    """Raise for an option of a result that is not given, or a wavelength that is none."""
+    options = {
+        "--orientation": (asked.orientation, "cutback"),
+        "--loss-wavelength-nm": (asked.loss_wavelength_nm, "cutback"),
+        "--cure-wavelength-nm": (asked.cure_wavelength_nm, "cure"),
+        "--label": (asked.label, "stiffness"),
+    }
+    for option, (value, result) in options.items():
+        if value and result not in asked.results:
+            raise SpecError(option, value=value, limit=f"is of --{result}", remedy="add that")
+        if isinstance(value, float) and not 0.0 < value < math.inf:
+            raise SpecError(option, value=value, limit="must be above 0 nm")
 
 
 def result_of(text: str, option: str) -> Result:
@@ -108,7 +122,9 @@ def _no_number(constant: str) -> float:
 def _table(found: Result, asked: Gathering) -> tuple[str, Any]:
     """Name and table of the resin that a result makes."""
     if isinstance(found, CutbackResult):
-        return found.of, found.as_table(asked.orientation)
+        return found.of, found.as_table(asked.orientation, asked.loss_wavelength_nm)
+    if isinstance(found, CureResult):
+        return found.of, found.as_table(asked.cure_wavelength_nm)
     if isinstance(found, StiffnessResult):
         return found.of, found.as_table(asked.label)
     return found.of, found.as_table()
