@@ -100,7 +100,8 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
     date = dates.among(metadata)
-    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata=metadata)
+    simulated = any("simulated" in {key.casefold(), *value.casefold().split()[:1]} for key, value in metadata.items())
+    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
     return Recording(tuple(along_axes(_with_percent(channels))), provenance, texts)
 
 

@@ -98,7 +98,9 @@ def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> flo
     return 10.0 * math.log10(launched)
 
 
-def _no_light(values: FloatArray, bad: np.ndarray[tuple[int], np.dtype[np.intp]], unit: str, dark: float | None) -> DataError:
+def _no_light(
+    values: FloatArray, bad: np.ndarray[tuple[int], np.dtype[np.intp]], unit: str, dark: float | None
+) -> DataError:
     shown = ", ".join(f"{values[i]:g} {unit} (reading {i + 1})" for i in bad[:_SHOWN])
     more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
     over = "be above 0" if dark is None else f"all be above, or all below, the dark reading {dark:g} {unit}"
