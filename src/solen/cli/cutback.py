@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from solen.cli.app import FigureFile, Json, Out, app, show
 
 
-@app.command(sort_key=22)
+@app.command(sort_key=24)
 def cutback(
     file: Path,
     /,

@@ -48,9 +48,17 @@ class _Input:
 def measured(
     wavelength_nm: ArrayLike, transmittance: Reading, reflectance: Reading, thickness: Length
 ) -> IndexSpectrum:
-    """Index and extinction from R and T, each measured on the free-standing layer."""
+    """Index and extinction from R and T, each measured on the free-standing layer.
+
+    Raises
+    ------
+    DataError
+        Where R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
+    """
     inputs = [_Input("R", reflectance, 1.0, 0.0), _Input("T", transmittance, 0.0, 1.0)]
     r, t = reflectance.value, transmittance.value
+    if is_absorbance(1.0 - r - t, t, tolerance=0.0):
+        raise no_reflectance("this R: it is 1 − T + log10 T, made of an absorbance,", wavelength_nm, transmittance)
     return _inverse("measured", wavelength_nm, r, t, inputs, thickness)
 
 
@@ -65,7 +73,7 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
     t, a = transmittance.value, share.value
     for kind, base in (("log10", np.log(10.0)), ("ln", 1.0)):
         if is_absorbance(a, t, base):
-            raise _no_reflectance(kind, np.asarray(wavelength_nm, dtype=float), transmittance)
+            raise no_reflectance(f"this A: it is an absorbance, −{kind} T,", wavelength_nm, transmittance)
     inputs = [_Input("T", transmittance, -1.0, 1.0), _Input("A", share, -1.0, 0.0)]
     return _inverse("absorptance", wavelength_nm, 1.0 - t - a, t, inputs, thickness)
 
@@ -115,15 +123,35 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading) -> IndexSpectrum:
     )
 
 
-def is_absorbance(a: FloatArray, transmittance: FloatArray, base: float = np.log(10.0)) -> bool:
-    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths to 2 %."""
+def is_absorbance(
+    a: FloatArray, transmittance: FloatArray, base: float = np.log(10.0), tolerance: float = _ALIKE
+) -> bool:
+    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths, to 2 %.
+
+    With a tolerance of 0 they agree to rounding, as where one was computed from the other.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = -np.log(np.where(transmittance > 0.0, transmittance, np.nan)) / base
         gap = np.abs(a - expected)
     seen = np.isfinite(gap)
     if not seen.any():
         return False
-    return bool(np.median(gap[seen]) <= _ALIKE * np.median(np.abs(expected[seen])) + _ROUNDED)
+    return bool(np.median(gap[seen]) <= tolerance * np.median(np.abs(expected[seen])) + _ROUNDED)
+
+
+def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
+    """Refusal of a measured index where all that is known is T; what T alone gives is told in it."""
+    found, nm = _lossless(transmittance), np.asarray(wavelength_nm, dtype=float)
+    at = np.flatnonzero(found.known)
+    instead = ""
+    if at.size:
+        middle = at[at.size // 2]
+        instead = f"; T alone, k = 0 assumed, gives n({nm[middle]:g} nm) = {found.value[middle]:.4f}"
+    return DataError(
+        "a measured index",
+        limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
+        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as no measurement",
+    )
 
 
 def lossless_index(transmittance: ArrayLike) -> FloatArray:
@@ -227,29 +255,17 @@ def _assumed(t: FloatArray) -> str:
     return f"{told}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
 
 
-def _no_reflectance(kind: str, wavelength: FloatArray, transmittance: Reading) -> DataError:
-    found = _lossless(transmittance)
-    at = np.flatnonzero(found.known)
-    instead = ""
-    if at.size:
-        middle = at[at.size // 2]
-        instead = f"; T alone, k = 0 assumed, gives n({wavelength[middle]:g} nm) = {found.value[middle]:.4f}"
-    return DataError(
-        "absorptance",
-        limit=f"equals −{kind} T: it is an absorbance, and R = 1 − T − A then says nothing of the reflectance{instead}",
-        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as no measurement",
-    )
-
-
 def _unstated(inputs: Sequence[_Input]) -> list[str]:
     names = [one.name for one in inputs if not one.reading.known]
+    by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if inputs[0].name == "R" else "0.0042 in T"}
+    moves = " and by ".join(by[name] for name in names)
     if not names:
         alone = [one.name for one in inputs if one.reading.repeats > 1 and not one.reading.u_common[1].any()]
         told = "the instrument's own accuracy is not in the uncertainty: only the repeats of {} are; state it with {}"
         return [told.format(" and ".join(alone), _options(alone))] if alone else []
     return [
         f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, or "
-        "give repeats; near n = 1.5 an error of 0.001 in R moves n by 0.0039, in T by 0.0003"
+        f"give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
     ]
 
 
