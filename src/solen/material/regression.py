@@ -207,7 +207,7 @@ def t_quantile(level: float, df: float) -> float:
 
 
 def t_tail(t: float, df: float) -> float:
-    """Two-sided probability of a larger \\|t\\| by chance."""
+    """Two-sided probability that a larger t comes by chance."""
     return float(2.0 * stdtr(df, -abs(t)))
 
 

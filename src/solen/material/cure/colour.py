@@ -9,8 +9,7 @@ thicknesses has for its slope.
 This is absorption alone. A working curve's Dp has in it also how well each wavelength starts the cure, bleaching and
 what the cured resin absorbs: the two agree where these are small.
 
-The interface: `penetration_depth_um` in one number, `attenuation` gives an `Attenuation`, `gaussian` the spectrum of an
-LED by its peak and width.
+The interface: `penetration_depth_um` in one number, `attenuation` gives an `Attenuation`.
 """
 
 import math
@@ -20,12 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.errors import DataError
+from solen.material.index.light import Light
 from solen.recording.model import FloatArray
-
-LEAST_WEIGHT = 0.01
-"""Share of its peak below which a lamp's spectrum is noise and left out."""
-_FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
-_LINES, _SIGMAS = 121, 4.0
 
 
 @dataclass(frozen=True)
@@ -38,14 +33,11 @@ class Attenuation:
         Lines of the lamp, shape (n,), and their shares of its power at the surface.
     per_um
         What the resin takes off at each, base e, shape (n,).
-    left_out
-        Share of the lamp's power that is not in these lines: where its spectrum is noise.
     """
 
     wavelength_nm: FloatArray
     weight: FloatArray
     per_um: FloatArray
-    left_out: float
 
     def share(self, depth_um: ArrayLike) -> FloatArray:
         """Share of the light that reaches a depth."""
@@ -98,30 +90,17 @@ def penetration_depth_um(
     return 1.0 / per_um if per_um.ndim else float(1.0 / per_um)
 
 
-def gaussian(peak_nm: float, fwhm_nm: float) -> tuple[FloatArray, FloatArray]:
-    """Wavelengths and relative power of an LED by its peak and full width at half of it."""
-    if not (0.0 < fwhm_nm < peak_nm < math.inf):
-        raise DataError("LED", value=f"{peak_nm:g} nm, {fwhm_nm:g} nm wide", limit="must have 0 < width < peak")
-    steps = np.linspace(-_SIGMAS, _SIGMAS, _LINES)
-    return peak_nm + steps * fwhm_nm / _FWHM_OF_SIGMA, np.exp(-(steps**2) / 2.0)
-
-
-def attenuation(
-    path_um: float,
-    resin: tuple[ArrayLike, ArrayLike],
-    lamp: tuple[ArrayLike, ArrayLike],
-) -> Attenuation:
-    """Attenuation of a lamp in a resin.
+def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike, light: Light) -> Attenuation:
+    """Attenuation of a lamp's light in a resin.
 
     Parameters
     ----------
     path_um
         Path in µm through which the absorbance was measured.
-    resin
-        Wavelengths in nm, in any order, and absorbances, base 10.
-    lamp
-        Wavelengths in nm, in any order, and power per nm, in any unit. Where it is below 1 % of its peak it is left
-        out, as noise of a spectrometer would count for more the deeper one looks.
+    wavelength_nm, absorbance
+        Absorbance, base 10, at wavelengths in any order, shape (n,); NaN where it is not known.
+    light
+        Of the lamp.
 
     Raises
     ------
@@ -129,23 +108,17 @@ def attenuation(
         Where the lamp shines at wavelengths at which the absorbance is not known, or is not above 0.
     """
     _check_path(path_um)
-    resin_nm, absorbance = _sorted(*resin, "absorbance")
-    lamp_nm, power = _sorted(*lamp, "spectrum of the lamp")
-    if len(lamp_nm) < 2 or not power.max() > 0.0:
-        raise DataError("spectrum of the lamp", value=f"{len(lamp_nm)} lines", limit="needs two with power at least")
-    shares = np.clip(power, 0.0, None) * np.gradient(lamp_nm)
-    lit = power >= LEAST_WEIGHT * power.max()
-    nm, weight = lamp_nm[lit], shares[lit]
+    resin_nm, values = _sorted(wavelength_nm, absorbance)
+    nm = light.wavelength_nm
     if nm[0] < resin_nm[0] or nm[-1] > resin_nm[-1]:
         limit = f"the absorbance is known from {resin_nm[0]:g} to {resin_nm[-1]:g} nm only"
         raise DataError("lamp", value=f"{nm[0]:g} to {nm[-1]:g} nm", limit=limit, remedy="measure it over the lamp")
-    per_um = np.interp(nm, resin_nm, absorbance) * math.log(10.0) / path_um
-    if not np.all(per_um > 0.0):
-        at = float(nm[np.argmin(per_um)])
+    at = np.interp(nm, resin_nm, values)
+    if not np.all(at > 0.0):
         limit = "absorbance must be above 0 wherever the lamp shines"
-        raise DataError(f"absorbance at {at:.0f} nm", value=float(np.interp(at, resin_nm, absorbance)), limit=limit)
-    total = float(weight.sum())
-    return Attenuation(nm, weight / total, per_um, 1.0 - total / float(shares.sum()))
+        worst = int(np.argmin(at))
+        raise DataError(f"absorbance at {nm[worst]:.0f} nm", value=float(at[worst]), limit=limit)
+    return Attenuation(nm, light.share, at * math.log(10.0) / path_um)
 
 
 def _check_path(path_um: float) -> None:
@@ -153,11 +126,11 @@ def _check_path(path_um: float) -> None:
         raise DataError("path", value=path_um, limit="must be above 0 µm")
 
 
-def _sorted(nm: ArrayLike, values: ArrayLike, what: str) -> tuple[FloatArray, FloatArray]:
+def _sorted(nm: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Pairs with both numbers known, by ascending wavelength; where one comes twice, the mean."""
     x, y = np.asarray(nm, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     if not known.any():
-        raise DataError(what, limit="holds no numbers")
+        raise DataError("absorbance", limit="holds no numbers")
     unique, place = np.unique(x[known], return_inverse=True)
     return unique, np.bincount(place, weights=y[known]) / np.bincount(place)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from solen.errors import DataError
 from solen.material.regression import LinearFit, bad_points, f_tail, fitted, t_quantile
