@@ -61,8 +61,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"  {way}: {one['loss_dB_per_cm']:.3g} dB/cm ({ends[0]:.3g} to {ends[1]:.3g})")
     layer = found["single_layer"]
     lines.append(
-        f"one layer of {layer['thickness_um']:g} µm cannot show this: {layer['u_T']:.1%} in its transmittance is "
-        f"{layer['smallest_loss_dB_per_cm']:.1f} dB/cm"
+        f"one layer of {layer['thickness_um']:g} µm cannot show this: {100.0 * layer['u_T']:g} % in its transmittance "
+        f"is {layer['smallest_loss_dB_per_cm']:.1f} dB/cm"
     )
     lines += [f"warning: {warning}" for warning in found["warnings"]]
     return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]

@@ -165,7 +165,7 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
     same = (number[:, None] == number[None, :]).astype(float)
     if same.sum() == len(number):
         return None
-    return same if of is None else same * np.multiply.outer(np.asarray(of, float), np.asarray(of, float))
+    return same if of is None else np.asarray(same * np.multiply.outer(np.asarray(of, float), np.asarray(of, float)))
 
 
 def bad_points(
@@ -216,6 +216,11 @@ def f_tail(ratio: float, between: float, within: float) -> float:
     return float(fdtrc(between, within, ratio))
 
 
+def chance(p: float) -> str:
+    """How often something comes by chance, in words."""
+    return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
+
+
 def ranks(labels: Sequence[Hashable]) -> NDArray[np.intp]:
     """Number of each label, from 0 on, in the order of first appearance."""
     seen: dict[Hashable, int] = {}
@@ -248,7 +253,7 @@ def _plain(x: FloatArray, y: FloatArray, each: FloatArray) -> LinearFit:
     """Fit without effects, from the variances of e: `_at` where its matrices are diagonal."""
     n, p = x.shape
     weighted = x / each[:, None]
-    unscaled = np.linalg.inv(x.T @ weighted)
+    unscaled = np.asarray(np.linalg.inv(x.T @ weighted), float)
     hat = weighted @ unscaled
     beta = hat.T @ y
     residuals = y - x @ beta
@@ -309,7 +314,7 @@ def _at(
 def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFit:
     """The same fit with the covariance that its residuals show."""
     weighted = x / each[:, None]
-    rows = np.linalg.solve(x.T @ weighted, weighted.T)
+    rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
     left = np.eye(len(x)) - x @ rows
     raised = 1.0 / np.maximum(np.diag(left), _EXACT)
     covariance = (rows * (fit.residuals**2 * raised)) @ rows.T

@@ -18,13 +18,22 @@ from solen.recording.model import FloatArray
 from solen.units import factor, is_unit
 
 LENGTHS = ("length", "guide length")
-POWERS = ("power", "signal", "voltage", "current", "transmittance", "level", "output", "intensity", "counts")
+POWERS = ("power", "signal", "voltage", "current", "transmittance", "level", "output", "intensity", "counts", "T")
 LOSSES = ("loss", "insertion loss", "attenuation")
 GUIDES = ("guide", "piece", "sample", "specimen", "part", "print", "id", "name", "probe")
-ORIENTATIONS = ("orientation", "build orientation", "direction", "angle", "ausrichtung", "bauorientierung")
+ORIENTATIONS = (
+    "orientation",
+    "build orientation",
+    "direction",
+    "angle",
+    "ausrichtung",
+    "orientierung",
+    "bauorientierung",
+)
 LAYER_UM, U_T = 25.0, 1e-3
 """The layer of the paper, and how well a good spectrophotometer knows its transmittance."""
-_LINEAR = ("W", "V", "A", "1")
+_LINEAR = ("W", "V", "A")
+_SHARES = {1.0: "1", 0.01: "%"}
 
 
 @dataclass(frozen=True)
@@ -117,8 +126,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         warnings.append(f"{gone} row{'s' * (gone > 1)} without a length or a power: left out")
     if not there.any():
         raise DataError(recording.provenance.file, limit="has no row with a length and a power")
-    values = channel.values[there]
-    sign = -1.0 if recording.find(*LOSSES) is channel else 1.0
+    values = channel.values[there] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
     guide, way = _texts(recording, there, GUIDES), _texts(recording, there, ORIENTATIONS)
     if guide is None:
         warnings.append(
@@ -127,7 +135,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         )
     if unit in {"V", "mV"} and dark is None:
         warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
-    return Readings(length[there], values, unit, sign * levels_dB(values, unit, dark), guide, way, warnings)
+    return Readings(length[there], values, unit, levels_dB(values, unit, dark), guide, way, warnings)
 
 
 def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
@@ -137,12 +145,12 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
     if logarithm:
         return logarithm, []
     if given in {"", "a.u.", "counts", "relative"}:
-        if stated is None and channel.quantity == "transmittance":
+        if stated is None and (channel.quantity == "transmittance" or channel.name == "T"):
             return "1", []
         quiet = stated is not None
         return "", [] if quiet else [f"{channel.name} has no unit: it is taken as proportional to power (--unit)"]
-    if factor(given, "%") is not None:
-        return ("1" if factor(given, "1") == 1.0 else "%"), []
+    if (share := factor(given, "1")) in _SHARES:
+        return _SHARES[share], []
     if not is_unit(given) or all(factor(given, one) is None for one in _LINEAR):
         limit = "must be of power, voltage or current, %, 1, dB, dBm, or relative"
         raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="state it with --unit")

@@ -91,7 +91,8 @@ def exposures(
 
 def samples_of(recording: Recording) -> list[Sample]:
     """Layers of a recording, each with its exposure."""
-    time = next((one for name in TIMES if (one := recording.find(name)) and factor(one.unit or "1", "s")), None)
+    times = [recording.find(name) for name in TIMES]
+    time = next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
     every = [one for one in spectra(recording) if kind_of(one.channel) in {"T", "R"}]
     if time is not None:
         return _long(recording, every, time.to("s"))

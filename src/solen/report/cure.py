@@ -27,7 +27,8 @@ def cure_figure(
     """Discs and curve; where a part's layers are known, the dose inside it in a second panel."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.4 if stack is None else 9.6, 3.9), layout="constrained")
-        panels = np.ravel(figure.subplots(1, 1 if stack is None else 2, width_ratios=None if stack is None else (5, 4)))
+        ratios = (1,) if stack is None else (5, 4)
+        panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
         _curve(panels[0], found)
         dose = None if exposure_s is None or irradiance_mW_per_cm2 is None else exposure_s * irradiance_mW_per_cm2
         _window(panels[0], found, layer_um, dose, exposure_s)

@@ -22,28 +22,36 @@ def cutback_figure(found: CutBack, full_dB: float | None, source: Provenance) ->
         lines = {line.orientation: line for line in found.by_orientation} or {"": found.line}
         for number, way in enumerate(ways):
             colour = SERIES[number % len(SERIES)]
-            _dots(axes, [piece for piece in found.pieces if piece.orientation == way], way, colour, zero)
             line = lines.get(way, lines.get(""))
+            dots = [piece for piece in found.pieces if piece.orientation == way]
+            _dots(axes, dots, _label(way, line, found), colour, zero)
             if line is not None:
                 _line(axes, line, found, colour, zero)
         _crosses(axes, found, zero)
         axes.set(xlabel="length (mm)", ylabel="level (dB)" + ("" if full_dB is None else ", from what was launched"))
         axes.set_xlim(left=0.0)
         axes.legend(fontsize=8)
-        low, high = found.line.interval95
-        told = f"{found.line.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %)"
-        axes.set_title(f"{'simulated: ' if source.simulated else ''}{source.file}\n{told}", fontsize=9)
+        axes.set_title(f"{'simulated: ' if source.simulated else ''}{source.file}", fontsize=9)
     return figure
 
 
-def _dots(axes: Axes, pieces: list[Piece], way: str, colour: str, zero: float) -> None:
+def _label(way: str, line: Line | None, found: CutBack) -> str:
+    """Orientation, and the loss of the line that is drawn."""
+    if line is None:
+        return way
+    low, high = line.interval95
+    name = f"{way}: " if found.by_orientation else ""
+    return f"{name}{line.loss_dB_per_cm:.3g} dB/cm ({low:.3g} to {high:.3g}, 95 %)"
+
+
+def _dots(axes: Axes, pieces: list[Piece], label: str, colour: str, zero: float) -> None:
     axes.plot(
         [piece.length_mm for piece in pieces],
         [piece.level_dB - zero for piece in pieces],
         "o",
         ms=4,
         color=colour,
-        label=way or "guides",
+        label=label,
     )
 
 

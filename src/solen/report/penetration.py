@@ -21,7 +21,7 @@ def penetration_figure(
     """Absorbance against wavelength; where a lamp is known, its light against depth in a second panel."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.8 if found is None else 9.0, 3.6), layout="constrained")
-        panels = np.ravel(figure.subplots(1, 1 if found is None else 2))
+        panels = figure.subplots(1, 1 if found is None else 2, squeeze=False)[0]
         panels[0].plot(nm, absorbance, color=INK, lw=1.4, label=f"absorbance, {path_um:g} µm")
         panels[0].set(xlabel="wavelength (nm)", ylabel="absorbance (base 10)")
         if found is not None:

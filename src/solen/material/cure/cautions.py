@@ -1,23 +1,18 @@
 """What a working curve does not say, in sentences with numbers.
 
-The interface: `cautions` of a `WorkingCurve`; `chance` tells a probability in words.
+The interface: `cautions` of a `WorkingCurve`.
 """
 
 import math
 
 import numpy as np
 
-from solen.material.cure.curve import DOUBT, LeftOut, WorkingCurve
-from solen.material.regression import fitted, t_quantile
+from solen.material.cure.curve import DOUBT, LeftOut, WorkingCurve, means_of
+from solen.material.regression import chance, fitted, t_quantile
 
 _FAR = 3.0  # times the critical dose from which on it is an extrapolation
 _FEW_DF = 4.0
 _SHOWN = 4
-
-
-def chance(p: float) -> str:
-    """How often something comes by chance."""
-    return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
 
 
 def cautions(found: WorkingCurve) -> list[str]:
@@ -66,12 +61,12 @@ def _of_shape(found: WorkingCurve) -> list[str]:
 
 def _bend(found: WorkingCurve) -> str:
     """Which way doses' means bend, in the logarithm of dose."""
-    x = np.log([disc.dose_mJ_per_cm2 for disc in found.used])
-    y = np.array([disc.thickness_um for disc in found.used])
+    means = means_of(found.used)
+    x = np.log([disc.dose_mJ_per_cm2 for disc in means])
+    y = np.array([disc.thickness_um for disc in means])
     if len(x) < 4:
         return "one line does not describe them"
-    square = (x - x.mean()) ** 2
-    fit = fitted(np.column_stack([np.ones(len(x)), x, square]), y)
+    fit = fitted(np.column_stack([np.ones(len(x)), x, (x - x.mean()) ** 2]), y)
     low, high = fit.interval((0.0, 0.0, 1.0))
     if low > 0.0:
         return "they bend upwards, as in light of several wavelengths or in a resin that bleaches"

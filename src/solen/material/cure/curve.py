@@ -156,7 +156,7 @@ class WorkingCurve:
     def disc_sigma_um(self, depth_um: float) -> float:
         """Standard deviation of discs of a thickness."""
         thick = max(depth_um, THINNEST * max(disc.thickness_um for disc in self.used))
-        return self.scatter_um * (thick / self.scatter_at_um) ** self.scatter_exponent
+        return float(self.scatter_um * (thick / self.scatter_at_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
         """Dose that cures to a depth."""
@@ -224,7 +224,7 @@ def working_curve(
     lack = _lack_of_fit(used, exponent, fit)
     by_dose = lack is not None and lack.p < DOUBT
     if by_dose:
-        fit, exponent = _fit(_means(used), scatter)
+        fit, exponent = _fit(means_of(used), scatter)
     if not fit.parameters[1] > 0.0:
         low, high = min(disc.dose_mJ_per_cm2 for disc in used), max(disc.dose_mJ_per_cm2 for disc in used)
         raise DataError(
@@ -264,7 +264,7 @@ def _too_thin(discs: tuple[Disc, ...], least_um: float | None) -> list[LeftOut]:
     if least_um is None:
         return []
     whole = [disc for disc in discs if disc.thickness_um > 0.0]
-    thin = {mean.dose_mJ_per_cm2: mean.thickness_um for mean in _means(tuple(whole)) if mean.thickness_um < least_um}
+    thin = {mean.dose_mJ_per_cm2: mean.thickness_um for mean in means_of(tuple(whole)) if mean.thickness_um < least_um}
     return [
         LeftOut(disc, f"its dose's discs are {thin[disc.dose_mJ_per_cm2]:.3g} µm thick, below {least_um:g} µm")
         for disc in whole
@@ -286,7 +286,7 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
     raise DataError("working curve: points", value=told, limit="needs 3 discs at 2 doses at least", remedy=remedy)
 
 
-def _means(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
+def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
     """One disc for each dose, as thick as those there are on average."""
     by_dose: dict[float, list[Disc]] = {}
     for disc in discs:
@@ -336,15 +336,21 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
 
 
 def _not_belonging(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
-    """Discs to set aside; never a dose's last where two doses would not be left."""
+    """Discs to set aside. Where most discs of a dose are off together that is the line's matter, and they stay."""
     most = min(max(1, int(MOST_SET_ASIDE * len(used))), len(used) - 4)
     if most < 1:
         return []
-
     x, y = _columns(used)
     found = bad_points(lambda keep: _likeliest(x[keep], y[keep], scatter)[0], len(used), most)
-    left = {disc.dose_mJ_per_cm2 for number, disc in enumerate(used) if number not in found}
-    return [LeftOut(used[number], "does not belong to the rest", t) for number, t in found.items() if len(left) > 1]
+    doses = [disc.dose_mJ_per_cm2 for disc in used]
+    off = [doses[number] for number in found]
+    alone = {dose for dose in off if 2 * off.count(dose) <= doses.count(dose) or doses.count(dose) == 1}
+    left = {dose for number, dose in enumerate(doses) if number not in found or dose not in alone}
+    return [
+        LeftOut(used[number], "does not belong to the rest", t)
+        for number, t in found.items()
+        if doses[number] in alone and len(left) > 1
+    ]
 
 
 def _lack_of_fit(used: tuple[Disc, ...], exponent: float, fit: LinearFit) -> LackOfFit | None:

@@ -102,8 +102,8 @@ class StackDose:
 
     @property
     def layers_to_settle(self) -> int:
-        """Later layers after which a layer has 99 % of the dose that it will have."""
-        return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9))
+        """Later layers after which a layer has 99 % of what it would have deep inside: so many, last, have less."""
+        return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
 
     @property
     def _mean_of_window_side(self) -> float:

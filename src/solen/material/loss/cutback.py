@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm
 from solen.material.loss.pieces import Mask, Piece, Table, pieces_of
-from solen.material.regression import LinearFit, bad_points, f_tail, t_quantile, t_tail
+from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
 from solen.recording.model import FloatArray
 
 MOST_SET_ASIDE = 0.2
@@ -163,16 +163,16 @@ def cut_back(
     fit = table.fit(table.common(keep), keep)
     lines, p_orientation = _orientations(table, keep)
     p_curved, bend = _curved(table, keep)
-    everything = np.ones(len(pieces), bool)
+    line = _common_line(table, fit, keep)
     return CutBack(
-        line=_common_line(table, fit, keep),
+        line=line,
         by_orientation=lines,
         p_orientation=p_orientation,
         p_curved=p_curved,
         curvature_dB_per_cm2=bend,
         pieces=pieces,
         set_aside=_set_aside(table, fit, keep, bad),
-        line_with_all=_common_line(table, table.fit(table.common(everything), everything), everything),
+        line_with_all=_line_with_all(table) if bad else line,
         piece_dB=fit.sigma,
         guide_dB=fit.effect_sigmas[0] if fit.effect_sigmas else 0.0,
         reading_dB=within,
@@ -198,6 +198,11 @@ def _set_aside(table: Table, fit: LinearFit, keep: Mask, bad: dict[int, float]) 
         start, slope = fit.parameters[ways.index(piece.orientation)], fit.parameters[-1]
         found.append(SetAside(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
     return tuple(found)
+
+
+def _line_with_all(table: Table) -> Line:
+    everything = np.ones(len(table.pieces), bool)
+    return _common_line(table, table.fit(table.common(everything), everything), everything)
 
 
 def _common_line(table: Table, fit: LinearFit, keep: Mask) -> Line:
@@ -323,8 +328,8 @@ def _of_shape(found: CutBack) -> list[str]:
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
-        f"the line {'flattens' if flattens else 'steepens'} with length (by chance in {found.p_curved:.1%} of such "
-        f"tables): {why}; one loss does not describe it"
+        f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(found.p_curved)}): {why}; "
+        "one loss does not describe it"
     ]
 
 
@@ -335,13 +340,13 @@ def _of_orientation(found: CutBack) -> list[str]:
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in found.by_orientation)
     if found.p_orientation < DOUBT:
         told.append(
-            f"the loss depends on the build orientation (dB/cm: {values}; by chance in {found.p_orientation:.1%} of "
-            f"such tables): use the value of your orientation, not the common one"
+            f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(found.p_orientation)}): "
+            "use the value of your orientation, not the common one"
         )
     else:
         told.append(
-            f"no difference between orientations is seen (dB/cm: {values}; such ones come by chance in "
-            f"{found.p_orientation:.0%} of such tables); that is no proof that there is none"
+            f"no difference between orientations is seen (dB/cm: {values}; by chance {chance(found.p_orientation)}); "
+            "that is no proof that there is none"
         )
     lone = [line.orientation for line in found.by_orientation if line.guides == 1]
     if lone:
