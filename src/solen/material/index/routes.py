@@ -97,7 +97,7 @@ def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Le
         k_low95=none,
         k_high95=none,
         correlation=none,
-        warnings=(AS_PUBLISHED, *transmittance.remarks, *_masked(found.n, "n")),
+        warnings=(AS_PUBLISHED, *transmittance.remarks, *masked_at(found.n, "n")),
     )
 
 
@@ -105,7 +105,7 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading) -> IndexSpectrum:
     """Index of a free-standing layer from T alone, k = 0 assumed."""
     found, t = _lossless(transmittance), transmittance.value
     none = np.full(t.shape, np.nan)
-    told = [*_unstated([_Input("T", transmittance, 0.0, 1.0)]), *transmittance.remarks, *_masked(found, "n")]
+    told = [*_unstated([_Input("T", transmittance, 0.0, 1.0)]), *transmittance.remarks, *masked_at(found, "n")]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,
@@ -172,13 +172,13 @@ def _inverse(
     no_k = masks.why_no_k(no_n, found.k, k, t, u_t)
     estimates = estimate(found.n, n, no_n), estimate(found.k, k, no_k)
     remarks = [remark for one in inputs for remark in one.reading.remarks]
-    warnings = [*_unstated(inputs), *remarks, *_masked(estimates[0], "n"), *_masked(estimates[1], "k", no_n)]
+    warnings = [*_unstated(inputs), *remarks, *masked_at(estimates[0], "n"), *masked_at(estimates[1], "k", no_n)]
     return IndexSpectrum(
         mode,
         True,
         np.asarray(wavelength_nm, dtype=float),
         *estimates,
-        *_bounds(found, k, no_k, t, u_t, slope),
+        *k_bounds(found, k, no_k, t, u_t, slope),
         correlation,
         _lossless(next(one.reading for one in inputs if one.name == "T")),
         r,
@@ -216,7 +216,7 @@ def _sum(inputs: Sequence[_Input], r_share: float, t_share: float, points: int) 
     return combined(parts, points)
 
 
-def _bounds(
+def k_bounds(
     found: Inverted, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, slope: Slopes
 ) -> tuple[FloatArray, FloatArray]:
     """95 % bounds of k. Where it is not resolved they are 0 and what a normal error cut off at 0 leaves above 5 %."""
@@ -273,7 +273,7 @@ def _options(names: Sequence[str]) -> str:
     return " and ".join(f"--u-{name}" for name in names)
 
 
-def _masked(one: Estimate, name: str, beside: Codes | None = None) -> list[str]:
+def masked_at(one: Estimate, name: str, beside: Codes | None = None) -> list[str]:
     """How many points are masked, by reason; those that are masked in n already are not told again for k."""
     codes = one.why if beside is None else np.where(one.why == beside, Why.FINE, one.why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
