@@ -15,7 +15,7 @@ DOSES = np.repeat(np.geomspace(12.0, 120.0, 8), 3)
 
 
 def line(dose: FloatArray) -> FloatArray:
-    return DP * np.log(dose / EC)
+    return np.asarray(DP * np.log(dose / EC))
 
 
 def law(name: str, depth: FloatArray) -> FloatArray:

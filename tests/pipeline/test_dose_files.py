@@ -331,7 +331,7 @@ def test_exposures_of_files_that_are_named(tmp_path: Path) -> None:
 
 def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path) -> None:
     """Lossless slabs of n = 1.48, 1.49 and 1.50 at 2, 4 and 6 s, by their reflectance and transmittance."""
-    rows = []
+    rows: list[str] = []
     for seconds, n in ((2, 1.48), (4, 1.49), (6, 1.50)):
         r = ((n - 1.0) / (n + 1.0)) ** 2
         rows.extend(f"{seconds},{nm},{(1.0 - r) / (1.0 + r):.12f},{2.0 * r / (1.0 + r):.12f}" for nm in (450, 500))
