@@ -37,10 +37,8 @@ def coverage(name: str, scatter: Scatter, draws: int, seed: int, dose: FloatArra
     """Share of draws whose 95 % intervals hold Dp, and Ec."""
     rng, depth = np.random.default_rng(seed), line(dose)
     sd = law(name, depth)
-    return np.mean(
-        [holds(working_curve(dose, depth + sd * rng.normal(size=len(depth)), scatter=scatter)) for _ in range(draws)],
-        axis=0,
-    )
+    found = [working_curve(dose, depth + sd * rng.normal(size=len(depth)), scatter=scatter) for _ in range(draws)]
+    return np.asarray(np.mean([holds(one) for one in found], axis=0))
 
 
 def test_exact_points_give_their_curve() -> None:
