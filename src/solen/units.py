@@ -11,7 +11,18 @@ from typing import Any
 NM_PER_UM = 1e3
 
 _LONGEST = 24  # characters of a unit: what is longer is a remark
-_SPELLINGS = {"%t": "%", "%r": "%", "%a": "%", "µ": "µm", "micron": "um", "sec": "s", "sek": "s", "°": "deg", "": "1"}
+_SPELLINGS = {"pct": "%", "percent": "%", "prozent": "%"} | dict.fromkeys(("%t", "%r", "%a"), "%")
+_SPELLINGS |= {
+    "µ": "µm",
+    "micron": "um",
+    "microns": "um",
+    "sec": "s",
+    "sek": "s",
+    "std": "h",
+    "°": "deg",
+    "": "1",
+    "-": "1",
+}
 _POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
 _FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
@@ -27,7 +38,12 @@ def is_unit(text: str) -> bool:
 
 
 def factor(unit: str, wanted: str) -> float | None:
-    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be."""
+    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be.
+
+    Units that have no factor, as dB/cm and °C, can be taken to themselves.
+    """
+    if unit and unit == wanted:
+        return 1.0
     ours, theirs = _unit(unit), _unit(wanted)
     if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
         return None

@@ -1,0 +1,207 @@
+"""Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
+
+The idea: the header says what each column is (`solen.recording.words`), `solen.recording.layout` where the table
+stands; here its columns become channels. A column of numbers with one cell that is no number is damaged, not a column
+of text. Columns beside a wavelength run along it, those beside a time along that.
+
+The interface: `read` a `Grid`.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording import dates, layout
+from solen.recording.grid import Grid
+from solen.recording.layout import Layout
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.numbers import is_missing, is_number
+from solen.recording.words import Heading, heading, is_label, plain
+
+_NM = (100.0, 50_000.0)
+"""Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
+
+
+@dataclass(frozen=True)
+class _Column:
+    """A column on its way to a channel."""
+
+    place: int
+    text: str
+    head: Heading
+    values: NDArray[np.float64] | None
+    words: tuple[str, ...] | None
+
+
+def read(grid: Grid, columns: Sequence[str] | None = None) -> Recording:
+    """Recording of a plain table; `DataError` with the line and column of what is damaged.
+
+    ``columns`` names the columns of a table that has no header, as headers are written: ``stress_MPa``.
+    """
+    place = layout.find(grid, columns)
+    check_rows(grid, place)
+    found = _columns(grid, place, machine=False)
+    return recorded(grid, place, found, "table")
+
+
+def check_rows(grid: Grid, place: Layout) -> None:
+    """`DataError` at the first row that has more or fewer cells than the header."""
+    expected = len(place.names)
+    if not place.body:
+        raise grid.source.refused("", "has a header and no rows", "export it again")
+    for row in place.body:
+        if grid.width(row) > expected:
+            raise grid.refused(row, expected, f"stands beyond the {expected} columns of the header")
+        if len(grid.rows[row]) < expected:
+            count = len(grid.rows[row])
+            limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: something is missing or cut off"
+            raise grid.refused(row, None, limit, "restore it, with a separator for each empty cell")
+
+
+def _columns(grid: Grid, place: Layout, *, machine: bool) -> list[_Column]:
+    """Columns of the table, numbers or words as their cells are."""
+    cells = [[grid.rows[row][column] for row in place.body] for column in range(len(place.names))]
+    optical = any(
+        heading(name, unit).quantity == "wavelength" for name, unit in zip(place.names, place.units, strict=True)
+    )
+    heads = [
+        heading(name or f"column {number}", unit, optical=optical)
+        for number, (name, unit) in enumerate(zip(place.names, place.units, strict=True), 1)
+    ]
+    kinds = [_kind(column, name) for column, name in zip(cells, place.names, strict=True)]
+    mark = grid.mark(place.body, [n for n, kind in enumerate(kinds) if "number" in kind])
+    found = []
+    for column, (head, kind) in enumerate(zip(heads, kinds, strict=True)):
+        if kind == "word" and (head.unit or head.quantity):
+            row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
+            raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
+        values = grid.column(column, place.body, mark, machine=machine) if "number" in kind else None
+        words = tuple(cells[column]) if "word" in kind else None
+        found.append(_Column(column, place.names[column], head, values, words))
+    return found
+
+
+def _kind(cells: list[str], name: str) -> str:
+    """``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    numbers = [cell for cell in cells if is_number(cell)]
+    whole = len(numbers) == sum(not is_missing(cell) for cell in cells)
+    if is_label(name):
+        return "number and word" if whole else "word"
+    return "number" if numbers or whole else "word"
+
+
+def recorded(grid: Grid, place: Layout, found: list[_Column], kind: str) -> Recording:
+    """Recording of columns that were read, with what the file says about them."""
+    names = unique([column.head.name for column in found])
+    channels = [
+        Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
+        for name, column in zip(names, found, strict=True)
+        if column.values is not None
+    ]
+    texts = {name: column.words for name, column in zip(names, found, strict=True) if column.words is not None}
+    metadata = parameters(grid, place)
+    instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
+    date = dates.among(metadata)
+    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata=metadata)
+    return Recording(tuple(along_axes(_with_percent(channels))), provenance, texts)
+
+
+def unique(names: Sequence[str]) -> list[str]:
+    """Names with a number after each that was there before: ``sample``, ``sample (2)``."""
+    seen: Counter[str] = Counter()
+    taken = set(names)
+    found = []
+    for name in names:
+        seen[name] += 1
+        made = name
+        while seen[name] > 1 and (made := f"{name} ({seen[name]})") in taken:
+            seen[name] += 1
+        taken.add(made)
+        found.append(made)
+    return found
+
+
+def parameters(grid: Grid, place: Layout) -> dict[str, str]:
+    """What stands above and below the table: names with their values, and remarks."""
+    found: dict[str, str] = {}
+    for row in place.before:
+        cells = [cell for cell in grid.rows[row] if cell]
+        key, separator, value = cells[0].partition(":")
+        if len(cells) > 1:
+            found[cells[0].rstrip(": ")] = " ".join(cells[1:])
+        elif separator and value.strip():
+            found[key.strip()] = value.strip()
+        else:
+            found.setdefault("title", cells[0])
+    said = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
+    for text in said:
+        key, separator, value = text.partition(":")
+        if separator and value.strip() and len(key) < 40 and key.strip().replace(" ", "").isalnum():
+            found[key.strip()] = value.strip()
+    remarks = [text for text in said if text]
+    return found | ({"remarks": " | ".join(remarks)} if remarks else {})
+
+
+def along_axes(channels: list[Channel]) -> list[Channel]:
+    """Channels with the axis that each runs along: the wavelength to its left, or else the time."""
+    waves = [channel for channel in channels if channel.quantity == "wavelength"]
+    if waves:
+        return _along_waves(channels)
+    times = [channel for channel in channels if channel.quantity == "time"]
+    if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are no axis
+        return channels
+    return [replace(one, axis="" if one is times[0] else times[0].name) for one in channels]
+
+
+def _along_waves(channels: list[Channel]) -> list[Channel]:
+    axis = next(channel.name for channel in channels if channel.quantity == "wavelength")
+    found = []
+    for channel in channels:
+        if channel.quantity == "wavelength":
+            axis = channel.name
+            found.append(_in_nm(channel))
+        else:
+            found.append(replace(channel, axis=axis))
+    return found
+
+
+def _in_nm(channel: Channel) -> Channel:
+    """Wavelengths with nm for their unit where none is stated and they can be nothing else."""
+    values = channel.values[np.isfinite(channel.values)]
+    if channel.unit or not values.size or values.min() < _NM[0] or values.max() > _NM[1]:
+        return channel
+    note = f"no unit is stated; {values.min():g} to {values.max():g} are taken for nm"
+    return replace(channel, unit="nm", note=note)
+
+
+def _with_percent(channels: list[Channel]) -> list[Channel]:
+    """Spectra with %T for their unit where only a baseline beside them says so, as in tables cleaned by hand."""
+    optical = any(channel.quantity == "wavelength" for channel in channels)
+    told = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
+    if not optical or not told:
+        return channels
+    known = {(one.quantity, one.unit) for one in told}
+    if len(known) > 1:
+        return channels
+    quantity, unit = known.pop()
+    note = f"no unit is stated; taken for that of {told[0].name}"
+    return [
+        replace(one, quantity=quantity, unit=unit, note=note) if not one.unit and not one.quantity else one
+        for one in channels
+    ]
+
+
+def _ending(grid: Grid, place: Layout, column: _Column) -> str:
+    """Note on a last number that may have lost its end, in a file whose last line has none."""
+    cells = [grid.rows[row][column.place] for row in place.body]
+    last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
+    if grid.ends or not last or len(cells) < 3 or len(cells[-1]) >= min(map(len, cells[:-1])):
+        return ""
+    return f"the file ends without a line break after {cells[-1]}: whether that number is whole cannot be told"
+
+
+def _first(metadata: dict[str, str], names: tuple[str, ...]) -> str:
+    return next((value for key, value in metadata.items() if plain(key) in names), "")
