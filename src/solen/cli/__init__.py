@@ -11,11 +11,11 @@ import sys
 
 import cyclopts
 
-from solen.cli import design
+from solen.cli import design, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
-__all__ = ["app", "design", "main"]
+__all__ = ["app", "design", "main", "stiffness"]
 
 BAD_INPUT, INTERRUPTED = 2, 130
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from solen.material.stiffness.hyperelastic import Fit
 from solen.material.stiffness.modes import MODES
-from solen.material.stiffness.stability import SCANNED
 
 _POOR = 0.1
 
@@ -20,9 +19,7 @@ def cautions(found: Fit) -> list[str]:
 
 def _range(found: Fit) -> str:
     ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in found.quality)
-    return (
-        f"{found.model.kind} holds over the stretches it was fitted to ({ranges}); beyond them it is an extrapolation"
-    )
+    return f"{found.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates"
 
 
 def _unmeasured(found: Fit) -> str:
@@ -30,9 +27,7 @@ def _unmeasured(found: Fit) -> str:
     if not missing or len(found.parameters) == 1:
         return ""
     told = " and ".join(missing)
-    return (
-        f"{told} deformation was not measured: models that agree on these data may differ there by their I₂ or powers"
-    )
+    return f"{told} deformation was not measured: models that agree on these data may differ there"
 
 
 def _unstable(found: Fit) -> list[str]:
@@ -44,8 +39,8 @@ def _unstable(found: Fit) -> list[str]:
         if stable.covers(low, high):
             continue
         where = "in its data" if name in measured else "within the stretches of the other modes"
-        ends = [f"below {stable.low:.4g}"] if stable.low > low else []
-        ends += [f"above {stable.high:.4g}"] if stable.high < high else []
+        ends = [f"below {stable.low:.4g}"] if stable.low is not None and stable.low > low else []
+        ends += [f"above {stable.high:.4g}"] if stable.high is not None and stable.high < high else []
         told.append(f"{found.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}")
     return told
 
@@ -68,8 +63,3 @@ def _misfit(found: Fit) -> list[str]:
         for q in found.quality
         if q.rms_relative > _POOR
     ]
-
-
-def scanned(low: float, high: float) -> tuple[float | None, float | None]:
-    """Ends of a stable range; None for one that is only where looking stopped."""
-    return (None if low <= SCANNED[0] else low), (None if high >= SCANNED[1] else high)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _HIGHEST = 0.995
+_NEGLIGIBLE = 1e-10  # singular value, of the largest, below which a direction is rounding
 _SINGULAR = 1e14  # condition beyond which an inverse has no correct digit
 
 
@@ -49,8 +50,8 @@ class Scatter:
 
 
 def effective_points(points: int, lag_one: float) -> float:
-    """Independent points that ``points`` of that lag-one correlation are worth."""
-    return points * (1 - lag_one) / (1 + lag_one)
+    """Independent points that ``points`` of that lag-one correlation are worth, at least one."""
+    return max(points * (1 - lag_one) / (1 + lag_one), 1.0)
 
 
 def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> Scatter:
@@ -63,16 +64,19 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
     residuals
         One per curve, (points,): weighted.
     """
-    points, parameters = sum(len(r) for r in residuals), jacobians[0].shape[1]
+    points = sum(len(r) for r in residuals)
     power = sum(float(r @ r) for r in residuals)
-    inverse = _inverse(sum((j.T @ j for j in jacobians), np.zeros((parameters, parameters))))
-    if inverse is None or points <= parameters:
-        return Scatter(None, float(np.sqrt(power / max(points - parameters, 1))), 0.0, float(points))
-    lag_one = _lag_one(jacobians, residuals, inverse)
-    meat = sum((j.T @ _smeared(j, lag_one) for j in jacobians), np.zeros_like(inverse))
-    variance = power / max(points - float(np.trace(inverse @ meat)), 1.0)
-    found = variance * inverse @ meat @ inverse
-    return Scatter((found + found.T) / 2, float(np.sqrt(variance)), lag_one, effective_points(points, lag_one))
+    basis = _basis(jacobians)
+    if points <= basis[0].shape[1]:
+        return Scatter(None, 0.0, 0.0, float(points))
+    lag_one = _lag_one(basis, residuals)
+    variance = power / max(points - _overlap(basis, lag_one), 1.0)
+    worth = effective_points(points, lag_one)
+    inverse = _inverse(_gram(jacobians, jacobians))
+    if inverse is None:
+        return Scatter(None, float(np.sqrt(variance)), lag_one, worth)
+    found = variance * inverse @ _gram(jacobians, [_smeared(j, lag_one) for j in jacobians]) @ inverse
+    return Scatter((found + found.T) / 2, float(np.sqrt(variance)), lag_one, worth)
 
 
 def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
@@ -85,7 +89,16 @@ def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
     return starts - points / 2 * (math.log(2 * math.pi * power / points) + 1)
 
 
-def _lag_one(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray], inverse: FloatArray) -> float:
+def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
+    """Orthonormal columns that span what the parameters can do, whether or not each of them is determined."""
+    stacked = np.vstack(jacobians)
+    size = np.linalg.norm(stacked, axis=0)
+    left, singular, _ = np.linalg.svd(stacked / np.where(size > 0, size, 1.0), full_matrices=False)
+    kept = left[:, singular > _NEGLIGIBLE * singular[0]]
+    return np.split(kept, np.cumsum([len(j) for j in jacobians])[:-1])
+
+
+def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> float:
     """ρ whose expected correlation of the residuals is the one found, 0 to 0.995."""
     from scipy.optimize import brentq
 
@@ -93,25 +106,37 @@ def _lag_one(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray], i
     if power <= 0:
         return 0.0
     found = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
-    shifted = sum((j.T @ _shifted(j) for j in jacobians), np.zeros_like(inverse))
+    shifted = _gram(basis, [_shifted(q) for q in basis])
 
     def excess(lag_one: float) -> float:
-        return _expected(jacobians, inverse, shifted, lag_one) - found
+        return _expected(basis, shifted, lag_one) - found
 
     if excess(0.0) >= 0:
         return 0.0
     return _HIGHEST if excess(_HIGHEST) <= 0 else float(brentq(excess, 0.0, _HIGHEST, xtol=1e-6))
 
 
-def _expected(jacobians: Sequence[FloatArray], inverse: FloatArray, shifted: FloatArray, lag_one: float) -> float:
-    """tr(M S M V)/tr(M V), without a matrix of points by points."""
-    points = sum(len(j) for j in jacobians)
-    smeared = [_smeared(j, lag_one) for j in jacobians]
-    through = sum((j.T @ s for j, s in zip(jacobians, smeared, strict=True)), np.zeros_like(inverse))
-    both = sum((j.T @ _shifted(s) for j, s in zip(jacobians, smeared, strict=True)), np.zeros_like(inverse))
-    above = (points - len(jacobians)) * lag_one
-    above += float(-2 * np.trace(inverse @ both) + np.trace(inverse @ shifted @ inverse @ through))
-    return above / (points - float(np.trace(inverse @ through)))
+def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:
+    """tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
+    points = sum(len(q) for q in basis)
+    smeared = [_smeared(q, lag_one) for q in basis]
+    through = _gram(basis, smeared)
+    both = _gram(basis, [_shifted(s) for s in smeared])
+    above = (points - len(basis)) * lag_one + float(np.sum(shifted * through.T) - 2 * np.trace(both))
+    return above / (points - float(np.trace(through)))
+
+
+def _overlap(basis: Sequence[FloatArray], lag_one: float) -> float:
+    """tr(Qᵀ V Q): how much of correlated noise the fit follows, in points."""
+    return float(np.trace(_gram(basis, [_smeared(q, lag_one) for q in basis])))
+
+
+def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
+    """Sum over curves of LᵀR."""
+    found = np.zeros((left[0].shape[1], right[0].shape[1]))
+    for one, other in zip(left, right, strict=True):
+        found += one.T @ other
+    return found
 
 
 def _shifted(columns: FloatArray) -> FloatArray:

@@ -101,7 +101,8 @@ class MeanModulus:
     Attributes
     ----------
     modulus_MPa, u_modulus_MPa, interval95_MPa
-        Mean, standard uncertainty of the mean, and interval by Student's t; those of the specimen where it is one.
+        Mean, standard uncertainty of the mean, and interval by Student's t; those of the specimen where it is one. Few
+        specimens may agree by chance: where they differ by less than each is uncertain, that is taken instead.
     sd_modulus_MPa
         Standard deviation between specimens; None for one.
     specimens
@@ -151,10 +152,10 @@ def mean_modulus(found: Sequence[Young]) -> MeanModulus:
     if len(values) == 1:
         only = found[0]
         return MeanModulus(only.modulus_MPa, only.u_modulus_MPa, only.interval95_MPa, None, 1)
-    mean, sd = float(values.mean()), float(values.std(ddof=1))
-    u_mean = sd / math.sqrt(len(values))
-    half = float(t.ppf(0.975, len(values) - 1)) * u_mean
-    return MeanModulus(mean, u_mean, (mean - half, mean + half), sd, len(values))
+    mean, sd, root = float(values.mean()), float(values.std(ddof=1)), math.sqrt(len(values))
+    own = math.sqrt(float(np.mean([each.u_modulus_MPa**2 for each in found])))
+    half = max(float(t.ppf(0.975, len(values) - 1)) * sd, 1.959964 * own) / root
+    return MeanModulus(mean, max(sd, own) / root, (mean - half, mean + half), sd, len(values))
 
 
 def _toe(test: StressStrain, wanted: str) -> Toe:
@@ -209,7 +210,7 @@ def _of_compliance(test: StressStrain, found: Young) -> str:
         return ""
     stiffness = found.modulus_MPa * area / length
     return (
-        f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make the modulus 1 % "
+        f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make it 1 % "
         f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-n takes it off"
     )
 

@@ -144,7 +144,8 @@ def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
         w[:, None] * fitted.jacobian(parameters, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)
     ]
     quality = _quality(fitted, parameters, curves)
-    stable = {name: stable_range(fitted, parameters, mode) for name, mode in MODES.items()}
+    reached = (min(q.stretch_range[0] for q in quality), max(q.stretch_range[1] for q in quality))
+    stable = {name: stable_range(fitted, parameters, mode, reached) for name, mode in MODES.items()}
     spread = scatter(jacobians, residuals)
     return Fit(
         model=fitted,

@@ -171,10 +171,11 @@ def extremes(test: StressStrain) -> Extremes:
 
 
 def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[FloatArray, FloatArray]:
-    """Strain and stress, as magnitudes, of the points of the loading branch in a range."""
+    """Strain and stress of the points of the loading branch in a range, on either side of zero where the test is."""
     rows = loading_branch(test, cycle)
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
-    within = (strain >= strain_range[0]) & (strain <= strain_range[1])
+    size = np.abs(strain) if test.loading == "both" else strain
+    within = (size >= strain_range[0]) & (size <= strain_range[1])
     return strain[within], stress[within]
 
 

@@ -19,20 +19,20 @@ from solen.material.stiffness.modes import Mode
 FloatArray = NDArray[np.float64]
 
 SCANNED = (0.1, 10.0)
-"""Stretches between which stability is looked at."""
+"""Stretches between which stability is looked at, and farther where data reach farther."""
 _STEPS = 800
 
 
 @dataclass(frozen=True)
 class StableRange:
-    """Stretches around 1 over which a model is stable along one mode; an end at `SCANNED` was not found to be one."""
+    """Stretches around 1 over which a model is stable along one mode; None for an end that was not found."""
 
-    low: float
-    high: float
+    low: float | None
+    high: float | None
 
     def covers(self, low: float, high: float) -> bool:
-        """Whether stretches from ``low`` to ``high`` lie inside."""
-        return self.low <= low and high <= self.high
+        """Whether stretches from ``low`` to ``high``, looked at, lie inside."""
+        return (self.low is None or self.low <= low) and (self.high is None or high <= self.high)
 
 
 def margin(model: Model, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
@@ -41,20 +41,26 @@ def margin(model: Model, parameters: ArrayLike, mode: Mode, stretch: FloatArray)
     return np.asarray(np.linalg.eigvalsh(model.hessian(parameters, first, second))[..., 0])
 
 
-def stable_range(model: Model, parameters: ArrayLike, mode: Mode) -> StableRange:
-    """Stretches from and to which a model is stable along a mode; (1, 1) where it is not even undeformed."""
-    below = _end(model, parameters, mode, np.geomspace(1.0, SCANNED[0], _STEPS))
-    above = _end(model, parameters, mode, np.geomspace(1.0, SCANNED[1], _STEPS))
+def stable_range(
+    model: Model, parameters: ArrayLike, mode: Mode, reached: tuple[float, float] = (1.0, 1.0)
+) -> StableRange:
+    """Stretches from and to which a model is stable along a mode; (1, 1) where it is not even undeformed.
+
+    Looked at between the ends of `SCANNED`, or of ``reached`` where that is wider.
+    """
+    low, high = min(SCANNED[0], reached[0]), max(SCANNED[1], reached[1])
+    below = _end(model, parameters, mode, np.geomspace(1.0, low, _STEPS))
+    above = _end(model, parameters, mode, np.geomspace(1.0, high, _STEPS))
     return StableRange(below, above)
 
 
-def _end(model: Model, parameters: ArrayLike, mode: Mode, stretches: FloatArray) -> float:
-    """Last stable stretch of a way that starts at 1."""
+def _end(model: Model, parameters: ArrayLike, mode: Mode, stretches: FloatArray) -> float | None:
+    """Last stable stretch of a way that starts at 1; None where all of it is stable."""
     from scipy.optimize import brentq
 
     unstable = np.flatnonzero(margin(model, parameters, mode, stretches) <= 0)
     if len(unstable) == 0:
-        return float(stretches[-1])
+        return None
     at = int(unstable[0])
     if at == 0:
         return 1.0
