@@ -47,7 +47,7 @@ def factor(unit: str, wanted: str) -> float | None:
     ours, theirs = _unit(unit), _unit(wanted)
     if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
         return None
-    return float((1.0 * ours).to(theirs).magnitude)
+    return float(f"{(1.0 * ours).to(theirs).magnitude:.15g}")  # 1000, where steps by way of m make 999.9999999999999
 
 
 @cache

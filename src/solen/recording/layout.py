@@ -22,6 +22,8 @@ class Layout:
 
     Attributes
     ----------
+    header
+        Row of the header; of the first row of the table where its columns were named otherwise.
     names
         Text of each column's header.
     units
@@ -34,6 +36,7 @@ class Layout:
         Rows of text after it.
     """
 
+    header: int
     names: list[str]
     units: list[str]
     before: list[int]
@@ -56,13 +59,15 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
     before, below = filled[:place], filled[place + 1 :]
     names = grid.rows[header][: grid.width(header)]
     units = _units_below(grid, filled, place)
+    if len(names) > 1 and 2 * sum(map(stated_unit, names)) > len(names):
+        raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
     for row in before:
         if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:
             limit = f"holds numbers above the header, which is in {grid.place(header)}"
             raise grid.refused(row, None, limit, "remove what does not belong to the table")
     below = below[1:] if units else below
     body, after = _parted(grid, below)
-    return Layout(names, [*units, *[""] * (len(names) - len(units))], before, body, after)
+    return Layout(header, names, [*units, *[""] * (len(names) - len(units))], before, body, after)
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
@@ -151,7 +156,7 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
         limit = "there is no header above the numbers that says what the columns are"
         remedy = "add a first line such as wavelength_nm,T,R, or name the columns when calling read"
         raise grid.refused(first, None, limit, remedy)
-    return Layout(names, [""] * len(names), [], *_parted(grid, filled))
+    return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
 
 
 def _headless(grid: Grid, filled: list[int]) -> DataError:
@@ -170,4 +175,4 @@ def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | 
         raise grid.refused(header, None, "is a header; the columns are named twice", "leave out the columns")
     if not filled or _numbers(grid, filled[0]) == 0:
         raise grid.source.refused("", "does not begin with numbers", "name columns only of a table without a header")
-    return Layout(list(columns), [""] * len(columns), [], *_parted(grid, filled))
+    return Layout(filled[0], list(columns), [""] * len(columns), [], *_parted(grid, filled))

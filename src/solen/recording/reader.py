@@ -6,7 +6,7 @@ The interface: `read`.
 from collections.abc import Sequence
 from pathlib import Path
 
-from solen.recording import cary, table, workbook
+from solen.recording import cary, layout, table, testxpert, workbook
 from solen.recording.grid import of_text
 from solen.recording.model import Recording
 from solen.recording.source import load
@@ -45,4 +45,5 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         start = cary.is_cary(grid)
         if start is not None:
             return cary.read(grid, start)
-    return table.read(grid, columns)
+    place = layout.find(grid, columns)
+    return testxpert.read(grid, place) if testxpert.is_testxpert(place) else table.read(grid, place)

@@ -4,7 +4,7 @@ The idea: the header says what each column is (`solen.recording.words`), `solen.
 stands; here its columns become channels. A column of numbers with one cell that is no number is damaged, not a column
 of text. Columns beside a wavelength run along it, those beside a time along that.
 
-The interface: `read` a `Grid`.
+The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
 """
 
 from collections import Counter
@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.recording import dates, layout
+from solen.recording import dates
 from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
@@ -26,8 +26,8 @@ _NM = (100.0, 50_000.0)
 
 
 @dataclass(frozen=True)
-class _Column:
-    """A column on its way to a channel."""
+class Column:
+    """A column on its way to a channel: its place, header, what that says, and its numbers, words or both."""
 
     place: int
     text: str
@@ -36,15 +36,10 @@ class _Column:
     words: tuple[str, ...] | None
 
 
-def read(grid: Grid, columns: Sequence[str] | None = None) -> Recording:
-    """Recording of a plain table; `DataError` with the line and column of what is damaged.
-
-    ``columns`` names the columns of a table that has no header, as headers are written: ``stress_MPa``.
-    """
-    place = layout.find(grid, columns)
+def read(grid: Grid, place: Layout) -> Recording:
+    """Recording of a plain table; `DataError` with the line and column of what is damaged."""
     check_rows(grid, place)
-    found = _columns(grid, place, machine=False)
-    return recorded(grid, place, found, "table")
+    return recorded(grid, place, columns(grid, place), "table")
 
 
 def check_rows(grid: Grid, place: Layout) -> None:
@@ -61,8 +56,8 @@ def check_rows(grid: Grid, place: Layout) -> None:
             raise grid.refused(row, None, limit, "restore it, with a separator for each empty cell")
 
 
-def _columns(grid: Grid, place: Layout, *, machine: bool) -> list[_Column]:
-    """Columns of the table, numbers or words as their cells are."""
+def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
+    """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
     cells = [[grid.rows[row][column] for row in place.body] for column in range(len(place.names))]
     optical = any(
         heading(name, unit).quantity == "wavelength" for name, unit in zip(place.names, place.units, strict=True)
@@ -80,7 +75,7 @@ def _columns(grid: Grid, place: Layout, *, machine: bool) -> list[_Column]:
             raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
         values = grid.column(column, place.body, mark, machine=machine) if "number" in kind else None
         words = tuple(cells[column]) if "word" in kind else None
-        found.append(_Column(column, place.names[column], head, values, words))
+        found.append(Column(column, place.names[column], head, values, words))
     return found
 
 
@@ -93,7 +88,7 @@ def _kind(cells: list[str], name: str) -> str:
     return "number" if numbers or whole else "word"
 
 
-def recorded(grid: Grid, place: Layout, found: list[_Column], kind: str) -> Recording:
+def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recording:
     """Recording of columns that were read, with what the file says about them."""
     names = unique([column.head.name for column in found])
     channels = [
@@ -126,16 +121,8 @@ def unique(names: Sequence[str]) -> list[str]:
 
 def parameters(grid: Grid, place: Layout) -> dict[str, str]:
     """What stands above and below the table: names with their values, and remarks."""
-    found: dict[str, str] = {}
-    for row in place.before:
-        cells = [cell for cell in grid.rows[row] if cell]
-        key, separator, value = cells[0].partition(":")
-        if len(cells) > 1:
-            found[cells[0].rstrip(": ")] = " ".join(cells[1:])
-        elif separator and value.strip():
-            found[key.strip()] = value.strip()
-        else:
-            found.setdefault("title", cells[0])
+    told = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
+    found = dict(zip(unique([key for key, _ in told]), (value for _, value in told), strict=True))
     said = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
     for text in said:
         key, separator, value = text.partition(":")
@@ -143,6 +130,14 @@ def parameters(grid: Grid, place: Layout) -> dict[str, str]:
             found[key.strip()] = value.strip()
     remarks = [text for text in said if text]
     return found | ({"remarks": " | ".join(remarks)} if remarks else {})
+
+
+def _parameter(cells: list[str]) -> tuple[str, str]:
+    """Name and value of a line above the table; a line that names nothing is a title."""
+    key, separator, value = cells[0].partition(":")
+    if len(cells) > 1:
+        return cells[0].rstrip(": "), " ".join(cells[1:])
+    return (key.strip(), value.strip()) if separator and value.strip() else ("title", cells[0])
 
 
 def along_axes(channels: list[Channel]) -> list[Channel]:
@@ -194,7 +189,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     ]
 
 
-def _ending(grid: Grid, place: Layout, column: _Column) -> str:
+def _ending(grid: Grid, place: Layout, column: Column) -> str:
     """Note on a last number that may have lost its end, in a file whose last line has none."""
     cells = [grid.rows[row][column.place] for row in place.body]
     last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
