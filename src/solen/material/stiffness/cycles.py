@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 
 SWING = 0.1
 """Share of the strain's range that a reversal must exceed."""
-_UNLOADED = 0.01  # of the first cycle's peak stress
+_UNLOADED = (0.01, 0.05)  # of the first cycle's peak stress
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ class Cycle:
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
         Per volume before the test; None for what was not recorded (no unloading).
     residual_strain
-        Where unloading has brought the stress to 1 % of the first peak; None where it was not.
+        Where a line through the end of the unloading, from 5 to 1 % of the first peak stress, meets zero stress; None
+        where unloading was not recorded to 1 %.
     """
 
     number: int
@@ -173,7 +174,7 @@ def _cycle(
     up = slice(start, peak + 1)
     largest = float(stress[up].max())
     first_strain = before[0].peak_strain if before else float(strain[peak])
-    threshold = _UNLOADED * (before[0].peak_stress_MPa if before else largest)
+    first_stress = before[0].peak_stress_MPa if before else largest
     down = slice(unloading[0], unloading[1] + 1) if unloading else None
     return Cycle(
         number=number,
@@ -185,8 +186,21 @@ def _cycle(
         stress_at_half_MPa=_crossing(strain[up], stress[up], first_strain / 2),
         work_in_mJ_per_mm3=float(np.trapezoid(stress[up], strain[up])),
         work_out_mJ_per_mm3=None if down is None else -float(np.trapezoid(stress[down], strain[down])),
-        residual_strain=None if down is None else _crossing(-stress[down], strain[down], -threshold),
+        residual_strain=None if down is None else _residual(strain[down], stress[down], first_stress),
     )
+
+
+def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | None:
+    """Strain at which the last of an unloading meets zero stress."""
+    low, high = (share * peak for share in _UNLOADED)
+    end = np.flatnonzero(stress <= low)
+    if len(end) == 0:
+        return None
+    last = np.flatnonzero(stress[: end[0]] <= high)
+    if len(last) < 3 or float(np.ptp(stress[last])) == 0:
+        return _crossing(-stress, strain, -low)
+    slope, zero = np.polyfit(stress[last], strain[last], 1)
+    return float(zero) if slope > 0 else _crossing(-stress, strain, -low)
 
 
 def _crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:

@@ -195,12 +195,12 @@ def _of_friction(test: StressStrain, settings: Settings) -> str:
 
 
 def _of_dimensions(test: StressStrain, found: Young) -> str:
-    if not test.area_used or found.u_dimensions_MPa is not None or test.specimen.area_mm2 is None:
+    per_mm = test.specimen.area_error_per_mm
+    if not test.area_used or found.u_dimensions_MPa is not None or per_mm is None:
         return ""
-    side = math.sqrt(test.specimen.area_mm2)
     return (
         "the uncertainty of the modulus leaves out the specimen's dimensions (--u-geometry-mm): "
-        f"0.05 mm on each side would add {100 * 0.05 * math.sqrt(2) / side:.1g} %"
+        f"0.05 mm on each side would make the area uncertain by {100 * 0.05 * per_mm:.1g} %"
     )
 
 

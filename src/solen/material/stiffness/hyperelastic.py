@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from solen.errors import DataError
 from solen.material.stiffness.correlation import Scatter, log_likelihood, scatter
-from solen.material.stiffness.models import Model, Ogden, model, ogden_basis
+from solen.material.stiffness.models import Model, Ogden, model
 from solen.material.stiffness.modes import MODES, Mode
 from solen.material.stiffness.stability import StableRange, stable_range
 
@@ -37,6 +37,8 @@ _FLOOR = 0.02  # of the largest stress of a test: below it a relative error mean
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _STEEPEST = 30.0  # bound of |α|
 _REFINED = 12  # starts that are refined
+_POLISHED = 3  # of them, to the end
+_STEPS = 400  # evaluations for each
 
 
 @dataclass(frozen=True)
@@ -207,45 +209,70 @@ def _solved(rows: FloatArray, wanted: FloatArray) -> FloatArray:
 
 
 def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
-    from scipy.optimize import least_squares
+    """Best end of the best starts; powers are kept within ±30 by α = 30 sin θ, so that the search itself is free."""
+    from scipy.optimize import leastsq
 
-    wanted = np.concatenate([w * c.stress_MPa for c, w in zip(curves, weights, strict=True)])
-    scale = float(np.linalg.norm(wanted)) or 1.0
-
-    def residual(parameters: FloatArray) -> FloatArray:
-        found = [w * fitted.stress(parameters, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)]
-        return np.asarray((np.concatenate(found) - wanted) / scale)
-
-    def jacobian(parameters: FloatArray) -> FloatArray:
-        rows = [
-            w[:, None] * fitted.jacobian(parameters, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)
-        ]
-        return np.asarray(np.vstack(rows) / scale)
-
+    terms = _Terms.of(curves, weights)
     order = fitted.order
-    bounds = ([-np.inf] * order + [-_STEEPEST] * order, [np.inf] * order + [_STEEPEST] * order)
-    ends = [
-        least_squares(residual, start, jacobian, bounds=bounds, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        for start in _starts(fitted, curves, weights, wanted)
+
+    def residual(searched: FloatArray) -> FloatArray:
+        return terms.basis(_STEEPEST * np.sin(searched[order:])) @ searched[:order] - terms.wanted
+
+    def jacobian(searched: FloatArray) -> FloatArray:
+        powers, slope = _STEEPEST * np.sin(searched[order:]), _STEEPEST * np.cos(searched[order:])
+        return np.hstack([terms.basis(powers), terms.by_power(powers) * searched[:order] * slope])
+
+    def ended(start: FloatArray, tolerance: float) -> tuple[float, FloatArray]:
+        found = leastsq(residual, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_STEPS, full_output=True)
+        return float(np.sum(residual(np.asarray(found[0])) ** 2)), np.asarray(found[0])
+
+    rough = [
+        ended(np.concatenate([moduli, np.arcsin(powers / _STEEPEST)]), 1e-5) for moduli, powers in _starts(terms, order)
     ]
-    return _ordered(fitted, np.asarray(min(ends, key=lambda end: end.cost).x))
+    rough.sort(key=lambda each: each[0])
+    best = min((ended(end, 1e-14) for _, end in rough[:_POLISHED]), key=lambda each: each[0])[1]
+    return _ordered(fitted, np.concatenate([best[:order], _STEEPEST * np.sin(best[order:])]))
 
 
-def _starts(
-    fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatArray], wanted: FloatArray
-) -> list[FloatArray]:
+@dataclass(frozen=True)
+class _Terms:
+    """Ogden's terms at all points of all curves: weighted stress Σᵢ fᵢ exp(α lᵢ) at μ = 1, with lᵢ = ln λᵢ."""
+
+    factor: FloatArray
+    logarithm: FloatArray
+    wanted: FloatArray
+
+    @classmethod
+    def of(cls, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> "_Terms":
+        factors, logarithms = [], []
+        for curve, weight in zip(curves, weights, strict=True):
+            powers = np.array(curve.mode.powers)
+            factors.append(powers * (weight / curve.stretch / curve.mode.directions)[:, None])
+            logarithms.append(powers * np.log(curve.stretch)[:, None])
+        wanted = np.concatenate([w * c.stress_MPa for c, w in zip(curves, weights, strict=True)])
+        return cls(np.vstack(factors), np.vstack(logarithms), wanted)
+
+    def basis(self, powers: FloatArray) -> FloatArray:
+        """Stress of each term: (points, terms)."""
+        return np.asarray(np.einsum("ni,nit->nt", self.factor, np.exp(self.logarithm[:, :, None] * powers)))
+
+    def by_power(self, powers: FloatArray) -> FloatArray:
+        """Its derivative by the term's power."""
+        grown = np.exp(self.logarithm[:, :, None] * powers)
+        return np.asarray(np.einsum("ni,nit->nt", self.factor * self.logarithm, grown))
+
+
+def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
     """Best of a grid of powers, each with the moduli that are best for it."""
     powers = np.array(_POWERS)
-    basis = np.vstack(
-        [w[:, None] * ogden_basis(powers, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)]
-    )
+    basis = terms.basis(powers)
     tried = []
-    for chosen in combinations(range(len(powers)), fitted.order):
+    for chosen in combinations(range(len(powers)), order):
         rows = basis[:, chosen]
-        moduli = _solved(rows, wanted)
-        tried.append((float(np.sum((rows @ moduli - wanted) ** 2)), moduli, powers[list(chosen)]))
+        moduli = _solved(rows, terms.wanted)
+        tried.append((float(np.sum((rows @ moduli - terms.wanted) ** 2)), moduli, powers[list(chosen)]))
     tried.sort(key=lambda each: each[0])
-    return [np.concatenate([moduli, alphas]) for _, moduli, alphas in tried[:_REFINED]]
+    return [(moduli, alphas) for _, moduli, alphas in tried[:_REFINED]]
 
 
 def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:

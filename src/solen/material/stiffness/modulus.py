@@ -125,7 +125,7 @@ def default_range(test: StressStrain, cycle: str = "first") -> Range:
         if len(strain) < _ENOUGH or float(np.ptp(strain)) == 0 or float(np.ptp(strain)) < 0.5 * (wanted[1] - wanted[0]):
             continue
         found = _regression(test, strain, stress, wanted)
-        if wanted[1] > 0.01 or 0 < found.u_scatter_MPa < _RESOLVED * found.modulus_MPa:
+        if wanted[1] > 0.01 or found.u_scatter_MPa < _RESOLVED * found.modulus_MPa:
             return wanted
     sizes = np.unique(np.abs(test.strain[loading_branch(test, cycle)]))
     return 0.0, float(sizes[min(4, len(sizes) - 1)])

@@ -95,6 +95,8 @@ class Specimen:
         Relative standard uncertainties; None where not known.
     source
         Where the numbers come from, in words.
+    area_error_per_mm
+        How much of the area 1 mm of error in each of its sides or its diameter is, as a fraction.
     is_cube, length_by_user
         Whether the user says so, and states the length.
     """
@@ -105,6 +107,7 @@ class Specimen:
     u_length: float | None
     u_area: float | None
     source: str
+    area_error_per_mm: float | None = None
     is_cube: bool = False
     length_by_user: bool = False
 
@@ -145,6 +148,7 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
         u_length=None if u_mm is None or length is None else u_mm / length,
         u_area=None if u_mm is None or section is None else u_mm * section.error_per_mm,
         source=", ".join(filter(None, words)),
+        area_error_per_mm=None if section is None else section.error_per_mm,
         is_cube=stated.cube_mm is not None,
         length_by_user=stated.cube_mm is not None or stated.length_mm is not None,
     )
