@@ -69,7 +69,7 @@ def _unit(text: str) -> Any:
     powered = re.sub(r"(?<=[a-zµΩ)])\^?(-?\d)", r"**\1", plain, flags=re.IGNORECASE)
     try:
         unit = _registry().Unit(powered)
-        (1.0 * unit).to_base_units()  # scales with an offset and logarithms have no factor
+        one, two = (_registry().Quantity(number, unit).to_base_units().magnitude for number in (1.0, 2.0))
     except Exception:
         return None
-    return unit
+    return unit if two == 2.0 * one else None  # scales with an offset and logarithms have no factor

@@ -223,9 +223,16 @@ def test_an_absorbance_is_no_absorptance(kind: str, base: float) -> None:
     _, t = forward(1.49, 1e-5, 25.0, NM)
     a = np.round(-np.log(t + rng.normal(0.0, 2e-4, NM.size)) / base, 4)
     assert is_absorbance(a, t, base)
-    line = f"^absorptance; equals −{kind} T: .* n\\(650 nm\\) = 1.5.*; measure R; or take --mode lossless"
+    line = f"this A: it is an absorbance, −{kind} T, .* n\\(650 nm\\) = 1.5.*; measure R; or take --mode lossless"
     with pytest.raises(DataError, match=line):
         absorptance(NM, reading(t), reading(a), H)
+
+
+def test_a_reflectance_that_was_made_of_the_transmittance_is_none() -> None:
+    _, t = forward(1.49, 1e-5, 25.0, NM)
+    made = np.round(1.0 - t + np.log10(t), 5)
+    with pytest.raises(DataError, match="does not follow from this R: it is 1 − T \\+ log10 T"):
+        measured(NM, reading(t), reading(made), H)
 
 
 def test_an_absorptance_is_none_by_mistake() -> None:
@@ -300,8 +307,8 @@ def test_nothing_uncertain_has_no_uncertainty() -> None:
         (lambda: Length(0.0), "thickness = '0 µm'; must be finite and above 0"),
         (lambda: Length(float("nan")), "thickness = 'nan µm'"),
         (lambda: Length(25.0, 30.0), "uncertainty of the thickness = '30 µm'; must be at least 0 and below"),
-        (lambda: reading([0.9], 1.5, name="T"), "stated uncertainty of T = 1.5; must be at least 0 and below 1"),
-        (lambda: reading([0.9], -0.1, name="R"), "stated uncertainty of R = -0.1"),
+        (lambda: reading([0.9], 1.5, name="T"), "stated uncertainty of T = '1.5'; must be at least 0 and below 1"),
+        (lambda: reading([0.9], -0.1, name="R"), "stated uncertainty of R = '0.1'; must be at least 0"),
     ],
 )
 def test_bad_numbers_are_refused(make: object, line: str) -> None:

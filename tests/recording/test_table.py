@@ -1,5 +1,6 @@
 """Plain tables: headers in every spelling, separators and decimals told by the numbers, words kept, damage refused."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from solen.errors import DataError
 from solen.recording import read
+from solen.recording.numbers import is_number
+from tests.recording.exports import cary, tensile
 
 
 def saved(folder: Path, text: str, encoding: str = "utf-8") -> Path:
@@ -221,3 +224,60 @@ def test_a_formula_without_a_stored_result_is_not_an_empty_cell(tmp_path: Path) 
 def test_a_column_of_words_below_a_unit_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="line 2, column 2 = '25 um'; is no number"):
         read(saved(tmp_path, "time_s,thickness_um\n1,25 um\n2,50 um\n"))
+
+
+def test_wavelengths_out_of_order_are_told(tmp_path: Path) -> None:
+    rows = [f"{wave},0.9" for wave in (400, 410, 420, 403, 440, 450, 460)]
+    recording = read(saved(tmp_path, "\n".join(["wavelength_nm,T", *rows, ""])))
+    assert "403 after 420" in recording.channel("wavelength").note
+    scattered = [f"{wave},0.9" for wave in (405, 365, 405, 365, 405, 365, 405)]
+    assert read(saved(tmp_path, "\n".join(["wavelength_nm,Ec", *scattered, ""]))).warnings == []
+
+
+def test_a_number_that_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
+    text = "time_s,force_N\n1,2.51\n2,2.62\n3,2.73\n4,2"
+    assert "after 2: whether that number is whole" in read(saved(tmp_path, text)).channel("force").note
+    assert read(saved(tmp_path, text + ".84")).warnings == []
+    assert read(saved(tmp_path, text + "\n")).warnings == []
+
+
+@pytest.mark.parametrize("wave", ["91.37", "123456"])
+def test_what_is_no_wavelength_is_refused(tmp_path: Path, wave: str) -> None:
+    with pytest.raises(DataError, match=r"line 3, column 1 = .*no wavelength in nm"):
+        read(saved(tmp_path, f"wavelength_nm,T\n400,0.9\n{wave},0.9\n"))
+
+
+def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 1; stands without a name above column 2"):
+        read(saved(tmp_path, "film,,dye\n1,2,3\n"))
+    assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
+    assert read(saved(tmp_path, ",T,R\n0,0.9,0.1\n1,0.9,0.1\n")).names == ("column 1", "T", "R")
+
+
+def test_a_percentage_of_excel_is_not_taken_for_the_fraction_that_is_stored(tmp_path: Path) -> None:
+    path = workbook(tmp_path, {"data": [["wavelength_nm", "T (%)"], [400, 0.91], [500, 0.92]]})
+    book = openpyxl.load_workbook(io.BytesIO(path.read_bytes()))
+    for cell in ("B2", "B3"):
+        book["data"][cell].number_format = "0.0%"
+    book.save(path)
+    with pytest.raises(DataError, match="sheet data, cell B2 = '91 %'; is no number"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"), [(cary([("a", "%T", 0), ("b", "Abs", 2)]), "agilent-cary-csv"), (tensile(), "testxpert")]
+)
+def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: str, kind: str) -> None:
+    separator = "," if kind.startswith("agilent") else "\t"
+    lines = [line.replace('"', "").split(separator) for line in text.splitlines()]
+    rows: list[list[object]] = [[float(cell) if is_number(cell) else cell or None for cell in line] for line in lines]
+    sheet = read(workbook(tmp_path, {"data": rows}))
+    plain = read(saved(tmp_path, text))
+    assert sheet.provenance.format == plain.provenance.format == kind
+    for one, two in zip(sheet.channels, plain.channels, strict=True):
+        assert (one.name, one.unit, one.quantity, one.values.tolist()) == (
+            two.name,
+            two.unit,
+            two.quantity,
+            two.values.tolist(),
+        )

@@ -9,7 +9,7 @@ The interface: `is_cary` tells by the header, `read` a `Grid`.
 """
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,16 +44,23 @@ class _Trace:
 
 
 def is_cary(grid: Grid) -> int | None:
-    """Row of the names if a grid begins as such an export does, else None."""
-    filled = [row for row in range(min(len(grid.rows), 6)) if not grid.is_blank(row)][:2]
-    if len(filled) < 2 or filled[1] != filled[0] + 1:
-        return None
-    names, below = (grid.rows[row] for row in filled)
-    pairs = list(zip(below[::2], below[1::2], strict=False))
-    known = [_is_wave(wave) and _is_mode(mode) for wave, mode in pairs]
-    named = [bool(name) for name in names[::2]]
-    alone = not any(cell for cell in names[1::2])
-    return filled[0] if sum(known) > len(pairs) / 2 and any(named) and (alone or len(known) > 1) else None
+    """Row of the names if a grid begins as such an export does, else None.
+
+    `DataError` where the header is that of several traces, and what stands above it are not their names.
+    """
+    filled = [row for row in range(min(len(grid.rows), 8)) if not grid.is_blank(row)]
+    for place, row in enumerate(filled):
+        traces = _pairs(grid.rows[row][: grid.width(row)])
+        if traces and place == 1 and not any(grid.rows[filled[0]][1::2]):
+            return filled[0]
+        if traces > 1:
+            if place == 1:
+                return filled[0]
+            limit = "is a header of traces, " + (
+                "without their names above" if place == 0 else "with more than names above"
+            )
+            raise grid.refused(row, None, limit, "restore the first line, the name of each above its Wavelength (nm)")
+    return None
 
 
 def read(grid: Grid, start: int) -> Recording:
@@ -75,9 +82,18 @@ def read(grid: Grid, start: int) -> Recording:
     ]
     for trace, (waves, values) in zip(traces, pairs, strict=True):
         _check(grid, trace, waves, values)
+    scan.check_digits(grid, [(trace.column + 1, trace.rows) for trace in traces])
     scan.check_alike(grid, [(trace.column, trace.rows, waves) for trace, (waves, _) in zip(traces, pairs, strict=True)])
     logs = carylog.read([grid.rows[row] for row in after], [name for name, _ in heads], grid.separator)
     return _recording(grid, traces, pairs, logs)
+
+
+def _pairs(cells: list[str]) -> int:
+    """How many traces a row of ``Wavelength (nm)`` and modes stands above; 0 where it is none, for the most part."""
+    pairs = list(zip(cells[::2], cells[1::2], strict=False))
+    known = sum(_is_wave(wave) and mode.casefold() in MODES for wave, mode in pairs)
+    alike = sum(_is_wave(wave) and _is_mode(mode) for wave, mode in pairs)
+    return len(pairs) if 2 * alike >= len(pairs) and (known or len(pairs) == 1) else 0
 
 
 def _is_wave(cell: str) -> bool:
@@ -151,10 +167,11 @@ def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
 def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_Trace]:
     """Traces with the rows in which they have numbers."""
     names = unique([name for name, _ in heads])
+    widths = {row: grid.width(row) for row in body}
     found = []
     for n, (name, (_, mode)) in enumerate(zip(names, heads, strict=True)):
         column = 2 * n
-        held = [row for row in body if column < grid.width(row) and any(grid.rows[row][column : column + 2])]
+        held = [row for row in body if column < widths[row] and any(grid.rows[row][column : column + 2])]
         if held and held != body[: len(held)]:
             hole = next(row for row, there in zip(body, held, strict=False) if row != there)
             limit = "is empty, and the trace goes on below"
@@ -175,29 +192,29 @@ def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> 
     if beyond.size:
         row = trace.rows[int(beyond[0])]
         raise grid.refused(row, trace.column + 1, f"no {trace.mode} is beyond {limit:g}")
+    scan.check_wild(grid, trace.column + 1, trace.rows, values)
 
 
 def _recording(
     grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs
 ) -> Recording:
     """Recording of traces, each with the channel of wavelengths that it runs along; equal ones are one channel."""
-    axes: list[Channel] = []
+    axes: dict[bytes, Channel] = {}
+    taken = {trace.name for trace in traces}
     channels: list[Channel] = []
     for trace, (waves, values), log in zip(traces, pairs, logs.of_traces, strict=True):
-        axis = next((one for one in axes if np.array_equal(one.values, waves)), None)
-        if axis is None:
-            axis = Channel("wavelength", "wavelength", "nm", waves)
-            axes.append(axis := replace(axis, name=_axis_name(len(axes), [trace.name for trace in traces])))
+        new = Channel(_axis_name(len(axes), taken), "wavelength", "nm", waves)
+        axis = axes.setdefault(waves.tobytes(), new)
         quantity, unit = MODES.get(trace.mode.casefold(), ("", ""))
         note = "; ".join(_notes(trace, waves, values, quantity, logs.shared | log))
         channels.append(Channel(trace.name, quantity, unit, values, axis.name, note, log))
     provenance = Provenance(
         grid.source.name, grid.source.sha256, "agilent-cary-csv", logs.instrument, logs.date, logs.shared
     )
-    return Recording((*axes, *channels), provenance)
+    return Recording((*axes.values(), *channels), provenance)
 
 
-def _axis_name(number: int, taken: list[str]) -> str:
+def _axis_name(number: int, taken: set[str]) -> str:
     name = "wavelength" if number == 0 else f"wavelength ({number + 1})"
     return name if name not in taken else f"{name} axis"
 

@@ -20,6 +20,7 @@ from solen.recording import dates
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 _ANGLED = re.compile(r"([<\[].+?[>\]])\s*,\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
+_LONGEST = 500  # letters of a line that is a setting
 _COLLECTED, _STAMPED = "Collection Time", "Date/Time stamp"
 
 
@@ -74,7 +75,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
         if before and line and trace < len(names) and line == names[trace].strip():
             current = found[trace]
             trace += 1
-        elif current is not None and line:
+        elif current is not None and 0 < len(line) < _LONGEST:
             current.append(line)
         before = not line
     return found

@@ -19,6 +19,7 @@ from solen.recording.numbers import is_number, parse
 from solen.recording.source import Source
 
 _SEPARATORS = ("\t", ";", " ", ",")
+_SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
 
@@ -64,8 +65,10 @@ class Grid:
         self, row: int, column: int | None, limit: str, remedy: str = "correct it, or export the file again"
     ) -> DataError:
         """Error at a row, or at a cell of it with what stands there."""
-        value = None if column is None or column >= len(self.rows[row]) else self.rows[row][column] or None
-        return self.source.refused(self.place(row, column), limit, remedy, value)
+        cells = self.rows[row]
+        value = cells[column] if column is not None and column < len(cells) else ""
+        shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
+        return self.source.refused(self.place(row, column), limit, remedy, shown or None)
 
     def is_blank(self, row: int) -> bool:
         """Whether a row holds nothing."""
@@ -137,10 +140,15 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """What makes the most cells of a text numbers."""
+    """What makes the most cells of a text numbers; where there are none, what makes the most cells."""
     held = [line for line in lines if line.strip()]
     sample = held[:: max(1, len(held) // _SAMPLE)]
-    return max(_SEPARATORS, key=lambda separator: sum(map(_numbers_by(separator), sample)))
+
+    def score(separator: str) -> tuple[int, int]:
+        cells = 0 if separator == " " else sum(line.count(separator) for line in sample)
+        return sum(map(_numbers_by(separator), sample)), cells
+
+    return max(_SEPARATORS, key=score)
 
 
 def _numbers_by(separator: str) -> Callable[[str], int]:

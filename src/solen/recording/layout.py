@@ -12,8 +12,15 @@ from dataclasses import dataclass
 
 from solen.errors import DataError
 from solen.recording.grid import Grid, splitter
-from solen.recording.numbers import is_number
+from solen.recording.numbers import is_missing, is_number
 from solen.recording.words import heading, stated_unit
+
+_TELLING = 100
+"""Rows below a header by which it is known for one."""
+_SEARCHED = 1000
+"""Rows from the beginning among which the header must be."""
+MOST_COLUMNS = 10_000
+"""Columns of a table, at most."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,9 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
     place = filled.index(header)
     before, below = filled[:place], filled[place + 1 :]
     names = grid.rows[header][: grid.width(header)]
+    if len(names) > MOST_COLUMNS:
+        limit = f"has {len(names)} columns; at most {MOST_COLUMNS} are read"
+        raise grid.refused(header, None, limit, "split the table")
     units = _units_below(grid, filled, place)
     if len(names) > 1 and 2 * sum(map(stated_unit, names)) > len(names):
         raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
@@ -72,7 +82,8 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
     """Row of the header: the first that can be one, unless it heads a list of parameters above the table."""
-    first = next((place for place in range(len(filled)) if _can_head(grid, filled, place)), None)
+    searched = range(min(len(filled), _SEARCHED))
+    first = next((place for place in searched if _can_head(grid, filled, place)), None)
     while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
         first = second
     return None if first is None else filled[first]
@@ -95,7 +106,8 @@ def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
         return False
     words = grid.rows[row][: grid.width(row)]
     skip = 2 if _units_below(grid, filled, place) else 1
-    if place + skip >= len(filled) or sum(not word for word in words) > len(words) / 2:
+    unnamed = sum(not word for word in words) > len(words) / 2
+    if place + skip >= len(filled) or unnamed or any(word and is_missing(word) for word in words):
         return False
     first = filled[place + skip]
     if any(map(is_number, words)):  # samples may be called 1, 2, 3; then all below are numbers
@@ -113,8 +125,9 @@ def _has_width(grid: Grid, row: int, width: int) -> bool:
 
 
 def _block(filled: list[int], place: int) -> list[int]:
-    """Rows from a place on to the next empty one."""
-    end = next((n for n in range(place + 1, len(filled)) if filled[n] != filled[n - 1] + 1), len(filled))
+    """Rows from a place on to the next empty one, as many as tell what they are."""
+    last = min(place + _TELLING, len(filled))
+    end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
     return filled[place:end]
 
 

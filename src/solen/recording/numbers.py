@@ -5,7 +5,7 @@ Arabic digits) or mend (``12.5x``, ``1.234,5``) is what damage looks like. Instr
 what they write is held to a closer form: no leading zeros, no plus, digits on both sides of the mark, one digit before
 the mark where a power of ten follows.
 
-The interface: `is_number`, `is_missing`, and `parse`.
+The interface: `is_number`, `is_missing`, `parse`, and `digits`.
 """
 
 import math
@@ -13,6 +13,8 @@ import re
 
 _NUMBER = re.compile(r"[+\-−–]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _MACHINE = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+)?[eE][+-]?[0-9]{1,3})")
+_MANTISSA = re.compile(r"([0-9]*)(?:[.,]([0-9]*))?(?:[eE].*)?")
+_EXACT = 15  # digits beyond this are those of the binary number, not of a measurement
 _MISSING = {"", "nan", "n/a", "#n/a", "na", "null", "none", "nicht bekannt", "unknown"}
 _MINUS = str.maketrans({"−": "-", "–": "-"})
 
@@ -52,6 +54,17 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
     if math.isinf(number):
         raise ValueError("is beyond any number")
     return number
+
+
+def digits(cell: str) -> tuple[int, int]:
+    """How many significant digits a number is written with, and how many after its mark."""
+    found = _MANTISSA.fullmatch(cell.lstrip("+-−–"))
+    if not found:
+        return 0, 0
+    before, after = found[1], found[2] or ""
+    if len(before) + len(after) > _EXACT:  # 53.064991000000006 is 53.064991
+        return digits(f"{float(cell.replace(',', '.')):.{_EXACT}g}")
+    return len((before + after).lstrip("0")), len(after)
 
 
 def _complaint(cell: str, mark: str) -> str:

@@ -19,9 +19,10 @@ from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
 from solen.recording.numbers import is_missing, is_number
+from solen.recording.scan import RANGE_NM, disorder
 from solen.recording.words import Heading, heading, is_label, plain
 
-_NM = (100.0, 50_000.0)
+_TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
 
 
@@ -39,12 +40,19 @@ class Column:
 def read(grid: Grid, place: Layout) -> Recording:
     """Recording of a plain table; `DataError` with the line and column of what is damaged."""
     check_rows(grid, place)
-    return recorded(grid, place, columns(grid, place), "table")
+    found = columns(grid, place)
+    for column in found:
+        _check_range(grid, place, column)
+    return recorded(grid, place, found, "table")
 
 
 def check_rows(grid: Grid, place: Layout) -> None:
     """`DataError` at the first row that has more or fewer cells than the header."""
     expected = len(place.names)
+    unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # an index may be, a column not
+    if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
+        limit = f"stands without a name above column {unnamed + 1}"
+        raise grid.refused(place.header, None, limit, "name every column that holds something")
     if not place.body:
         raise grid.source.refused("", "has a header and no rows", "export it again")
     for row in place.body:
@@ -58,18 +66,13 @@ def check_rows(grid: Grid, place: Layout) -> None:
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
     """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
-    cells = [[grid.rows[row][column] for row in place.body] for column in range(len(place.names))]
-    optical = any(
-        heading(name, unit).quantity == "wavelength" for name, unit in zip(place.names, place.units, strict=True)
-    )
-    heads = [
-        heading(name or f"column {number}", unit, optical=optical)
-        for number, (name, unit) in enumerate(zip(place.names, place.units, strict=True), 1)
-    ]
-    kinds = [_kind(column, name) for column, name in zip(cells, place.names, strict=True)]
-    mark = grid.mark(place.body, [n for n, kind in enumerate(kinds) if "number" in kind])
+    held = [n for n, name in enumerate(place.names) if name or n == 0]
+    cells = {column: [grid.rows[row][column] for row in place.body] for column in held}
+    kinds = {column: _kind(cells[column], place.names[column]) for column in held}
+    mark = grid.mark(place.body, [column for column in held if "number" in kinds[column]])
     found = []
-    for column, (head, kind) in enumerate(zip(heads, kinds, strict=True)):
+    for column, head in zip(held, _headings(place, held), strict=True):
+        kind = kinds[column]
         if kind == "word" and (head.unit or head.quantity):
             row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
             raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
@@ -77,6 +80,23 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
         words = tuple(cells[column]) if "word" in kind else None
         found.append(Column(column, place.names[column], head, values, words))
     return found
+
+
+def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
+    """What the headers say, by what stands beside them: T is a transmittance where there are wavelengths."""
+    told = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
+    optical = any(heading(name, unit).quantity == "wavelength" for name, unit in told)
+    return [heading(name, unit, optical=optical) for name, unit in told]
+
+
+def _check_range(grid: Grid, place: Layout, column: Column) -> None:
+    """`DataError` at a wavelength that is none, as where the names of columns moved."""
+    if column.head.quantity != "wavelength" or column.head.unit != "nm" or column.values is None:
+        return
+    outside = np.flatnonzero((column.values < RANGE_NM[0]) | (column.values > RANGE_NM[1]))
+    if outside.size:
+        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        raise grid.refused(place.body[int(outside[0])], column.place, limit, "correct it, or the unit in the header")
 
 
 def _kind(cells: list[str], name: str) -> str:
@@ -157,16 +177,21 @@ def _along_waves(channels: list[Channel]) -> list[Channel]:
     for channel in channels:
         if channel.quantity == "wavelength":
             axis = channel.name
-            found.append(_in_nm(channel))
+            found.append(_noted(_in_nm(channel)))
         else:
             found.append(replace(channel, axis=axis))
     return found
 
 
+def _noted(channel: Channel) -> Channel:
+    notes = (channel.note, disorder(channel.values))
+    return replace(channel, note="; ".join(note for note in notes if note))
+
+
 def _in_nm(channel: Channel) -> Channel:
     """Wavelengths with nm for their unit where none is stated and they can be nothing else."""
     values = channel.values[np.isfinite(channel.values)]
-    if channel.unit or not values.size or values.min() < _NM[0] or values.max() > _NM[1]:
+    if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
         return channel
     note = f"no unit is stated; {values.min():g} to {values.max():g} are taken for nm"
     return replace(channel, unit="nm", note=note)

@@ -21,6 +21,7 @@ from solen.recording.layout import Layout
 from solen.recording.model import Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.words import plain
+from solen.units import factor
 
 WORDS = {
     *("standardkraft", "standardweg", "traverse abs.", "traversenweg absolut", "traversenweg", "prüfzeit", "pruefzeit"),
@@ -30,6 +31,7 @@ WORDS = {
 """Names of channels that only this program gives."""
 _LIMITS = {"time": 1e8, "force": 1e8, "strain": 1e5, "displacement": 1e5, "crosshead": 1e5}
 """No test machine shows a number beyond these, in any unit that it writes: a lost decimal point does."""
+_RARE = 0.002  # share of rows: what happens less often than this is no habit of the program
 _STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
 
 
@@ -48,7 +50,11 @@ def read(grid: Grid, place: Layout) -> Recording:
         if column.values is None:
             raise grid.refused(place.body[0], column.place, "is no number", "export the channels of the test alone")
         _check(grid, place, column, column.values)
+    clock = next((one for one in found if factor(one.head.unit, "s") is not None), None)
+    if clock is not None and clock.values is not None:
+        _check_time(grid, place, clock, clock.values)
     _check_repeats(grid, place)
+    scan.check_digits(grid, [(column.place, place.body) for column in found])
     made = table.recorded(grid, place, found, "testxpert")
     return replace(made, channels=tuple(replace(one, note=_note(one.values)) for one in made.channels))
 
@@ -94,10 +100,23 @@ def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.f
     if beyond.size:
         limit = f"no {quantity} is beyond {_LIMITS[quantity]:g}"
         raise grid.refused(place.body[int(beyond[0])], column.place, limit)
-    back = np.flatnonzero(~(np.diff(values) >= 0.0)) if quantity == "time" else np.array([], dtype=int)
-    if back.size:
-        limit = f"follows {values[back[0]]:g}: the time of a test does not run back"
-        raise grid.refused(place.body[int(back[0]) + 1], column.place, limit)
+    hole = np.isnan(values[1:-1]) & np.isfinite(values[:-2]) & np.isfinite(values[2:])
+    if 0 < hole.sum() <= _RARE * values.size + 1:
+        raise grid.refused(place.body[int(np.flatnonzero(hole)[0]) + 1], column.place, "is empty between numbers")
+    scan.check_wild(grid, column.place, place.body, values)
+
+
+def _check_time(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:
+    """`DataError` where time runs back, or stands still where it does so nowhere else."""
+    steps = np.diff(values)
+    wrong = ~(steps >= 0.0)
+    still = steps == 0.0
+    if still.sum() <= _RARE * values.size + 1:  # prints of a fast recording may round many times alike
+        wrong |= still
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        limit = f"follows {values[first]:g}: the time of a test moves on"
+        raise grid.refused(place.body[first + 1], column.place, limit)
 
 
 def _check_repeats(grid: Grid, place: Layout) -> None:

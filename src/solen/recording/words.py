@@ -93,10 +93,11 @@ _LABELS = (
 )
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "
-    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R percent pct prozent "
-    "micron microns µ mol L l ml"
+    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R "
+    "percent pct prozent micron microns µ mol L l ml"
 )
 _TOKENS = frozenset(_UNITS.split())
+_LONGEST = 120  # letters of a header: what is longer is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
 
@@ -131,6 +132,8 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
         Whether the columns run along a wavelength, where T, R and A are what an optician calls so.
     """
     text = " ".join(text.split())
+    if len(text) > _LONGEST:
+        return Heading(text, unit, "")
     if unit:
         return _made(text, _unit_text(unit), optical)
     percent = _PERCENT.fullmatch(text)
@@ -164,6 +167,8 @@ def plain(name: str) -> str:
 def stated_unit(text: str) -> bool:
     """Whether a text is a unit that measurements are written in; pint alone would take ``R`` and ``a.u.`` for units."""
     text = text.strip()
+    if len(text) > _LONGEST:
+        return False
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
     return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text))
@@ -176,7 +181,7 @@ def _split(text: str, optical: bool) -> Heading | None:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
         if inner.strip().lower() in _NO_UNIT:
             return _made(name, "", optical)
-        if inner.strip() == "" or _is_unit_of(name, inner):
+        if inner.strip() == "" or _is_unit_of(name, inner, bracketed=True):
             return _made(name, _unit_text(inner), optical)
         return _made(name, "", optical) if _meanings(name) else None
     for form in (_SLASH, _IN, _LAST):
@@ -206,7 +211,7 @@ def _unit_of_parts(parts: list[str]) -> str:
     return "".join(words) if all("/" in pair for pair in pairwise(words)) else ""
 
 
-def _is_unit_of(name: str, unit: str) -> bool:
+def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
     """Whether a text is a unit and, where the name's quantity is known, one of its kind."""
     unit = unit.strip()
     if not stated_unit(unit):
@@ -214,7 +219,8 @@ def _is_unit_of(name: str, unit: str) -> bool:
     meant = _meanings(name)
     if meant:
         return any(_fits(one, _unit_text(unit)) for one in meant)
-    return len(unit) > 1 or not unit.isalpha()  # a single letter after an unknown word is a label: sample A
+    letter = len(unit) == 1 and unit.isalpha()
+    return unit not in _PURE and (not letter or (bracketed and unit != "A"))  # these are labels: sample A, film 1
 
 
 def _fits(quantity: str, unit: str) -> bool:

@@ -47,6 +47,11 @@ class Why(IntEnum):
     DARK = 11
     ASSUMED = 12
     PUBLISHED = 13
+    NO_FIT = 14
+    INDISTINCT = 15
+    BRIGHT = 16
+    TOO_CLEAR = 17
+    TOO_DARK = 18
 
 
 WORDS = {
@@ -63,6 +68,11 @@ WORDS = {
     Why.DARK: "not resolved: T is within three standard uncertainties of 0, so k has a lower bound only",
     Why.ASSUMED: "not measured: this route assumes k = 0",
     Why.PUBLISHED: "no measurement: R was made of T alone",
+    Why.NO_FIT: "no index from 1 to 3 reads this T and R on this substrate",
+    Why.INDISTINCT: "two indices fit T and R on this substrate within three standard uncertainties",
+    Why.BRIGHT: "more light came out than went in, by more than three standard uncertainties",
+    Why.TOO_CLEAR: "T is above the most that a layer of any index reads on this substrate",
+    Why.TOO_DARK: "T is below what a lossless layer of an index up to 3 reads on this substrate",
 }
 
 

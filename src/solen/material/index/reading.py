@@ -136,7 +136,7 @@ class Combined:
         return student(ONE_SIGMA, self.freedom) * self.parts
 
 
-def reading(repeats: ArrayLike, u_stated: float | None = None, *, name: str = "the reading") -> Reading:
+def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str = "the reading") -> Reading:
     """Mean of repeats of a spectrum, with what their scatter and a stated accuracy say of it.
 
     Parameters
@@ -144,16 +144,17 @@ def reading(repeats: ArrayLike, u_stated: float | None = None, *, name: str = "t
     repeats
         Shape (n,) for one spectrum, (repeats, n) for several; fractions.
     u_stated
-        Standard uncertainty of the instrument, the same for all wavelengths; of a limit ± a take a/√3.
+        Standard uncertainty of the instrument, one number or one per wavelength; of a limit ± a take a/√3. All
+        wavelengths have it in common.
     name
         The quantity, as remarks call it.
     """
     rows = np.atleast_2d(np.asarray(repeats, dtype=float))
-    if u_stated is not None and not 0.0 <= u_stated < 1.0:
-        limit = "must be at least 0 and below 1, a fraction"
-        raise DataError(f"stated uncertainty of {name}", value=u_stated, limit=limit)
     count, points = rows.shape
-    stated = np.full(points, 0.0 if u_stated is None else u_stated)
+    stated = np.broadcast_to(np.asarray(0.0 if u_stated is None else u_stated, dtype=float), points)
+    if ((stated < 0.0) | (stated >= 1.0)).any():
+        limit = "must be at least 0 and below 1, a fraction"
+        raise DataError(f"stated uncertainty of {name}", value=f"{np.nanmax(np.abs(stated)):g}", limit=limit)
     if count == 1:
         nothing = np.zeros(points)
         return Reading(rows[0], nothing, np.stack([nothing, stated]), known=u_stated is not None)

@@ -48,9 +48,17 @@ class _Input:
 def measured(
     wavelength_nm: ArrayLike, transmittance: Reading, reflectance: Reading, thickness: Length
 ) -> IndexSpectrum:
-    """Index and extinction from R and T, each measured on the free-standing layer."""
+    """Index and extinction from R and T, each measured on the free-standing layer.
+
+    Raises
+    ------
+    DataError
+        Where R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
+    """
     inputs = [_Input("R", reflectance, 1.0, 0.0), _Input("T", transmittance, 0.0, 1.0)]
     r, t = reflectance.value, transmittance.value
+    if is_absorbance(1.0 - r - t, t, tolerance=0.0):
+        raise no_reflectance("this R: it is 1 − T + log10 T, made of an absorbance,", wavelength_nm, transmittance)
     return _inverse("measured", wavelength_nm, r, t, inputs, thickness)
 
 
@@ -65,7 +73,7 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
     t, a = transmittance.value, share.value
     for kind, base in (("log10", np.log(10.0)), ("ln", 1.0)):
         if is_absorbance(a, t, base):
-            raise _no_reflectance(kind, np.asarray(wavelength_nm, dtype=float), transmittance)
+            raise no_reflectance(f"this A: it is an absorbance, −{kind} T,", wavelength_nm, transmittance)
     inputs = [_Input("T", transmittance, -1.0, 1.0), _Input("A", share, -1.0, 0.0)]
     return _inverse("absorptance", wavelength_nm, 1.0 - t - a, t, inputs, thickness)
 
@@ -89,7 +97,7 @@ def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Le
         k_low95=none,
         k_high95=none,
         correlation=none,
-        warnings=(AS_PUBLISHED, *transmittance.remarks, *_masked(found.n, "n")),
+        warnings=(AS_PUBLISHED, *transmittance.remarks, *masked_at(found.n, "n")),
     )
 
 
@@ -97,7 +105,7 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading) -> IndexSpectrum:
     """Index of a free-standing layer from T alone, k = 0 assumed."""
     found, t = _lossless(transmittance), transmittance.value
     none = np.full(t.shape, np.nan)
-    told = [*_unstated([_Input("T", transmittance, 0.0, 1.0)]), *transmittance.remarks, *_masked(found, "n")]
+    told = [*_unstated([_Input("T", transmittance, 0.0, 1.0)]), *transmittance.remarks, *masked_at(found, "n")]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,
@@ -115,15 +123,35 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading) -> IndexSpectrum:
     )
 
 
-def is_absorbance(a: FloatArray, transmittance: FloatArray, base: float = np.log(10.0)) -> bool:
-    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths to 2 %."""
+def is_absorbance(
+    a: FloatArray, transmittance: FloatArray, base: float = np.log(10.0), tolerance: float = _ALIKE
+) -> bool:
+    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths, to 2 %.
+
+    With a tolerance of 0 they agree to rounding, as where one was computed from the other.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = -np.log(np.where(transmittance > 0.0, transmittance, np.nan)) / base
         gap = np.abs(a - expected)
     seen = np.isfinite(gap)
     if not seen.any():
         return False
-    return bool(np.median(gap[seen]) <= _ALIKE * np.median(np.abs(expected[seen])) + _ROUNDED)
+    return bool(np.median(gap[seen]) <= tolerance * np.median(np.abs(expected[seen])) + _ROUNDED)
+
+
+def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
+    """Refusal of a measured index where all that is known is T; what T alone gives is told in it."""
+    found, nm = _lossless(transmittance), np.asarray(wavelength_nm, dtype=float)
+    at = np.flatnonzero(found.known)
+    instead = ""
+    if at.size:
+        middle = at[at.size // 2]
+        instead = f"; T alone, k = 0 assumed, gives n({nm[middle]:g} nm) = {found.value[middle]:.4f}"
+    return DataError(
+        "a measured index",
+        limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
+        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as no measurement",
+    )
 
 
 def lossless_index(transmittance: ArrayLike) -> FloatArray:
@@ -144,13 +172,13 @@ def _inverse(
     no_k = masks.why_no_k(no_n, found.k, k, t, u_t)
     estimates = estimate(found.n, n, no_n), estimate(found.k, k, no_k)
     remarks = [remark for one in inputs for remark in one.reading.remarks]
-    warnings = [*_unstated(inputs), *remarks, *_masked(estimates[0], "n"), *_masked(estimates[1], "k", no_n)]
+    warnings = [*_unstated(inputs), *remarks, *masked_at(estimates[0], "n"), *masked_at(estimates[1], "k", no_n)]
     return IndexSpectrum(
         mode,
         True,
         np.asarray(wavelength_nm, dtype=float),
         *estimates,
-        *_bounds(found, k, no_k, t, u_t, slope),
+        *k_bounds(found, k, no_k, t, u_t, slope),
         correlation,
         _lossless(next(one.reading for one in inputs if one.name == "T")),
         r,
@@ -188,7 +216,7 @@ def _sum(inputs: Sequence[_Input], r_share: float, t_share: float, points: int) 
     return combined(parts, points)
 
 
-def _bounds(
+def k_bounds(
     found: Inverted, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, slope: Slopes
 ) -> tuple[FloatArray, FloatArray]:
     """95 % bounds of k. Where it is not resolved they are 0 and what a normal error cut off at 0 leaves above 5 %."""
@@ -227,29 +255,17 @@ def _assumed(t: FloatArray) -> str:
     return f"{told}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
 
 
-def _no_reflectance(kind: str, wavelength: FloatArray, transmittance: Reading) -> DataError:
-    found = _lossless(transmittance)
-    at = np.flatnonzero(found.known)
-    instead = ""
-    if at.size:
-        middle = at[at.size // 2]
-        instead = f"; T alone, k = 0 assumed, gives n({wavelength[middle]:g} nm) = {found.value[middle]:.4f}"
-    return DataError(
-        "absorptance",
-        limit=f"equals −{kind} T: it is an absorbance, and R = 1 − T − A then says nothing of the reflectance{instead}",
-        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as no measurement",
-    )
-
-
 def _unstated(inputs: Sequence[_Input]) -> list[str]:
     names = [one.name for one in inputs if not one.reading.known]
+    by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if inputs[0].name == "R" else "0.0042 in T"}
+    moves = " and by ".join(by[name] for name in names)
     if not names:
         alone = [one.name for one in inputs if one.reading.repeats > 1 and not one.reading.u_common[1].any()]
         told = "the instrument's own accuracy is not in the uncertainty: only the repeats of {} are; state it with {}"
         return [told.format(" and ".join(alone), _options(alone))] if alone else []
     return [
         f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, or "
-        "give repeats; near n = 1.5 an error of 0.001 in R moves n by 0.0039, in T by 0.0003"
+        f"give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
     ]
 
 
@@ -257,7 +273,7 @@ def _options(names: Sequence[str]) -> str:
     return " and ".join(f"--u-{name}" for name in names)
 
 
-def _masked(one: Estimate, name: str, beside: Codes | None = None) -> list[str]:
+def masked_at(one: Estimate, name: str, beside: Codes | None = None) -> list[str]:
     """How many points are masked, by reason; those that are masked in n already are not told again for k."""
     codes = one.why if beside is None else np.where(one.why == beside, Why.FINE, one.why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)

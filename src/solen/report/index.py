@@ -1,0 +1,101 @@
+"""The figure of an index: transmittance, absorbance and index against wavelength, and what the index is."""
+
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, STYLE
+
+TITLES = {
+    "measured": "from R and T, both measured",
+    "absorptance": "from T and absorptance, R = 1 − T − A",
+    "as-published": "as published: R = 1 − T − A with A = −log10 T",
+    "lossless": "from T alone, k = 0 assumed",
+    "substrate": "of a layer on its substrate",
+}
+"""What each mode is, as a title says it."""
+
+Array = NDArray[np.float64]
+
+
+def index_figure(found: dict[str, Any]) -> Figure:
+    """Three panels of an index result: T and R, absorbance and absorptance, n with its uncertainty and its masks."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 3.4), layout="constrained")
+        light, loss, index = figure.subplots(1, 3)
+        nm = _array(found["wavelength_nm"])
+        _draw_light(light, nm, found)
+        _draw_loss(loss, nm, found)
+        _draw_index(index, nm, found)
+        for letter, axes in zip("ABC", (light, loss, index), strict=True):
+            axes.set_xlabel("wavelength (nm)")
+            axes.set_title(letter, loc="left", fontweight="bold")
+        simulated = "simulated, " if any(one["simulated"] for one in found["sources"]) else ""
+        figure.suptitle(f"{simulated}index {TITLES.get(found['mode'], found['mode'])}", fontsize=10)
+    return figure
+
+
+def _array(values: list[float | None]) -> Array:
+    return np.array([np.nan if value is None else value for value in values], dtype=float)
+
+
+def _style(nm: Array) -> str:
+    """A line, or dots where there are few points."""
+    return "o" if nm.size < 12 else "-"
+
+
+def _draw_light(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
+    axes.plot(nm, _array(found["T"]), _style(nm), color=RIGHT, ms=3, lw=1.4, label="T")
+    if found["mode"] in {"measured", "substrate"}:
+        axes.plot(nm, _array(found["R"]), _style(nm), color=LEFT, ms=3, lw=1.4, label="R")
+    elif found["mode"] != "lossless":
+        axes.plot(nm, _array(found["R"]), "--", color=LEFT, lw=1.2, label="R, by difference")
+    low, high = axes.get_ylim()
+    axes.set(ylabel="fraction", ylim=(min(low, 0.0), max(high, 1.0)))
+    axes.legend(fontsize=8)
+
+
+def _draw_loss(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
+    t, r = _array(found["T"]), _array(found["R"])
+    absorbance = -np.log10(np.where(t > 0.0, t, np.nan))
+    axes.plot(nm, absorbance, _style(nm), color=RIGHT, ms=3, lw=1.4, label="absorbance −log10 T")
+    if found["mode"] in {"measured", "absorptance"}:
+        axes.plot(nm, 1.0 - r - t, _style(nm), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
+        axes.legend(fontsize=8)
+    axes.axhline(0.0, color=INK, lw=0.6)
+    axes.set_ylabel("A, of two kinds" if axes.get_legend() else "absorbance −log10 T")
+
+
+def _draw_index(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
+    n, u = _array(found["n"]), _array(found["u_n"])
+    colour = INK if found["measurement"] else LEFT
+    if np.isfinite(u).any():
+        axes.fill_between(nm, n - u, n + u, color=colour, alpha=0.18, lw=0, label="± u(n)")
+    axes.plot(nm, n, _style(nm), color=colour, ms=3, lw=1.4, label="n")
+    if found["mode"] != "lossless":
+        axes.plot(nm, _array(found["lossless"]["n"]), ":", color=LOST, lw=1.4, label="lossless, from T alone")
+    _draw_fit(axes, found)
+    _draw_masks(axes, nm, n)
+    if not found["measurement"]:
+        axes.set_title("no measurement: R made of T alone", loc="right", color=LEFT, fontsize=9, fontweight="bold")
+    axes.set_ylabel("refractive index n")
+    axes.legend(fontsize=8)
+
+
+def _draw_fit(axes: Axes, found: dict[str, Any]) -> None:
+    fit = found.get("fit")
+    if fit:
+        axes.plot(_array(fit["wavelength_nm"]), _array(fit["n"]), color=SPACE, lw=1.2, label=fit["kind"])
+
+
+def _draw_masks(axes: Axes, nm: Array, n: Array) -> None:
+    """Marks at the lower edge where n is masked."""
+    masked = ~np.isfinite(n)
+    if masked.any():
+        edge = axes.get_xaxis_transform()
+        label = f"n masked ({int(masked.sum())} of {n.size})"
+        axes.plot(nm[masked], np.full(int(masked.sum()), 0.015), "|", color=LEFT, ms=7, transform=edge, label=label)
