@@ -281,3 +281,12 @@ def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: 
             two.quantity,
             two.values.tolist(),
         )
+
+
+def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be a thousand"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980\n2\t1,250\n"))
+    with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; marks its thousands"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980.5\n2\t1,250.5\n"))
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t0,980\n2\t1,250\n")).need("force").values.tolist() == [0.98, 1.25]
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t1,125\n2\t1,250\n")).need("force").values.tolist() == [1.125, 1.25]

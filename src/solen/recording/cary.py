@@ -71,15 +71,8 @@ def read(grid: Grid, start: int) -> Recording:
     heads = _heads(grid, start)
     body, after = _parted(grid, start + 2, len(heads))
     traces = _traces(grid, heads, body)
-    columns = [2 * n + odd for n in range(len(heads)) for odd in (0, 1)]
-    mark = grid.mark(body, columns)
-    pairs = [
-        (
-            grid.column(trace.column, trace.rows, mark, machine=True),
-            grid.column(trace.column + 1, trace.rows, mark, machine=True),
-        )
-        for trace in traces
-    ]
+    mark = grid.mark(body, {column: grid.cells(column, body) for column in range(2 * len(heads))})
+    pairs = [(_numbers(grid, trace, 0, mark), _numbers(grid, trace, 1, mark)) for trace in traces]
     for trace, (waves, values) in zip(traces, pairs, strict=True):
         _check(grid, trace, waves, values)
     scan.check_digits(grid, [(trace.column + 1, trace.rows) for trace in traces])
@@ -181,6 +174,12 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
                 raise grid.refused(row, column, "the wavelength of a value is missing")
         found.append(_Trace(name, mode, column, held))
     return found
+
+
+def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
+    """Wavelengths of a trace, or its values with ``odd`` 1."""
+    column = trace.column + odd
+    return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
 
 
 def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:

@@ -18,7 +18,7 @@ from solen.recording import dates
 from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
-from solen.recording.numbers import is_missing, is_number
+from solen.recording.numbers import all_numbers, is_missing, is_number
 from solen.recording.scan import RANGE_NM, disorder
 from solen.recording.words import Heading, heading, is_label, plain
 
@@ -67,16 +67,18 @@ def check_rows(grid: Grid, place: Layout) -> None:
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
     """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
     held = [n for n, name in enumerate(place.names) if name or n == 0]
-    cells = {column: [grid.rows[row][column] for row in place.body] for column in held}
+    cells = {column: grid.cells(column, place.body) for column in held}
     kinds = {column: _kind(cells[column], place.names[column]) for column in held}
-    mark = grid.mark(place.body, [column for column in held if "number" in kinds[column]])
+    mark = grid.mark(place.body, {column: cells[column] for column in held if "number" in kinds[column]})
     found = []
     for column, head in zip(held, _headings(place, held), strict=True):
         kind = kinds[column]
         if kind == "word" and (head.unit or head.quantity):
             row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
             raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
-        values = grid.column(column, place.body, mark, machine=machine) if "number" in kind else None
+        values = None
+        if "number" in kind:
+            values = grid.column(column, place.body, cells[column], mark, machine=machine)
         words = tuple(cells[column]) if "word" in kind else None
         found.append(Column(column, place.names[column], head, values, words))
     return found
@@ -101,6 +103,8 @@ def _check_range(grid: Grid, place: Layout, column: Column) -> None:
 
 def _kind(cells: list[str], name: str) -> str:
     """``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    if all_numbers(cells):
+        return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
     whole = len(numbers) == sum(not is_missing(cell) for cell in cells)
     if is_label(name):
