@@ -232,8 +232,5 @@ def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, 
         notes.append(f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: the light was gone")
     if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
         notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")
-    stands = scan.alone(values)
-    if stands.size:
-        where = ", ".join(f"{values[n]:g} at {waves[n]:g} nm" for n in stands[:3])
-        notes.append(f"{stands.size} values stand far from both neighbours ({where}): a spike, or a damaged digit")
-    return notes + carylog.ends(log, waves)
+    lone = scan.alone_note(values, [f"at {wave:g} nm" for wave in waves.tolist()])
+    return [*notes, *([lone] if lone else []), *carylog.ends(log, waves)]

@@ -7,6 +7,7 @@ of text. Columns beside a wavelength run along it, those beside a time along tha
 The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
 """
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,8 +20,9 @@ from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
 from solen.recording.numbers import all_numbers, is_missing, is_number
-from solen.recording.scan import RANGE_NM, disorder
+from solen.recording.scan import RANGE_NM, alone_note, disorder
 from solen.recording.words import Heading, heading, is_label, plain
+from solen.units import factor
 
 _TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
@@ -93,9 +95,10 @@ def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
     """`DataError` at a wavelength that is none, as where the names of columns moved."""
-    if column.head.quantity != "wavelength" or column.head.unit != "nm" or column.values is None:
+    if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
-    outside = np.flatnonzero((column.values < RANGE_NM[0]) | (column.values > RANGE_NM[1]))
+    nm = column.values * (factor(column.head.unit, "nm") or math.nan)
+    outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
     if outside.size:
         limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
         raise grid.refused(place.body[int(outside[0])], column.place, limit, "correct it, or the unit in the header")
@@ -183,8 +186,14 @@ def _along_waves(channels: list[Channel]) -> list[Channel]:
             axis = channel.name
             found.append(_noted(_in_nm(channel)))
         else:
-            found.append(replace(channel, axis=axis))
+            found.append(_spectrum(channel, axis, next(one for one in channels if one.name == axis).values))
     return found
+
+
+def _spectrum(channel: Channel, axis: str, waves: NDArray[np.float64]) -> Channel:
+    """Channel along its wavelengths, with a note on values that stand alone."""
+    notes = (channel.note, alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()]))
+    return replace(channel, axis=axis, note="; ".join(note for note in notes if note))
 
 
 def _noted(channel: Channel) -> Channel:
