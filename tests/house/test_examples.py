@@ -129,6 +129,22 @@ def test_slab_is_the_geometric_series() -> None:
     assert result("slab") == pytest.approx((1 - back, through, 1 - back - through), abs=1e-10)
 
 
+def test_solid_has_the_volume_of_lens_stem_and_arms() -> None:
+    """Lens: the box over its vertex less the oval's integral; stem: 2 ∫ (2 + 0.004 u²) du; arms: two polygons."""
+    bare, seated, meshes = result("solid")
+    lens = 2 * HALF_WIDTH_MM * oval_z(HALF_WIDTH_MM, 1.44) - quad(oval_z, -2.0, 2.0, (1.44,), epsabs=1e-12)[0]
+    stem = 2 * (HALF_WIDTH_MM * 16.2 + 0.004 * 16.2**3 / 3)
+    fork, arm = HALF_WIDTH_MM + 0.004 * 16.2**2, math.atan(2 * 0.004 * 16.2)
+    outer = (fork + 22.2 * math.sin(arm), 22.2 * math.cos(arm))
+    inner = (outer[0] - 3.0 * math.cos(arm), outer[1] + 3.0 * math.sin(arm))
+    corners = [(0.0, 0.0), (fork, 0.0), outer, inner, (0.0, inner[1] - inner[0] / math.tan(arm))]
+    arms = sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True))
+    assert bare == pytest.approx(4.0 * (lens + stem + arms), abs=1e-8)
+    assert bare - seated == pytest.approx(2 * 2.1 * 1.35 * 0.85, abs=1e-9)
+    for tolerance_mm, volume in meshes.items():
+        assert volume == pytest.approx(seated, abs=560.0 * tolerance_mm), "the walls are some 555 mm²"
+
+
 def test_own_outline_agrees_with_the_reference() -> None:
     sampled, u, even = result("own_outline")
     assert abs(sampled - even) < 4 * u
