@@ -11,11 +11,11 @@ import sys
 
 import cyclopts
 
-from solen.cli import design, export, index, spectra
+from solen.cli import cure, cutback, design, export, index, spectra
 from solen.cli.app import app
 from solen.errors import SolenError
 
-__all__ = ["app", "design", "export", "index", "main", "spectra"]
+__all__ = ["app", "cure", "cutback", "design", "export", "index", "main", "spectra"]
 
 BAD_INPUT, INTERRUPTED = 2, 130
 

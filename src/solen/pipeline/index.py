@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from solen.material.index import Estimate, IndexSpectrum
+from solen.material.index.fit import Fit
 from solen.material.index.fringes import fringe_warnings
 from solen.material.index.light import Evaluated, index_in, lines
 from solen.material.index.routes import lossless_index
 from solen.material.index.slab import FloatArray
+from solen.pipeline.indexfit import formula, formula_as_dict, formula_warnings, literature
 from solen.pipeline.indexroute import IndexOptions, absorbance_warnings, spectrum
 from solen.pipeline.light import light_named
 from solen.pipeline.outputs import check_figure, check_out, leave
@@ -41,22 +43,26 @@ def index(
     spectra = spectra_of(recording, {kind: options.chosen.get(kind, ()) for kind in OPTIONS})
     found = spectrum(spectra, options)
     bandwidth_nm = options.bandwidth_nm or stated_bandwidth_nm(recording)
+    model = formula(found, options.fit, options.terms)
+    known, remarks = literature(found, options.literature)
     result = {
         "file": recording.provenance.file,
         "mode": found.mode,
         "measurement": found.measurement,
         "baseline": options.baseline or "air",
+        "substrate": options.substrate.name,
         "thickness_um": options.thickness_um,
         "u_thickness_um": options.u_thickness_um,
         "bandwidth_nm": bandwidth_nm,
         **arrays(found),
-        "fit": None,
+        "fit": formula_as_dict(model) if isinstance(model, Fit) else None,
+        "literature": known,
         "at": [_evaluated(index_in(found, lines([nm], [1.0]))) for nm in options.at_nm],
         "led": _in_led(found, options.led),
         "traces": {kind: list(names) for kind, names in spectra.names.items()},
         "repeats": _repeats(spectra),
         "sources": [recording.provenance.as_dict()],
-        "warnings": _warnings(found, spectra, options, bandwidth_nm),
+        "warnings": [*_warnings(found, spectra, options, bandwidth_nm), *remarks, *formula_warnings(model)],
     }
 
     def draw() -> Any:
@@ -138,7 +144,7 @@ def _warnings(found: IndexSpectrum, spectra: Spectra, options: IndexOptions, ban
     told = [*found.warnings, *spectra.warnings, *absorbance_warnings(spectra, options), *_of_repeats(spectra)]
     if options.baseline is None:
         told.append("the baseline is not stated and taken as air, of a layer that stands free: say --baseline")
-    told += _too_bright(spectra)
+    told += _too_bright(spectra) if options.baseline != "substrate" else []
     if options.thickness_um is not None:
         told += fringe_warnings(found.wavelength_nm, found.lossless.value, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and found.k.known.any():

@@ -11,13 +11,15 @@ import numpy as np
 
 from solen.errors import DataError, SpecError
 from solen.material.index import IndexSpectrum, Length, Reading, is_absorbance, reading, routes
+from solen.material.index.layered import lossless_on_substrate, measured_on_substrate
 from solen.material.index.routes import MODES
+from solen.pipeline.indexfit import FITS, LITERATURE
 from solen.pipeline.outputs import check_choice
+from solen.pipeline.substrate import BASELINES, SubstrateOptions
 from solen.pipeline.traces import Spectra
 
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 ABSORBANCE_KINDS = (*BASES, "absorptance")
-BASELINES = ("air", "substrate")
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
 
 
@@ -43,6 +45,12 @@ class IndexOptions:
         Wavelengths at which n is told, too.
     sheet
         Of a workbook.
+    substrate
+        What the layer lies on, where it does.
+    fit, terms
+        Formula that is laid through n, and of how many terms.
+    literature
+        Where the band of others' indices is from.
     """
 
     thickness_um: float | None = None
@@ -56,6 +64,10 @@ class IndexOptions:
     led: str | None = None
     at_nm: Sequence[float] = ()
     sheet: str | None = None
+    substrate: SubstrateOptions = field(default_factory=SubstrateOptions)
+    fit: str | None = None
+    terms: int | None = None
+    literature: str = "table"
 
     def check(self) -> None:
         """`SpecError` for what cannot be, before anything is read."""
@@ -63,6 +75,8 @@ class IndexOptions:
             "--mode": (self.mode, MODES),
             "--baseline": (self.baseline, BASELINES),
             "--absorbance-kind": (self.absorbance_kind, ABSORBANCE_KINDS),
+            "--fit": (self.fit, FITS),
+            "--literature": (self.literature, LITERATURE),
         }
         for name, (value, known) in choices.items():
             if value is not None:
@@ -106,12 +120,11 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
     SpecError, DataError
         Where something must be stated, or where what was measured gives no index by that route.
     """
-    if options.baseline == "substrate":
-        limit = "the formulas of a free-standing layer know no substrate"
-        raise SpecError("--baseline substrate", limit=limit, remedy="measure a layer that was peeled off")
     t = _transmittance(spectra, options)
     mode = options.mode or _mode(spectra, options, t)
     nm = spectra.wavelength_nm
+    if mode != "as-published" and (options.substrate.stated or options.baseline == "substrate"):
+        return _on_substrate(mode, spectra, t, options)
     if mode == "lossless":
         return routes.lossless(nm, t)
     if mode == "as-published":
@@ -127,6 +140,24 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
         raise SpecError("--mode absorptance", limit="needs the absorptance, measured", remedy=remedy)
     a = reading(spectra.rows["A"], options.u_of("A"), name="A")
     return routes.absorptance(nm, t, a, options.thickness)
+
+
+def _on_substrate(mode: str, spectra: Spectra, t: Reading, options: IndexOptions) -> IndexSpectrum:
+    """Index of a layer that stays on its substrate: the formulas of a free-standing one know no substrate."""
+    if options.baseline is None:
+        limit = "must be stated with a substrate: air, or substrate where the 100 % was taken on the bare sheet"
+        raise SpecError("--baseline", limit=limit)
+    nm = spectra.wavelength_nm
+    setup = options.substrate.setup(nm, "substrate" if options.baseline == "substrate" else "air")
+    if mode == "lossless":
+        return lossless_on_substrate(nm, t, setup)
+    if mode == "absorptance":
+        limit, remedy = "is of a free-standing layer", "measure R on the substrate; or take --mode lossless"
+        raise SpecError("--mode absorptance", limit=limit, remedy=remedy)
+    if "R" not in spectra.rows:
+        raise routes.no_reflectance("T alone,", nm, t)
+    r = reading(spectra.rows["R"], options.u_of("R"), name="R")
+    return measured_on_substrate(nm, t, r, options.thickness, setup)
 
 
 def absorbance_warnings(spectra: Spectra, options: IndexOptions) -> list[str]:

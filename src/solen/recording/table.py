@@ -8,8 +8,9 @@ The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded
 """
 
 import math
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -127,8 +128,17 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
     date = dates.among(metadata)
-    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata=metadata)
+    simulated = _simulated(metadata)
+    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
     return Recording(tuple(along_axes(_with_percent(channels))), provenance, texts)
+
+
+def _simulated(metadata: Mapping[str, str]) -> bool:
+    """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
+    stated = [value for key, value in metadata.items() if plain(key) == "simulated"]
+    if stated:
+        return plain(stated[0]) not in {"no", "false", "0", "nein"}
+    return any(re.match(r"simulated\b", value.strip(), re.IGNORECASE) for value in metadata.values())
 
 
 def unique(names: Sequence[str]) -> list[str]:

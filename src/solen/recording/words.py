@@ -64,7 +64,7 @@ _WORDS = {
     "standard travel, grip to grip separation, deformation, elongation, dl, δl, u",
     "crosshead": "crosshead, traverse, traverse abs., traverse abs, traversenweg, traversenweg absolut, "
     "crosshead absolute, crosshead travel, absolute crosshead travel, crosshead displacement",
-    "time": "time, test time, exposure time, cure time, zeit, prüfzeit, pruefzeit, belichtungszeit, t",
+    "time": "time, test time, exposure time, exposure, cure time, zeit, prüfzeit, pruefzeit, belichtungszeit, t",
     "force": "force, load, standard force, kraft, prüfkraft, standardkraft, last, f",
     "stress": "stress, engineering stress, nominal stress, eng stress, spannung, zugspannung, druckspannung, "
     "first piola-kirchhoff stress, σ, sigma",
@@ -77,8 +77,8 @@ _WORDS = {
     "exposure": "exposure, exposure dose, dose, energy dose, energy, e, dosis, belichtung, energie, fluence",
     "energy": "energy, energie, work, arbeit, e",
     "irradiance": "irradiance, intensity, bestrahlungsstärke, intensität, i",
-    "power": "power, received power, optical power, leistung, p",
-    "voltage": "voltage, spannung, v, u",
+    "power": "power, received power, optical power, signal, leistung, p",
+    "voltage": "voltage, signal, spannung, v, u",
     "current": "current, photocurrent, strom, i",
     "resistance": "resistance, widerstand, r",
     "temperature": "temperature, temperatur, t",
@@ -87,9 +87,10 @@ _WORDS = {
     "wavenumber": "wavenumber, wellenzahl",
 }
 _LABELS = (
-    "replicate, repeat, wiederholung, sample, probe, specimen, prüfling, name, label, id, orientation, "
-    "build orientation, ausrichtung, orientierung, bauorientierung, batch, charge, note, comment, kommentar, "
-    "bemerkung, material, resin, harz, group, gruppe, position, operator, date, datum, file, datei, kind, type, mode"
+    "replicate, repeat, wiederholung, sample, probe, specimen, prüfling, name, label, id, guide, piece, part, print, "
+    "disc, disk, orientation, build orientation, ausrichtung, orientierung, bauorientierung, batch, charge, note, "
+    "comment, kommentar, bemerkung, material, resin, harz, group, gruppe, position, operator, date, datum, file, "
+    "datei, kind, type, mode"
 )
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "

@@ -256,7 +256,7 @@ def _told(
         best.widened if known else 1.0,
         dict(scores),
         dict(refused),
-        tuple(_warnings(model, best, known)),
+        tuple(_warnings(model, best, known, bool(points.shared.any()))),
     )
 
 
@@ -296,7 +296,7 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
             raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
 
 
-def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool) -> list[str]:
+def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool, shared: bool) -> list[str]:
     """What the numbers of a fit cannot be used for."""
     low, high = model.range_nm
     told = []
@@ -312,7 +312,7 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool) -> list[str]:
             f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
             f"{one.widened:.2g}"
         )
-    if not known:
+    if not known and not shared:
         told.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
     if isinstance(model, Sellmeier):
         told += [

@@ -17,7 +17,11 @@ The interface: `invert` gives `Inverted`; `invert_many` the same n and k for mor
 `slopes` the derivatives by R, T and h.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
@@ -27,10 +31,11 @@ from solen.material.index.slab import FloatArray, attenuation
 
 _IN_BLOCKS: dict[str, Any] = {
     "flags": ["external_loop", "buffered", "zerosize_ok"],
-    "op_flags": [["readonly"]] * 3 + [["writeonly", "allocate"]] * 2,
+    "op_flags": [["readonly"]] * 3 + [["writeonly"]] * 2,
     "order": "C",
-    "buffersize": 1 << 14,  # numbers at a time: what is in between stays in the cache of a core
+    "buffersize": 1 << 13,  # numbers at a time: what is in between stays in the cache of a core
 }
+_MUCH = 1 << 20  # numbers above which a call is shared among cores
 
 
 @dataclass(frozen=True)
@@ -87,15 +92,28 @@ def invert(
 
 
 def invert_many(
-    reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
+    reflectance: ArrayLike,
+    transmittance: ArrayLike,
+    thickness_um: ArrayLike,
+    wavelength_nm: ArrayLike,
+    out: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Index and extinction as `invert` gives them, block by block: little memory beside arguments and results."""
-    arguments = (reflectance, transmittance, 1.0 / attenuation(thickness_um, wavelength_nm))
-    operands = [*(np.asarray(one, dtype=float) for one in arguments), None, None]
-    with np.errstate(all="ignore"), np.nditer(operands, **_IN_BLOCKS) as blocks:
-        for r, t, per_depth, n, k in blocks:
-            _, _, k[...], n[...] = _inverted(r, t, per_depth)
-        return blocks.operands[3], blocks.operands[4]
+    """Index and extinction as `invert` gives them, block by block on all cores: little memory beside the results.
+
+    Parameters
+    ----------
+    reflectance, transmittance, thickness_um, wavelength_nm
+        As of `invert`.
+    out
+        Arrays of the common shape that n and k are written into, for whoever does this often.
+    """
+    arguments = _broadcast(reflectance, transmittance, 1.0 / attenuation(thickness_um, wavelength_nm))
+    n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
+    parts = _parts(n.shape)
+    with ThreadPoolExecutor(len(parts)) as pool:  # numpy lets go of Python's lock while it computes
+        for done in [pool.submit(_invert_into, *(one[part] for one in (*arguments, n, k))) for part in parts]:
+            done.result()
+    return n, k
 
 
 def slopes(
@@ -128,6 +146,25 @@ def slopes(
     )
 
 
+def _parts(shape: tuple[int, ...]) -> list[tuple[slice | EllipsisType, ...]]:
+    """The first axis in as many pieces as there are cores; all at once where there is little to do."""
+    rows = shape[0] if shape else 0
+    pieces = min(rows, os.cpu_count() or 1) if np.prod(shape) > _MUCH else 1
+    if pieces < 2:
+        return [(...,)]
+    edges = [rows * piece // pieces for piece in range(pieces + 1)]
+    return [(slice(low, high),) for low, high in pairwise(edges)]
+
+
+def _invert_into(
+    reflectance: FloatArray, transmittance: FloatArray, per_depth: FloatArray, n: FloatArray, k: FloatArray
+) -> None:
+    operands = [reflectance, transmittance, per_depth, n, k]
+    with np.errstate(all="ignore"), np.nditer(operands, **_IN_BLOCKS) as blocks:
+        for r, t, per, out_n, out_k in blocks:
+            _, _, out_k[...], out_n[...] = _inverted(r, t, per)
+
+
 def _inverted(
     r: FloatArray, t: FloatArray, per_depth: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -136,15 +173,18 @@ def _inverted(
     if not possible.all():
         r = np.where(possible, r, np.nan)
     face = 2.0 * r / (1.0 + r * (2.0 - r) + t * t + _s(r, t))
-    once2 = (1.0 - face) ** 2
-    tau = 2.0 * t / (once2 + np.sqrt(once2 * once2 + (2.0 * face * t) ** 2))
+    once = 1.0 - face
+    once2, twice = once * once, 2.0 * face * t
+    tau = 2.0 * t / (once2 + np.sqrt(once2 * once2 + twice * twice))
     k = -np.log(tau) * per_depth
-    return face, tau, k, (1.0 + face) / (1.0 - face) + np.sqrt(4.0 * face / once2 - k * k)
+    lost = k * once
+    return face, tau, k, (1.0 + face + np.sqrt(4.0 * face - lost * lost)) / once
 
 
 def _s(r: FloatArray, t: FloatArray) -> FloatArray:
     """The square root in R_F."""
-    t2, past2 = t * t, (1.0 - r) ** 2
+    t2, past = t * t, 1.0 - r
+    past2 = past * past
     return np.asarray(np.sqrt(past2 * past2 + t2 * (2.0 + 2.0 * r * (2.0 - r) + t2)))
 
 

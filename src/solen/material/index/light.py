@@ -19,6 +19,8 @@ from solen.parts.light import FWHM_OF_SIGMA
 
 MOST_OUTSIDE = 0.02
 """Share of the light that may lie where nothing was measured."""
+NOISE = 0.01
+"""Share of its peak below which a measured spectrum is noise."""
 _LINES, _REACH = 241, 3.0  # lines of an LED, and how many standard deviations they reach
 
 
@@ -81,11 +83,16 @@ def lines(wavelength_nm: ArrayLike, power: ArrayLike) -> Light:
 
 
 def measured_light(wavelength_nm: ArrayLike, power: ArrayLike) -> Light:
-    """Light of a measured power per nm, each wavelength standing for what is nearest to it."""
-    nm = np.asarray(wavelength_nm, dtype=float)
+    """Light of a measured power per nm, each wavelength standing for what is nearest to it.
+
+    What is below 1 % of the peak is left out: there a spectrometer shows its noise, on both sides of 0.
+    """
+    nm, values = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     order = np.argsort(nm)
-    width = np.gradient(nm[order]) if nm.size > 1 else np.ones(nm.size)
-    return lines(nm[order], np.asarray(power, dtype=float)[order] * width)
+    nm, values = nm[order], values[order]
+    width = np.gradient(nm) if nm.size > 1 else np.ones(nm.size)
+    lit = values >= NOISE * np.nanmax(values, initial=0.0)
+    return lines(nm[lit], values[lit] * width[lit])
 
 
 def led(peak_nm: float, fwhm_nm: float | None) -> Light:

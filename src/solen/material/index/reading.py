@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import stdtrit
+from scipy.special import ndtri, stdtrit
 
 from solen.errors import DataError
 from solen.material.index.slab import FloatArray
@@ -177,8 +177,10 @@ def combined(parts: Sequence[Share], points: int) -> Combined:
 def student(level: float, freedom: ArrayLike) -> FloatArray:
     """Half-width in standard deviations of the interval that holds this share of Student's t."""
     freedom = np.asarray(freedom, dtype=float)
-    found = stdtrit(np.where(np.isfinite(freedom), freedom, 1e12), 0.5 + level / 2.0)
-    return np.asarray(np.where(np.isnan(freedom), np.nan, found))
+    found = np.where(np.isnan(freedom), np.nan, float(-ndtri(0.5 - level / 2.0)))
+    few = np.isfinite(freedom)
+    found[few] = stdtrit(freedom[few], 0.5 + level / 2.0)
+    return found
 
 
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[str, ...]]:

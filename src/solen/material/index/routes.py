@@ -22,6 +22,7 @@ from scipy.special import ndtr, ndtri
 from solen.errors import DataError
 from solen.material.index import masks
 from solen.material.index.inversion import Inverted, Slopes, invert, slopes
+from solen.material.index.literature import band
 from solen.material.index.masks import WORDS, Codes, Why
 from solen.material.index.reading import Combined, Length, Reading, Share, combined
 from solen.material.index.slab import FloatArray
@@ -147,6 +148,9 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
     if at.size:
         middle = at[at.size // 2]
         instead = f"; T alone, k = 0 assumed, gives n({nm[middle]:g} nm) = {found.value[middle]:.4f}"
+        known = band(nm[middle], package=False)
+        if np.isfinite(known.low[0]):
+            instead += f", where acrylates and photoresins have {known.low[0]:.2f} to {known.high[0]:.2f}"
     return DataError(
         "a measured index",
         limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
