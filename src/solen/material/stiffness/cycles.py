@@ -9,7 +9,7 @@ specimens differ.
 The interface: `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies, `softening`.
 """
 
-# ruff: noqa: N802, N815  units keep their case
+# ruff: noqa: N815  units keep their case
 
 from collections.abc import Sequence
 from dataclasses import dataclass
