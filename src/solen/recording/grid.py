@@ -21,6 +21,7 @@ from solen.recording.source import Source
 
 _SEPARATORS = ("\t", ";", " ", ",")
 _THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
+_EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line by which Excel is told the separator
 _SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
@@ -157,6 +158,8 @@ def of_text(source: Source) -> Grid:
     told = [(number, line) for number, line in enumerate(lines, 1)]
     remarks = [(number, line.lstrip()[1:].strip()) for number, line in told if line.lstrip().startswith("#")]
     told = [(number, line) for number, line in told if not line.lstrip().startswith("#")]
+    if told and _EXCEL.fullmatch(told[0][1]):
+        told = told[1:]
     separator = _separator([line for _, line in told])
     split = splitter(separator)
     rows = [split(line) for _, line in told]
