@@ -73,6 +73,24 @@ class Grid:
         shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
         return self.source.refused(self.place(row, column), limit, remedy, shown or None)
 
+    def ending(self, body: list[int]) -> str:
+        """Note on the last of the rows of numbers, where the file ends in it without a line break; else empty.
+
+        `DataError` where that row has lost cells, or its last number has fewer characters than any above it.
+        """
+        last = body[-1]
+        if self.ends or self.lines[last] != self.lines[-1] or len(body) < 2:
+            return ""
+        cells, above = self.rows[last], [self.rows[row] for row in body[:-1]]
+        place = len(cells) - 1
+        shortest = min((len(row[place]) for row in above if place < len(row) and row[place]), default=0)
+        if len(cells) != len(above[-1]) or len(cells[place]) < shortest:
+            limit = "ends without a line break, and before the line is whole: the file was cut off"
+            raise self.refused(last, None, limit, "export it again")
+        if not cells[place]:  # the separator behind the last number shows that it is whole
+            return ""
+        return f"the file ends without a line break after {cells[place]}: whether that number is whole cannot be told"
+
     def is_blank(self, row: int) -> bool:
         """Whether a row holds nothing."""
         return not any(self.rows[row])
