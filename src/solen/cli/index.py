@@ -5,12 +5,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Out, app, short, show
+from solen.cli.app import MATERIAL, FigureFile, Json, Out, app, short, show
 
 Names = Annotated[list[str] | None, Parameter(negative=())]
 
 
-@app.command(sort_key=22)
+@app.command(group=MATERIAL, sort_key=22)
 def index(
     file: Path,
     /,

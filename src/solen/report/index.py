@@ -109,7 +109,7 @@ def _draw_literature(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
         return
     low, high = _array(known["low"]), _array(known["high"])
     if np.isfinite(low).any() and np.nanmin(low) < most + _NEAR and np.nanmax(high) > least - _NEAR:
-        label = "literature: acrylates, photoresins"
+        label = f"literature: {', '.join(known['polymers'])}"
         axes.fill_between(nm, low, high, color=SOFT, alpha=0.6, lw=0, zorder=0, label=label)
 
 
@@ -117,7 +117,7 @@ def _draw_fit(axes: Axes, found: dict[str, Any]) -> None:
     fit = found.get("fit")
     if fit:
         nm, n, u = (_array(fit[key]) for key in ("wavelength_nm", "n", "u_n"))
-        axes.plot(nm, n, color=SPACE, lw=1.4, label=f"{fit['kind']} fit ± u")
+        axes.plot(nm, n, color=SPACE, lw=1.4, label=f"{fit['kind']} fit{' ± u' if np.isfinite(u).any() else ''}")
         for edge in (n - u, n + u):
             axes.plot(nm, edge, "--", color=SPACE, lw=0.8)
 
