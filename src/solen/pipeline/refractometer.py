@@ -162,4 +162,4 @@ def _literature(found: Refractometer, options: RefractometerOptions) -> list[str
     """Whether the measured values lie where such polymers do."""
     values = found.values
     u_n = np.sqrt(np.diag(values.covariance))
-    return check_index(values.wavelength_nm, values.n, u_n, options.polymers or RESINS)
+    return check_index(values.wavelength_nm, values.n, u_n, options.polymers or RESINS, package=False)

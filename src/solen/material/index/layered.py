@@ -260,8 +260,8 @@ def _by_sheet(by: Mapping[str, FloatArray], n: Estimate, setup: Setup) -> list[s
     if not part**2 > float(n.u[i]) ** 2 / 2:
         return []
     return [
-        f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the doubt about the substrate's index: measure T of the bare "
-        "sheet in air, find its index by solen index --mode lossless, and state it: --substrate and --u-substrate-n"
+        f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the doubt about the substrate's index: measure T and R of the "
+        "bare sheet in air, find its index by solen index, and state it: --substrate and --u-substrate-n"
     ]
 
 
