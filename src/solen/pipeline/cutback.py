@@ -122,8 +122,8 @@ def _unusual(found: CutBack) -> list[str]:
     if found.line.loss_dB_per_cm <= USUAL_DB_PER_CM:
         return []
     return [
-        f"{found.line.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre, and no guide is made of that: check which "
-        "column is the length, and its unit"
+        f"{found.line.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre, and no guide is made of that: "
+        "check which column is the length, and its unit"
     ]
 
 
