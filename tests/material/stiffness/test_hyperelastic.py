@@ -145,3 +145,15 @@ def test_bad_curves_are_refused() -> None:
         fit("neo-hookean", [good], "equal")
     with pytest.raises(DataError, match="zero throughout"):
         fit("neo-hookean", [Curve(UNIAXIAL, good.stretch, 0 * good.stress_MPa)], "relative")
+
+
+def test_specimens_that_differ_do_not_ask_for_more_parameters() -> None:
+    """Three neo-Hookean specimens 3 % apart: their spread is no reason for another model."""
+    stretch = np.linspace(0.75, 0.99, 60)
+    curves = [
+        Curve(UNIAXIAL, stretch, scale * model("neo-hookean").stress(np.array([0.2]), UNIAXIAL, stretch))
+        for scale in (0.97, 1.0, 1.03)
+    ]
+    best = choose([fit(each, curves) for each in KINDS])
+    assert best is not None
+    assert best.model.kind == "neo-hookean"

@@ -7,7 +7,8 @@ solved at once. Ogden's is not, and has many local minima (Ogden, Saccomandi & S
 moduli are linear, so a grid of powers is solved for them, the best starts are refined with the exact derivatives, and
 the best end is kept. Nothing is random.
 
-Models are compared by AICc (Hurvich & Tsai 1989), and among those that are stable over the measured stretches. Its
+Models are compared by AICc (Hurvich & Tsai 1989), and among those that are stable over the measured stretches; of two
+that follow the data alike the simpler one is taken. Its
 likelihood is that of autoregressive residuals (`solen.material.stiffness.correlation`): with independent ones a curve
 sampled densely enough would always vote for the most parameters.
 
@@ -33,6 +34,7 @@ from solen.material.stiffness.stability import StableRange, stable_range
 FloatArray = NDArray[np.float64]
 
 WEIGHTINGS = ("absolute", "relative")
+SEEN = 0.02  # of the root mean square of the residuals: a smaller difference of two fits is none
 _FLOOR = 0.02  # of the largest stress of a test: below it a relative error means nothing
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _STEEPEST = 30.0  # bound of |α|
@@ -163,11 +165,18 @@ def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
 
 
 def choose(fits: Sequence[Fit]) -> Fit | None:
-    """Fit of the lowest AICc among those stable over the data; None where none is stable."""
+    """Fit of the lowest AICc among those stable over the data, or a simpler one that follows them as well.
+
+    Specimens that differ leave smooth residuals that no model takes away; a likelihood of correlated residuals then
+    votes for parameters that change the fit by less than can be seen. So a model with fewer parameters whose residuals
+    are larger by `SEEN` at most is taken instead. None where no model is stable.
+    """
     stable = [f for f in fits if f.stable_in_data]
     judged = [f for f in stable if f.aicc is not None]
     if judged:
-        return min(judged, key=lambda f: 0.0 if f.aicc is None else f.aicc)
+        best = min(judged, key=lambda f: 0.0 if f.aicc is None else f.aicc)
+        alike = [f for f in judged if f.weighted_squares <= (1 + SEEN) ** 2 * best.weighted_squares]
+        return min(alike, key=lambda f: len(f.parameters))
     return min(stable, key=lambda f: len(f.parameters)) if stable else None
 
 
