@@ -47,17 +47,37 @@ class Components:
 
 @dataclass(frozen=True)
 class Sandwich:
-    """A covariance from the residuals: what takes y to β, (p, n), 1/(1 − h), (n,), and the residuals' own, (n, n)."""
+    """A covariance from the residuals.
 
+    Attributes
+    ----------
+    design, rows
+        X, (n, p), and what takes y to β, (p, n).
+    each, raised
+        Variances of e that were guessed, and 1/(1 − h) of each point's leverage h, (n,).
+    """
+
+    design: FloatArray
     rows: FloatArray
+    each: FloatArray
     raised: FloatArray
-    residuals: FloatArray
 
     def df(self, contrast: FloatArray, variance: float) -> float:  # noqa: ARG002
-        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002)."""
+        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002).
+
+        Residuals covary as B = (I − H) V (I − H)ᵀ; with shares s of the variance they are (Σ s B)² / Σ s B² s. B is V
+        and W K Wᵀ of a few columns, so that no matrix of n by n is made.
+        """
         shares = (contrast @ self.rows) ** 2 * self.raised
-        expected = float(shares @ np.diag(self.residuals))
-        return expected**2 / float(shares @ self.residuals**2 @ shares)
+        columns = np.column_stack([self.design, (self.rows * self.each).T])
+        p = len(self.rows)
+        inner = np.zeros((2 * p, 2 * p))
+        inner[:p, :p] = (self.rows * self.each) @ self.rows.T
+        inner[:p, p:] = inner[p:, :p] = -np.eye(p)
+        corrections = np.sum(columns @ inner * columns, axis=1)
+        weighed = inner @ (columns.T * shares) @ columns
+        squares = shares**2 @ (self.each**2 + 2.0 * self.each * corrections) + np.trace(weighed @ weighed)
+        return float(shares @ (self.each + corrections)) ** 2 / float(squares)
 
 
 @dataclass(frozen=True)
@@ -315,10 +335,9 @@ def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFi
     """The same fit with the covariance that its residuals show."""
     weighted = x / each[:, None]
     rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
-    left = np.eye(len(x)) - x @ rows
-    raised = 1.0 / np.maximum(np.diag(left), _EXACT)
+    raised = 1.0 / np.maximum(1.0 - np.sum(x * rows.T, axis=1), _EXACT)
     covariance = (rows * (fit.residuals**2 * raised)) @ rows.T
-    known = Sandwich(rows, raised, (left * each) @ left.T)
+    known = Sandwich(x, rows, each, raised)
     return replace(fit, covariance=covariance, known_by=known, least_df=LEAST_DF * fit.error_df)
 
 

@@ -133,6 +133,8 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
             "no column says which guide was read (guide): readings of one length are taken as those of one guide, "
             "which is safe and wide"
         )
+    elif len(set(guide)) == 1 and len(guide) > 1:
+        warnings.append(f"all rows are of guide {guide[0]}: it is taken as one that was cut, and others may differ")
     if unit in {"V", "mV"} and dark is None:
         warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
     return Readings(length[there], values, unit, levels_dB(values, unit, dark), guide, way, warnings)

@@ -16,6 +16,7 @@ The interface: `working_curve` gives a `WorkingCurve`; its methods answer at a d
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -191,6 +192,7 @@ def working_curve(
     scatter: Scatter = "auto",
     min_thickness_um: float | None = None,
     keep_all: bool = False,
+    rows: Sequence[int] | None = None,
 ) -> WorkingCurve:
     """Fit Dc = Dp ln(E/Ec) to discs.
 
@@ -206,6 +208,8 @@ def working_curve(
         Doses whose discs are thinner on average are left out.
     keep_all
         Set no disc aside.
+    rows
+        What each disc's place is called; by default they count from 1.
 
     Raises
     ------
@@ -213,7 +217,7 @@ def working_curve(
         For a dose that is not above 0 or a negative thickness; where fewer than two doses or three discs are left;
         where thickness does not grow with dose.
     """
-    discs = _discs(dose, thickness_um)
+    discs = _discs(dose, thickness_um, rows)
     out = _unusable(discs) + _too_thin(discs, min_thickness_um)
     used = _without(discs, out)
     _refuse_too_few(used, out)
@@ -237,18 +241,19 @@ def working_curve(
     return WorkingCurve(fit, exponent, fit.sigma * at**exponent, at, used, tuple(out), lack, by_dose)
 
 
-def _discs(dose: ArrayLike, thickness_um: ArrayLike) -> tuple[Disc, ...]:
+def _discs(dose: ArrayLike, thickness_um: ArrayLike, rows: Sequence[int] | None) -> tuple[Disc, ...]:
     doses, thick = np.asarray(dose, float), np.asarray(thickness_um, float)
+    places = list(range(1, len(doses) + 1) if rows is None else rows)
     for name, values, bad in (
         ("dose", doses, ~((doses > 0.0) & np.isfinite(doses))),
         ("thickness", thick, (thick < 0.0) | np.isinf(thick)),
     ):
         if bad.any():
-            row = int(np.flatnonzero(bad)[0])
+            first = int(np.flatnonzero(bad)[0])
             limit = "must be above 0 mJ/cm²" if name == "dose" else "must not be negative"
-            where = f"{values[row]:g} (row {row + 1})"
+            where = f"{values[first]:g} (row {places[first]})"
             raise DataError(f"working curve: {name}", value=where, limit=limit, remedy="correct or remove the row")
-    return tuple(Disc(e, d, row + 1) for row, (e, d) in enumerate(zip(doses.tolist(), thick.tolist(), strict=True)))
+    return tuple(Disc(*one) for one in zip(doses.tolist(), thick.tolist(), places, strict=True))
 
 
 def _unusable(discs: tuple[Disc, ...]) -> list[LeftOut]:
