@@ -127,6 +127,7 @@ DAMAGE = {
         "line 3",
     ),
     "a lost point": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "91")), "line 10, column 2"),
+    "a value beyond any": (lambda lines: lines.__setitem__(9, "865,5e6" + lines[9][12:]), "line 10, column 2"),
     "a leading zero": (lambda lines: lines.__setitem__(9, lines[9].replace("91.", "01.")), "line 10, column 2"),
     "a line cut in the middle": (lambda lines: lines.__setitem__(9, lines[9][:11]), "line 10"),
     "a line cut in two": (lambda lines: lines.__setitem__(9, lines[9][:11] + "\r\n" + lines[9][11:]), "line 10"),
@@ -171,6 +172,20 @@ def test_a_drive_that_is_not_exact_is_no_damage(tmp_path: Path) -> None:
     rows = [f"{wave:.10g},{90 + 1e-3 * wave:.8g}," for wave in waves]
     recording = read(saved(tmp_path, "\r\n".join(["film,", "Wavelength (nm),%T,", *rows, ""])))
     assert recording.channel("film").values.size == 200
+
+
+def test_what_excel_saved_again_keeps_its_log(tmp_path: Path) -> None:
+    for text in (resaved(cary(THREE)), resaved(cary(THREE), ";", ",")):
+        recording = read(saved(tmp_path, text))
+        assert recording.provenance.instrument == "Cary 5000"
+        assert recording.provenance.metadata["<SBW (nm)>"].replace(",", ".") == "2.00"
+
+
+def test_a_trace_without_points_is_kept(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, cary([("a", "%T", 0), ("never scanned", "%T", 40)], log=False)))
+    empty = recording.channel("never scanned")
+    assert (empty.values.size, recording.axis_of(empty).values.size) == (0, 0)
+    assert "holds no points" in empty.note
 
 
 def test_a_mode_that_is_not_known_keeps_its_numbers_without_a_unit(tmp_path: Path) -> None:

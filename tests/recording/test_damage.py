@@ -8,6 +8,7 @@ without a trace, a digit into a digit. What the damage did is known, so that is 
 import math
 import time
 from collections import Counter
+from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def rows(recording: Recording, *, traces: bool) -> list[list[Row]]:
     return [list(zip_longest(*(one.values.tolist() for one in table), fillvalue=math.nan)) for table in tables]
 
 
-def changed(whole: list[Row], found: list[Row], *, ordered: bool) -> int:
+def changed(whole: Sequence[Row], found: Sequence[Row], *, ordered: bool) -> int:
     """How many numbers of some rows are not those of the whole file; all those of a row that is like none of its rows.
 
     A row is compared with one that has at least half of its numbers. In order, no row of the file counts twice.
@@ -102,6 +103,68 @@ def outcome(folder: Path, name: str, seed: int) -> str:
 
 def fuzzed(folder: Path, name: str, seeds: range) -> Counter[str]:
     return Counter(outcome(folder, name, seed) for seed in seeds)
+
+
+def edited(name: str, *edits: tuple[str, str]) -> bytes:
+    """One of the files with some texts replaced, each once."""
+    text = FILES[name].decode("cp1252")
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text.encode("cp1252")
+
+
+TWO = FILES["cary, two traces"].decode().splitlines(keepends=True)
+TEST = FILES["testxpert"].decode("cp1252").splitlines(keepends=True)
+FOUND = {
+    "the end of a line and the next one's beginning lost, within one column": (
+        edited("testxpert", ("5\t0.813333\t785.607\n1.27\t0.423333\t0.749616", "74961")),
+        "digits where other numbers have at most 6",
+    ),
+    "a part of two lines doubled, so that a cell is empty": (
+        "".join([*TEST[:14], TEST[13].replace("0.230331", ""), *TEST[14:]]).encode("cp1252"),
+        "line 15",
+    ),
+    "the names of traces twice": ("".join([TWO[0], *TWO]).encode(), "more than names above"),
+    "the names of traces lost": ("".join(TWO[1:]).encode(), "without their names above"),
+    "the modes of traces lost": ("".join([TWO[0], *TWO[2:]]).encode(), "line 1"),
+    "the header of one trace made part of the other's": (
+        "".join(["a,ength (nm),%T,Wavelength (nm),%R,\r\n", *TWO[2:]]).encode(),
+        "no wavelength in nm",
+    ),
+    "one cell left of a table": ("".join([*TWO[:2], "900"]).encode(), "line 3"),
+    "a decimal point lost in one number": (edited("testxpert", ("785.573", "785573")), "line 35, column 5"),
+    "digits lost in one number": (edited("testxpert", ("0.206667", "6667")), "line 25, column 2"),
+    "the file ends among the parameters": ("".join(TEST[:4]).encode("cp1252"), "line 1"),
+    "the name of the time damaged, and lines changed about": (
+        "".join([*TEST[:10], TEST[10].replace("zeit", "zeFt"), *TEST[11:20], TEST[30], *TEST[21:]]).encode("cp1252"),
+        "the time of a test moves on",
+    ),
+    "a byte of a decimal comma": (FILES["testxpert, decimal comma"].replace(b"0,34", b"0.34", 1), "another mark"),
+    "a letter of UTF-8 broken": (FILES["testxpert, decimal comma"].replace("ü".encode(), b"\xc3", 1), "is no letter"),
+    "an empty line before the last rows": (
+        edited("cary, one trace, no log", ("\r\n765", "\r\n\r\n765")),
+        "after the empty",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FOUND)
+def test_damage_that_was_once_read_without_a_word(tmp_path: Path, case: str) -> None:
+    data, told = FOUND[case]
+    (tmp_path / "file").write_bytes(data)
+    with pytest.raises(DataError, match=told):
+        read(tmp_path / "file")
+
+
+def test_the_count_of_changed_numbers_counts() -> None:
+    whole = [(1.0, 2.0, math.nan), (3.0, 4.0, 5.0), (6.0, 7.0, 8.0)]
+    assert changed(whole, whole, ordered=True) == 0
+    assert changed(whole, whole[1:], ordered=True) == 0
+    assert changed(whole, [whole[0], (3.0, 4.0, 5.5), whole[2]], ordered=True) == 1
+    assert changed(whole, [whole[0], whole[0]], ordered=True) == 3
+    assert changed(whole, [whole[0], whole[0]], ordered=False) == 0
+    assert changed(whole, [(1.0, 7.0, 5.0)], ordered=True) == 3
 
 
 @pytest.mark.parametrize("name", FILES)

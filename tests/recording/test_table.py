@@ -281,3 +281,27 @@ def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: 
             two.quantity,
             two.values.tolist(),
         )
+
+
+def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be a thousand"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980\n2\t1,250\n"))
+    with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; marks its thousands"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980.5\n2\t1,250.5\n"))
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t0,980\n2\t1,250\n")).need("force").values.tolist() == [0.98, 1.25]
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t1,125\n2\t1,250\n")).need("force").values.tolist() == [1.125, 1.25]
+
+
+def test_a_value_that_stands_alone_is_told(tmp_path: Path) -> None:
+    rows = [f"{wave},{91 + 1e-3 * wave:.6g}" for wave in range(400, 600, 10)]
+    for place, shown in ((0, "9.4 at wavelength 400"), (7, "9.47 at wavelength 470"), (19, "9.59 at wavelength 590")):
+        spoiled = [row.replace(",91", ",9") if n == place else row for n, row in enumerate(rows)]
+        (note,) = read(saved(tmp_path, "\n".join(["wavelength_nm,T (%)", *spoiled, ""]))).warnings
+        assert shown in note
+    assert read(saved(tmp_path, "\n".join(["wavelength_nm,T (%)", *rows, ""]))).warnings == []
+
+
+def test_wavelengths_in_metres_are_none(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 2, column 1 = '400'; no wavelength"):
+        read(saved(tmp_path, "Wavelength (m),T\n400,0.9\n"))
+    assert read(saved(tmp_path, "Wavelength (µm),T\n0.4,0.9\n")).need("wavelength").to("nm").tolist() == [400.0]

@@ -36,6 +36,8 @@ from solen.units import factor, is_unit
         ("film (A)", "film (A)", "", ""),
         ("detector 1 (V)", "detector 1", "V", ""),
         ("b R (%)", "b R", "%", ""),
+        ("b (V)", "b", "V", ""),
+        ("T (K)", "T", "K", "temperature"),
         ("Force (F)", "Force", "", "force"),
         ("F/N", "F", "N", "force"),
         ("Standardkraft in N", "Standardkraft", "N", "force"),

@@ -71,15 +71,8 @@ def read(grid: Grid, start: int) -> Recording:
     heads = _heads(grid, start)
     body, after = _parted(grid, start + 2, len(heads))
     traces = _traces(grid, heads, body)
-    columns = [2 * n + odd for n in range(len(heads)) for odd in (0, 1)]
-    mark = grid.mark(body, columns)
-    pairs = [
-        (
-            grid.column(trace.column, trace.rows, mark, machine=True),
-            grid.column(trace.column + 1, trace.rows, mark, machine=True),
-        )
-        for trace in traces
-    ]
+    mark = grid.mark(body, {column: grid.cells(column, body) for column in range(2 * len(heads))})
+    pairs = [(_numbers(grid, trace, 0, mark), _numbers(grid, trace, 1, mark)) for trace in traces]
     for trace, (waves, values) in zip(traces, pairs, strict=True):
         _check(grid, trace, waves, values)
     scan.check_digits(grid, [(trace.column + 1, trace.rows) for trace in traces])
@@ -183,6 +176,12 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
     return found
 
 
+def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
+    """Wavelengths of a trace, or its values with ``odd`` 1."""
+    column = trace.column + odd
+    return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
+
+
 def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:
     """`DataError` where the numbers of a trace cannot be what an instrument recorded."""
     scan.check_wavelengths(grid, trace.column, trace.rows, waves)
@@ -233,8 +232,5 @@ def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, 
         notes.append(f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: the light was gone")
     if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
         notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")
-    stands = scan.alone(values)
-    if stands.size:
-        where = ", ".join(f"{values[n]:g} at {waves[n]:g} nm" for n in stands[:3])
-        notes.append(f"{stands.size} values stand far from both neighbours ({where}): a spike, or a damaged digit")
-    return notes + carylog.ends(log, waves)
+    lone = scan.alone_note(values, [f"at {wave:g} nm" for wave in waves.tolist()])
+    return [*notes, *([lone] if lone else []), *carylog.ends(log, waves)]

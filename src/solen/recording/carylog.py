@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solen.recording import dates
 
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
-_ANGLED = re.compile(r"([<\[].+?[>\]])\s*,\s*(.+)")
+_ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
 _LONGEST = 500  # letters of a line that is a setting
 _COLLECTED, _STAMPED = "Collection Time", "Date/Time stamp"

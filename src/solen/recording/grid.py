@@ -8,17 +8,19 @@ The interface: `of_text` makes a `Grid`; `Grid.refused` an error with its place;
 """
 
 import csv
-from collections.abc import Callable, Iterable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DataError
-from solen.recording.numbers import is_number, parse
+from solen.recording.numbers import all_numbers, is_number, parse
 from solen.recording.source import Source
 
 _SEPARATORS = ("\t", ";", " ", ",")
+_THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
 _SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
@@ -79,13 +81,25 @@ class Grid:
         cells = self.rows[row]
         return next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
 
-    def mark(self, rows: Sequence[int], columns: Iterable[int]) -> str:
-        """What stands before decimals, ``.`` or ``,``; `DataError` where some numbers have the one, some the other."""
+    def cells(self, column: int, rows: Sequence[int]) -> list[str]:
+        """Cells of a column in some rows; empty texts where a row ends before it."""
+        return [cells[column] if column < len(cells) else "" for cells in map(self.rows.__getitem__, rows)]
+
+    def mark(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> str:
+        """What stands before decimals, ``.`` or ``,``; `DataError` where some numbers have the one, some the other.
+
+        ``held`` has the cells of each column in these rows.
+        """
+        texts = ["\n".join(cells) for cells in held.values()]
+        if not any("," in text for text in texts):
+            return "."
+        if not any("." in text for text in texts):
+            self._refuse_thousands(rows, held)
+            return ","
         found: dict[str, tuple[int, int]] = {}
         counts = {".": 0, ",": 0}
-        for column in columns:
-            for row in rows:
-                cell = self.rows[row][column] if column < len(self.rows[row]) else ""
+        for column, cells in held.items():
+            for row, cell in zip(rows, cells, strict=True):
                 for mark in (".", ","):
                     if mark in cell and is_number(cell):
                         counts[mark] += 1
@@ -96,16 +110,42 @@ class Grid:
             raise self.refused(*found[rare], limit, "write all decimals after a point, or all after a comma")
         return "," if counts[","] else "."
 
-    def column(self, column: int, rows: Sequence[int], mark: str, *, machine: bool = False) -> NDArray[np.float64]:
-        """Numbers of a column in some rows, NaN where a cell is empty; `DataError` where one is neither."""
+    def _refuse_thousands(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> None:
+        """`DataError` where commas may stand before thousands: 1,250 beside 980, and never 0,5 or 12,75."""
+        with_comma = [cell for cells in held.values() for cell in cells if "," in cell]
+        if not all(map(_THOUSANDS.fullmatch, with_comma)):
+            return
+        for column, cells in held.items():
+            marked = [place for place, cell in enumerate(cells) if "," in cell]
+            if marked and any(cell and "," not in cell for cell in cells):
+                limit = "may be a thousand or more, or a number with three decimals"
+                raise self.refused(
+                    rows[marked[0]], column, limit, "leave out the comma, or write decimals after a point"
+                )
+
+    def column(
+        self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
+    ) -> NDArray[np.float64]:
+        """Numbers of a column's cells in some rows, NaN where one is empty; `DataError` where one is neither."""
         values = np.empty(len(rows))
-        for place, row in enumerate(rows):
-            cells = self.rows[row]
+        if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
+            values[:] = [
+                float(cell) for cell in (cells if mark == "." else "\n".join(cells).replace(",", ".").split("\n"))
+            ]
+            if np.isfinite(values).all():
+                return values
+        for place, (row, cell) in enumerate(zip(rows, cells, strict=True)):
             try:
-                values[place] = parse(cells[column] if column < len(cells) else "", mark, machine=machine)
+                values[place] = parse(cell, mark, machine=machine)
             except ValueError as bad:
                 raise self.refused(row, column, str(bad)) from None
         return values
+
+
+def _ascii_with(mark: str, cells: Sequence[str]) -> bool:
+    """Whether no cell has the other mark, or a minus that is not ASCII's."""
+    text = "".join(cells)
+    return text.isascii() and ("," if mark == "." else ".") not in text
 
 
 def of_text(source: Source) -> Grid:

@@ -5,14 +5,17 @@ Arabic digits) or mend (``12.5x``, ``1.234,5``) is what damage looks like. Instr
 what they write is held to a closer form: no leading zeros, no plus, digits on both sides of the mark, one digit before
 the mark where a power of ten follows.
 
-The interface: `is_number`, `is_missing`, `parse`, and `digits`.
+The interface: `is_number`, `is_missing`, `all_numbers`, `parse`, and `digits`.
 """
 
 import math
 import re
+from collections.abc import Sequence
 
 _NUMBER = re.compile(r"[+\-−–]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _MACHINE = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+)?[eE][+-]?[0-9]{1,3})")
+_NUMBERS = re.compile(rf"(?:{_NUMBER.pattern}\n)*+{_NUMBER.pattern}")
+_MACHINES = re.compile(rf"(?:(?:{_MACHINE.pattern})\n)*+(?:{_MACHINE.pattern})")
 _MANTISSA = re.compile(r"([0-9]*)(?:[.,]([0-9]*))?(?:[eE].*)?")
 _EXACT = 15  # digits beyond this are those of the binary number, not of a measurement
 _MISSING = {"", "nan", "n/a", "#n/a", "na", "null", "none", "nicht bekannt", "unknown"}
@@ -27,6 +30,11 @@ def is_number(cell: str) -> bool:
 def is_missing(cell: str) -> bool:
     """Whether a cell is empty or says that there is no number."""
     return not cell or cell.lower() in _MISSING
+
+
+def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
+    """Whether all cells are numbers, in the one form of instruments if a ``machine`` wrote them; of many at once."""
+    return bool(cells) and (_MACHINES if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
 
 
 def parse(cell: str, mark: str, *, machine: bool = False) -> float:

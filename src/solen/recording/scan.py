@@ -3,7 +3,8 @@
 The idea: a monochromator moves one way, in even steps. A step that differs from equal steps before and after it is no
 scan's; nor are wavelengths that differ in one place from those of all traces beside them.
 
-The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits` and `alone`.
+The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note`
+for what is odd and no proof.
 """
 
 from collections import Counter
@@ -147,18 +148,29 @@ def _usual_most(counts: Counter[int]) -> int:
 
 
 def alone(values: FloatArray) -> NDArray[np.intp]:
-    """Places of values that stand far from both neighbours, while those agree with one another.
+    """Places of values that stand far from both neighbours, while those agree; at the ends, from the two beside them.
 
     Far is fifty times the usual distance of a value from the middle of its neighbours, and a twentieth of them.
     """
     if values.size < 8:
         return np.array([], dtype=int)
-    left, value, right = values[:-2], values[1:-1], values[2:]
-    off = np.abs(value - 0.5 * (left + right))
+    near = np.concatenate(([values[1]], values[:-2], [values[-2]]))
+    other = np.concatenate(([values[2]], values[2:], [values[-3]]))
+    off = np.abs(values - 0.5 * (near + other))
     usual = float(np.nanmedian(off)) if np.isfinite(off).any() else 0.0
-    beside = np.maximum(np.abs(left), np.abs(right))
-    far = (off > 50.0 * usual) & (off > 0.05 * beside) & (off > 10.0 * np.abs(left - right))
-    return np.flatnonzero(far & (off > 0.0)) + 1
+    beside = np.maximum(np.abs(near), np.abs(other))
+    with np.errstate(invalid="ignore"):
+        far = (off > 50.0 * usual) & (off > 0.05 * beside) & (off > 10.0 * np.abs(near - other)) & (off > 0.0)
+    return np.flatnonzero(far)
+
+
+def alone_note(values: FloatArray, where: Sequence[str]) -> str:
+    """Note on values that stand alone, with where each of the values stands; empty where none does."""
+    places = alone(values)
+    if not places.size:
+        return ""
+    shown = ", ".join(f"{values[n]:g} {where[n]}" for n in places[:3].tolist())
+    return f"{places.size} values stand far from both neighbours ({shown}): a spike, or a damaged digit"
 
 
 def _windowed(steps: FloatArray, width: int) -> NDArray[np.intp]:

@@ -7,6 +7,7 @@ of text. Columns beside a wavelength run along it, those beside a time along tha
 The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
 """
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,9 +20,10 @@ from solen.recording import dates
 from solen.recording.grid import Grid
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
-from solen.recording.numbers import is_missing, is_number
-from solen.recording.scan import RANGE_NM, disorder
+from solen.recording.numbers import all_numbers, is_missing, is_number
+from solen.recording.scan import RANGE_NM, alone_note, disorder
 from solen.recording.words import Heading, heading, is_label, plain
+from solen.units import factor
 
 _TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
@@ -68,16 +70,18 @@ def check_rows(grid: Grid, place: Layout) -> None:
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
     """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
     held = [n for n, name in enumerate(place.names) if name or n == 0]
-    cells = {column: [grid.rows[row][column] for row in place.body] for column in held}
+    cells = {column: grid.cells(column, place.body) for column in held}
     kinds = {column: _kind(cells[column], place.names[column]) for column in held}
-    mark = grid.mark(place.body, [column for column in held if "number" in kinds[column]])
+    mark = grid.mark(place.body, {column: cells[column] for column in held if "number" in kinds[column]})
     found = []
     for column, head in zip(held, _headings(place, held), strict=True):
         kind = kinds[column]
         if kind == "word" and (head.unit or head.quantity):
             row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
             raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
-        values = grid.column(column, place.body, mark, machine=machine) if "number" in kind else None
+        values = None
+        if "number" in kind:
+            values = grid.column(column, place.body, cells[column], mark, machine=machine)
         words = tuple(cells[column]) if "word" in kind else None
         found.append(Column(column, place.names[column], head, values, words))
     return found
@@ -92,9 +96,10 @@ def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
     """`DataError` at a wavelength that is none, as where the names of columns moved."""
-    if column.head.quantity != "wavelength" or column.head.unit != "nm" or column.values is None:
+    if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
-    outside = np.flatnonzero((column.values < RANGE_NM[0]) | (column.values > RANGE_NM[1]))
+    nm = column.values * (factor(column.head.unit, "nm") or math.nan)
+    outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
     if outside.size:
         limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
         raise grid.refused(place.body[int(outside[0])], column.place, limit, "correct it, or the unit in the header")
@@ -102,6 +107,8 @@ def _check_range(grid: Grid, place: Layout, column: Column) -> None:
 
 def _kind(cells: list[str], name: str) -> str:
     """``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    if all_numbers(cells):
+        return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
     whole = len(numbers) == sum(not is_missing(cell) for cell in cells)
     if is_label(name):
@@ -189,8 +196,14 @@ def _along_waves(channels: list[Channel]) -> list[Channel]:
             axis = channel.name
             found.append(_noted(_in_nm(channel)))
         else:
-            found.append(replace(channel, axis=axis))
+            found.append(_spectrum(channel, axis, next(one for one in channels if one.name == axis).values))
     return found
+
+
+def _spectrum(channel: Channel, axis: str, waves: NDArray[np.float64]) -> Channel:
+    """Channel along its wavelengths, with a note on values that stand alone."""
+    notes = (channel.note, alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()]))
+    return replace(channel, axis=axis, note="; ".join(note for note in notes if note))
 
 
 def _noted(channel: Channel) -> Channel:

@@ -56,7 +56,8 @@ def read(grid: Grid, place: Layout) -> Recording:
     _check_repeats(grid, place)
     scan.check_digits(grid, [(column.place, place.body) for column in found])
     made = table.recorded(grid, place, found, "testxpert")
-    return replace(made, channels=tuple(replace(one, note=_note(one.values)) for one in made.channels))
+    where = [f"in line {grid.lines[row]}" for row in place.body]
+    return replace(made, channels=tuple(replace(one, note=scan.alone_note(one.values, where)) for one in made.channels))
 
 
 def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
@@ -126,12 +127,3 @@ def _check_repeats(grid: Grid, place: Layout) -> None:
     for before, row in zip(place.body, place.body[1:], strict=False):
         if grid.rows[row] == grid.rows[before]:
             raise grid.refused(row, None, "is the line before it once more", "remove one of them")
-
-
-def _note(values: NDArray[np.float64]) -> str:
-    """Note on values that stand alone; empty where none does."""
-    places = scan.alone(values)
-    if not places.size:
-        return ""
-    where = ", ".join(f"{values[n]:g} in row {n + 1}" for n in places[:3])
-    return f"{places.size} values stand far from both neighbours ({where}): a spike, or a damaged digit"

@@ -213,13 +213,17 @@ def _unit_of_parts(parts: list[str]) -> str:
 
 
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
-    """Whether a text is a unit and, where the name's quantity is known, one of its kind."""
+    """Whether a text is a unit and, where the name's quantity is known, one of its kind.
+
+    A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is no width.
+    """
     unit = unit.strip()
     if not stated_unit(unit):
         return False
     meant = _meanings(name)
-    if meant:
-        return any(_fits(one, _unit_text(unit)) for one in meant)
+    fits = any(_fits(one, _unit_text(unit)) for one in meant)
+    if fits or (meant and (len(name) > 1 or not bracketed)):
+        return fits
     letter = len(unit) == 1 and unit.isalpha()
     return unit not in _PURE and (not letter or (bracketed and unit != "A"))  # these are labels: sample A, film 1
 
