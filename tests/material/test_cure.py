@@ -219,8 +219,8 @@ def test_the_test_of_fit_alarms_at_its_rate() -> None:
 @pytest.mark.parametrize(
     ("dose", "thick", "told"),
     [
-        ([10.0, 20.0, 0.0], [1.0, 2.0, 3.0], r"dose = '0 \(row 3\)'; must be above 0"),
-        ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must not be negative"),
+        ([10.0, 20.0, 0.0], [1.0, 2.0, 3.0], r"dose = '0 \(row 3\)'; must be from 1e-06"),
+        ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must be 0 to 1e"),
         ([10.0, 10.0, 10.0], [1.0, 2.0, 3.0], "3 discs at 1 doses"),
         ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"2 discs at 2 doses \(1 left out\)"),
         ([10.0, 20.0, 30.0, 40.0], [40.0, 30.0, 20.0, 10.0], "thickness must grow with dose"),

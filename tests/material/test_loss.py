@@ -219,7 +219,7 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
         ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 numbers are sought"),
         ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of one guide count once"),
         ([10.0, 20.0, 30.0], None, ["x", "y", "z"], "one in each orientation"),
-        ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be above 0 mm"),
+        ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be from 0.001 to 1e.06 mm"),
     ],
 )
 def test_what_gives_no_loss_is_refused(

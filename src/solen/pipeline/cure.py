@@ -11,7 +11,7 @@ from solen.errors import DataError, SpecError
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import SCATTERS, Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
-from solen.pipeline.outputs import check_choice, check_figure, check_out, leave
+from solen.pipeline.outputs import check_choice, check_figure, check_out, check_wavelength, leave
 from solen.recording import Channel, Recording, read
 from solen.recording.model import FloatArray
 from solen.units import factor
@@ -83,6 +83,7 @@ def cure(
     scatter: str = "auto",
     min_thickness_um: float | None = None,
     keep_all: bool = False,
+    wavelength_nm: float | None = None,
     figure: Path | None = None,
     out: Path | None = None,
 ) -> dict[str, Any]:
@@ -98,6 +99,8 @@ def cure(
         Of a workbook.
     scatter, min_thickness_um, keep_all
         As in `solen.material.cure.curve.working_curve`.
+    wavelength_nm
+        Of the lamp, which the result states.
     figure, out
         Where to draw the result, and where to write it.
 
@@ -111,6 +114,7 @@ def cure(
     check_choice("--scatter", scatter, SCATTERS)
     how = how or Print()
     how.check()
+    check_wavelength(wavelength_nm)
     if min_thickness_um is not None and not 0.0 <= min_thickness_um < math.inf:
         raise SpecError("--min-thickness-um", value=min_thickness_um, limit="must be at least 0")
     recording = read(file, sheet=sheet)
@@ -127,7 +131,7 @@ def cure(
     stack = stack_of(found.Dp_um, how)
     data = (
         curve_told(found)
-        | {"irradiance_mW_per_cm2": how.irradiance_mW_per_cm2}
+        | {"irradiance_mW_per_cm2": how.irradiance_mW_per_cm2, "wavelength_nm": wavelength_nm}
         | {"layer": _layer(found, how), "stack": None if stack is None else _stack(found, stack, how)}
         | {
             "sources": [recording.provenance.as_dict()],
@@ -243,10 +247,10 @@ def _layer(found: WorkingCurve, how: Print) -> dict[str, Any] | None:
     told: dict[str, Any] = {
         "layer_um": how.layer_um,
         "overcure": how.overcure,
-        "needed_mJ_per_cm2": needed,
+        "needed_mJ_per_cm2": needed if math.isfinite(needed) else None,
         "needed_interval95_mJ_per_cm2": None if ends is None else list(ends),
     }
-    if how.irradiance_mW_per_cm2 is not None:
+    if how.irradiance_mW_per_cm2 is not None and math.isfinite(needed):
         told["needed_s"] = needed / how.irradiance_mW_per_cm2
         told["needed_interval95_s"] = None if ends is None else [end / how.irradiance_mW_per_cm2 for end in ends]
     return told | _exposed(found, how)

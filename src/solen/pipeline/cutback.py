@@ -12,7 +12,7 @@ from solen.errors import DataError, SpecError
 from solen.material.loss import CutBack, Line, cut_back, full_level_dB, levels_dB, smallest_loss_dB_per_cm
 from solen.material.loss.cutback import cautions
 from solen.material.loss.levels import absorption_per_mm, pulls_down
-from solen.pipeline.outputs import check_figure, check_out, leave
+from solen.pipeline.outputs import check_figure, check_out, check_wavelength, leave
 from solen.recording import Channel, Recording, read
 from solen.recording.model import FloatArray
 from solen.units import factor, is_unit
@@ -56,6 +56,7 @@ def cutback(
     unit: str | None = None,
     dark: float | None = None,
     launched: float | None = None,
+    wavelength_nm: float | None = None,
     keep_all: bool = False,
     figure: Path | None = None,
     out: Path | None = None,
@@ -72,6 +73,8 @@ def cutback(
         Of the powers, in place of the header's.
     dark, launched
         Reading without light, and what was launched into the guides, in the unit of the powers.
+    wavelength_nm
+        Of the light, which the result states.
     keep_all
         Set no piece aside.
     figure, out
@@ -87,11 +90,13 @@ def cutback(
     for name, value in (("--dark", dark), ("--launched", launched)):
         if value is not None and not math.isfinite(value):
             raise SpecError(name, value=value, limit="must be a number")
+    check_wavelength(wavelength_nm)
     recording = read(file, sheet=sheet)
     rows = readings(recording, unit, dark)
     found = cut_back(rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=keep_all)
     full = full_level_dB(rows.unit, launched, rows.values)
     data = _told(found, full) | {
+        "wavelength_nm": wavelength_nm,
         "readings": len(rows.values),
         "power": {
             "unit": rows.unit or None,
