@@ -94,7 +94,7 @@ def test_what_cannot_be_read_is_one_line(
 
 def test_a_trace_without_numbers_has_no_reach(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "file.csv"
-    path.write_text("wavelength_nm,T (%),sample (au)\n400,,1\n500,,2\n", encoding="utf-8")
+    path.write_text("wavelength_nm,T (%),sample (au)\n400,,0.1\n500,,0.2\n", encoding="utf-8")
     first, second = as_json(capsys, path)["traces"]
     assert (first["values"], first["empty"], first["points"]) == ([None, None], 2, 2)
     assert (second["quantity"], second["unit"]) == (None, None)

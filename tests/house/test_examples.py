@@ -285,9 +285,8 @@ def test_working_curve_is_that_of_the_likeliest_scatter_and_its_dose_is_a_sum() 
 
     def unlikely(p: NDArray[np.float64]) -> float:
         depths = [max(p[0] * (math.log(e) - p[1]), 1e-3) for e, _ in used]
-        return sum(
-            math.log(p[2] * d) + ((um - d) / (p[2] * d)) ** 2 / 2 for (_, um), d in zip(used, depths, strict=True)
-        )
+        terms = [math.log(p[2] * d) + ((um - d) / (p[2] * d)) ** 2 / 2 for (_, um), d in zip(used, depths, strict=True)]
+        return float(sum(terms))
 
     best = minimize(unlikely, [100.0, 1.5, 0.1], method="Nelder-Mead", options={"xatol": 1e-6, "maxiter": 4000}).x
     assert found["Dp_um"] == pytest.approx(best[0], rel=0.02)  # weights are another guess there: less than their u

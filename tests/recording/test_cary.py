@@ -192,3 +192,15 @@ def test_a_mode_that_is_not_known_keeps_its_numbers_without_a_unit(tmp_path: Pat
     recording = read(saved(tmp_path, cary([("a", "F(R)", 0), ("b", "%T", 0)])))
     assert (recording.channel("a").quantity, recording.channel("a").unit) == ("", "")
     assert "F(R)" in recording.channel("a").note
+
+
+def test_a_last_line_without_its_break_is_read_where_it_is_whole(tmp_path: Path) -> None:
+    text = "a,,b,\r\n" + "Wavelength (nm),%T,Wavelength (nm),%T\r\n"
+    text += "\r\n".join(f"{900 - 5 * row},{90 + row / 8:.3f},{900 - 5 * row},{80 + row / 8:.3f}" for row in range(9))
+    recording = read(saved(tmp_path, text))
+    assert recording.channel("b").values[-1] == 81.0
+    assert [note for note in recording.warnings if "after 81.000" in note and note.startswith("b")]
+    assert not read(saved(tmp_path, text.replace("\r\n", ",\r\n").replace("%T,\r", "%T\r") + ",")).warnings
+    for cut in range(1, 20):
+        with pytest.raises(DataError, match="line 11"):
+            read(saved(tmp_path, text[:-cut]))

@@ -251,7 +251,8 @@ def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path)
     with pytest.raises(DataError, match="line 1; stands without a name above column 2"):
         read(saved(tmp_path, "film,,dye\n1,2,3\n"))
     assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
-    assert read(saved(tmp_path, ",T,R\n0,0.9,0.1\n1,0.9,0.1\n")).names == ("column 1", "T", "R")
+    assert read(saved(tmp_path, ",T,R\n5,0.9,0.1\n6,0.9,0.1\n")).names == ("column 1", "T", "R")
+    assert read(saved(tmp_path, ",T,R\n0,0.9,0.1\n1,0.9,0.1\n")).names == ("T", "R")  # row numbers of pandas
 
 
 def test_a_percentage_of_excel_is_not_taken_for_the_fraction_that_is_stored(tmp_path: Path) -> None:
@@ -305,3 +306,26 @@ def test_wavelengths_in_metres_are_none(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="line 2, column 1 = '400'; no wavelength"):
         read(saved(tmp_path, "Wavelength (m),T\n400,0.9\n"))
     assert read(saved(tmp_path, "Wavelength (µm),T\n0.4,0.9\n")).need("wavelength").to("nm").tolist() == [400.0]
+
+
+def test_what_names_the_rows_runs_along_nothing(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, "wavelength_nm,T,replicate\n400,0.9,1\n500,0.9,1\n"))
+    assert [one.axis for one in recording.channels] == ["", "wavelength", ""]
+    recording = read(saved(tmp_path, "wavelength_nm,T,sample\n400,0.9,0.8\n500,0.9,0.7\n"))
+    assert [one.axis for one in recording.channels] == ["", "wavelength", "wavelength"]  # a spectrum called so
+    recording = read(saved(tmp_path, "time_s,thickness_um,Nr\n2,50,1\n4,90,2\n"))
+    assert [one.axis for one in recording.channels] == ["", "time", ""]
+
+
+def test_a_second_table_is_named_as_one(tmp_path: Path) -> None:
+    text = "sample,Fmax (N)\n1,12.5\n\nTime,Extension,Load\n(s),(mm),(N)\n0.0,0.0,0.1\n0.1,0.2,0.4\n"
+    with pytest.raises(DataError, match="line 4; begins another table; keep one table in a file"):
+        read(saved(tmp_path, text))
+
+
+def test_the_line_that_tells_excel_the_separator_is_none_of_the_table(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, "sep=;\nt_s;F_N\n1;2,5\n"))
+    assert recording.need("force").values.tolist() == [2.5]
+    assert recording.provenance.metadata == {}
+    text = "sep=,\n" + cary([("a", "%T", 0), ("b", "Abs", 0)])
+    assert read(saved(tmp_path, text)).provenance.format == "agilent-cary-csv"

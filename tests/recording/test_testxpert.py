@@ -113,7 +113,12 @@ def test_damage_is_refused_with_its_place(tmp_path: Path, damage: str) -> None:
         read(saved(tmp_path, "\n".join(lines)))
 
 
-@pytest.mark.parametrize("cut", [1, 3, 8, 25])
+def test_a_last_number_that_may_have_lost_a_digit_is_told(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, tensile().removesuffix("\n")[:-1]))
+    assert any("without a line break" in warning for warning in recording.warnings)
+
+
+@pytest.mark.parametrize("cut", [3, 8, 25])
 def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, cut: int) -> None:
     with pytest.raises(DataError, match="line 132"):
         read(saved(tmp_path, tensile().removesuffix("\n")[:-cut]))

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from solen import __version__
 
@@ -22,6 +22,10 @@ FigureFile = Annotated[Path | None, Parameter(name="--figure", help="Draw the re
 Out = Annotated[
     Path | None, Parameter(name="--out", help="Write the result to this .json, which solen resin build reads.")
 ]
+
+MATERIAL = Group("The resin, from what instruments export", sort_key=1)
+DESIGN = Group("The sensor, from its design", sort_key=2)
+PRINT = Group("The print", sort_key=3)
 
 app = App(
     name="solen",

@@ -5,12 +5,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Out, app, show
+from solen.cli.app import MATERIAL, FigureFile, Json, Out, app, show
 
 Irradiance = Annotated[float | None, Parameter(name="--irradiance-mW-per-cm2")]
 
 
-@app.command(sort_key=26)
+@app.command(group=MATERIAL, sort_key=26)
 def cure(
     file: Path,
     /,
@@ -127,7 +127,7 @@ def _stack(stack: dict[str, Any]) -> list[str]:
     ]
 
 
-@app.command(sort_key=27)
+@app.command(group=MATERIAL, sort_key=27)
 def penetration(
     file: Path,
     /,
@@ -201,7 +201,7 @@ def _penetration_lines(found: dict[str, Any]) -> list[str]:
     return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
 
 
-@app.command(sort_key=28)
+@app.command(group=MATERIAL, sort_key=28)
 def exposures(
     files: Annotated[list[Path], Parameter(negative=())],
     /,

@@ -5,10 +5,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Out, app, show
+from solen.cli.app import MATERIAL, FigureFile, Json, Out, app, show
 
 
-@app.command(sort_key=24)
+@app.command(group=MATERIAL, sort_key=23)
 def cutback(
     file: Path,
     /,

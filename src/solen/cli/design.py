@@ -6,11 +6,11 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import Json, Set, app, listing, progress_bar, short, show, text
+from solen.cli.app import DESIGN, Json, Set, app, listing, progress_bar, short, show, text
 from solen.errors import SpecError
 
 
-@app.command(sort_key=1)
+@app.command(group=DESIGN, sort_key=1)
 def new(folder: Path, /, *, example: str = "solen-860", as_json: Json = False) -> None:
     """Write a commented design file, FOLDER/sensor.toml.
 
@@ -27,7 +27,7 @@ def new(folder: Path, /, *, example: str = "solen-860", as_json: Json = False) -
     show(found, as_json, lambda: [f"wrote {found['design']}", f'next: solen run "{found["design"]}" --out out'])
 
 
-@app.command(sort_key=2)
+@app.command(group=DESIGN, sort_key=2)
 def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON either way
     """Print the JSON Schema of the design file, for editors that check as one types."""
     from solen.pipeline import design as pipeline
@@ -35,7 +35,7 @@ def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON 
     print(json.dumps(pipeline.schema(), indent=1))
 
 
-@app.command(sort_key=3)
+@app.command(group=DESIGN, sort_key=3)
 def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
     """Prove that a design can be built at every angle of its motion.
 
@@ -60,7 +60,7 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
     )
 
 
-@app.command(sort_key=4)
+@app.command(group=DESIGN, sort_key=4)
 def lens(
     file: Path, /, *, set_: Set = None, csv: Path | None = None, tolerance_mm: float = 1e-4, as_json: Json = False
 ) -> None:
@@ -81,7 +81,7 @@ def lens(
     show(found, as_json, lambda: [*listing(found), *_focus_lines(found), *_warning_lines(found)])
 
 
-@app.command(sort_key=5)
+@app.command(group=DESIGN, sort_key=5)
 def trace(
     file: Path,
     /,
@@ -158,7 +158,7 @@ def trace(
     show(found, as_json, lambda: _trace_lines(found))
 
 
-@app.command(name="convergence", sort_key=6)
+@app.command(name="convergence", group=DESIGN, sort_key=6)
 def convergence_(
     file: Path,
     /,
@@ -188,7 +188,7 @@ def convergence_(
     show(found, as_json, lambda: _convergence_lines(found))
 
 
-@app.command(sort_key=7)
+@app.command(group=DESIGN, sort_key=7)
 def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None, as_json: Json = False) -> None:
     """Show how the readings change with the numbers of the design, per unit of each, the steepest contrast first.
 
@@ -208,7 +208,7 @@ def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = N
     show(found, as_json, lambda: _sensitivity_lines(found))
 
 
-@app.command(sort_key=8)
+@app.command(group=DESIGN, sort_key=8)
 def run(file: Path, /, *, out: Path, set_: Set = None, as_json: Json = False) -> None:
     """Do the whole chain: lens, body, response with and without lens, figures, tables, report.
 

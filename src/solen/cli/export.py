@@ -5,12 +5,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Set, app, listing, show
+from solen.cli.app import PRINT, FigureFile, Json, Set, app, listing, show
 
 Flag = Annotated[bool, Parameter(negative=())]
 
 
-@app.command(sort_key=9)
+@app.command(group=PRINT, sort_key=9)
 def export(
     file: Path,
     /,

@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from solen.cli.app import FigureFile, Json, app, listing, short, show, text
+from solen.cli.app import MATERIAL, FigureFile, Json, app, listing, short, show, text
 
-resin = App(name="resin", help="Write, list and show resin files; weigh in a mixture.", sort_key=40)
+resin = App(name="resin", help="Write, list and show resin files; weigh in a mixture.", group=MATERIAL, sort_key=40)
 app.command(resin)
 
 Repeatable = Annotated[list[str] | None, Parameter(negative=())]

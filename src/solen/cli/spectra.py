@@ -5,10 +5,10 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, app, show
+from solen.cli.app import MATERIAL, FigureFile, Json, app, show
 
 
-@app.command(sort_key=20)
+@app.command(group=MATERIAL, sort_key=20)
 def spectra(
     file: Path,
     /,

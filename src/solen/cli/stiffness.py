@@ -6,14 +6,14 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Out, app, show, text
+from solen.cli.app import MATERIAL, FigureFile, Json, Out, app, show, text
 
 _Files = Annotated[list[Path] | None, Parameter(negative=(), consume_multiple=True)]
 _Texts = Annotated[list[str] | None, Parameter(negative=(), consume_multiple=True)]
 _Numbers = Annotated[list[float] | None, Parameter(negative=(), consume_multiple=True)]
 
 
-@app.command(sort_key=24)
+@app.command(group=MATERIAL, sort_key=24)
 def stiffness(
     *files: Path,
     mode: str | None = None,

@@ -78,7 +78,7 @@ def read(grid: Grid, start: int) -> Recording:
     scan.check_digits(grid, [(trace.column + 1, trace.rows) for trace in traces])
     scan.check_alike(grid, [(trace.column, trace.rows, waves) for trace, (waves, _) in zip(traces, pairs, strict=True)])
     logs = carylog.read([grid.rows[row] for row in after], [name for name, _ in heads], grid.separator)
-    return _recording(grid, traces, pairs, logs)
+    return _recording(grid, traces, pairs, logs, grid.ending(body))
 
 
 def _pairs(cells: list[str]) -> int:
@@ -128,9 +128,6 @@ def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
     inside = [line for line, _ in grid.remarks if grid.lines[body[0]] < line <= grid.lines[body[-1]]]
     if inside:
         raise grid.source.refused(f"line {inside[0]}", "begins with #, among the numbers", "restore it")
-    if not grid.ends and not after:
-        limit = "ends without a line break, as a file that was cut off: its last number may not be whole"
-        raise grid.refused(body[-1], None, limit, "export it again, or end the line if it is whole")
     _check_lengths(grid, body, 2 * traces)
     return body, after
 
@@ -195,7 +192,7 @@ def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> 
 
 
 def _recording(
-    grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs
+    grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs, ending: str
 ) -> Recording:
     """Recording of traces, each with the channel of wavelengths that it runs along; equal ones are one channel."""
     axes: dict[bytes, Channel] = {}
@@ -205,8 +202,10 @@ def _recording(
         new = Channel(_axis_name(len(axes), taken), "wavelength", "nm", waves)
         axis = axes.setdefault(waves.tobytes(), new)
         quantity, unit = MODES.get(trace.mode.casefold(), ("", ""))
-        note = "; ".join(_notes(trace, waves, values, quantity, logs.shared | log))
-        channels.append(Channel(trace.name, quantity, unit, values, axis.name, note, log))
+        notes = _notes(trace, waves, values, quantity, logs.shared | log)
+        if ending and trace is traces[-1]:
+            notes.append(ending)
+        channels.append(Channel(trace.name, quantity, unit, values, axis.name, "; ".join(notes), log))
     provenance = Provenance(
         grid.source.name, grid.source.sha256, "agilent-cary-csv", logs.instrument, logs.date, logs.shared
     )

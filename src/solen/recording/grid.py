@@ -21,6 +21,7 @@ from solen.recording.source import Source
 
 _SEPARATORS = ("\t", ";", " ", ",")
 _THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
+_EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line by which Excel is told the separator
 _SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
@@ -71,6 +72,24 @@ class Grid:
         value = cells[column] if column is not None and column < len(cells) else ""
         shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
         return self.source.refused(self.place(row, column), limit, remedy, shown or None)
+
+    def ending(self, body: list[int]) -> str:
+        """Note on the last of the rows of numbers, where the file ends in it without a line break; else empty.
+
+        `DataError` where that row has lost cells, or its last number has fewer characters than any above it.
+        """
+        last = body[-1]
+        if self.ends or self.lines[last] != self.lines[-1] or len(body) < 2:
+            return ""
+        cells, above = self.rows[last], [self.rows[row] for row in body[:-1]]
+        place = len(cells) - 1
+        shortest = min((len(row[place]) for row in above if place < len(row) and row[place]), default=0)
+        if len(cells) != len(above[-1]) or len(cells[place]) < shortest:
+            limit = "ends without a line break, and before the line is whole: the file was cut off"
+            raise self.refused(last, None, limit, "export it again")
+        if not cells[place]:  # the separator behind the last number shows that it is whole
+            return ""
+        return f"the file ends without a line break after {cells[place]}: whether that number is whole cannot be told"
 
     def is_blank(self, row: int) -> bool:
         """Whether a row holds nothing."""
@@ -157,6 +176,8 @@ def of_text(source: Source) -> Grid:
     told = [(number, line) for number, line in enumerate(lines, 1)]
     remarks = [(number, line.lstrip()[1:].strip()) for number, line in told if line.lstrip().startswith("#")]
     told = [(number, line) for number, line in told if not line.lstrip().startswith("#")]
+    if told and _EXCEL.fullmatch(told[0][1]):
+        told = told[1:]
     separator = _separator([line for _, line in told])
     split = splitter(separator)
     rows = [split(line) for _, line in told]

@@ -10,7 +10,7 @@ The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded
 import math
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,12 +59,19 @@ def check_rows(grid: Grid, place: Layout) -> None:
     if not place.body:
         raise grid.source.refused("", "has a header and no rows", "export it again")
     for row in place.body:
+        if len(grid.rows[row]) != len(grid.rows[place.body[0]]) and _begins_another(grid, place, row):
+            raise grid.refused(row, None, "begins another table", "keep one table in a file, or one in a sheet")
         if grid.width(row) > expected:
             raise grid.refused(row, expected, f"stands beyond the {expected} columns of the header")
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
             limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: something is missing or cut off"
             raise grid.refused(row, None, limit, "restore it, with a separator for each empty cell")
+
+
+def _begins_another(grid: Grid, place: Layout, row: int) -> bool:
+    """Whether a row of words follows an empty one."""
+    return row != place.body[0] and grid.is_blank(row - 1) and not any(map(is_number, grid.rows[row]))
 
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
@@ -83,7 +90,8 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
         if "number" in kind:
             values = grid.column(column, place.body, cells[column], mark, machine=machine)
         words = tuple(cells[column]) if "word" in kind else None
-        found.append(Column(column, place.names[column], head, values, words))
+        if values is None or place.names[column] or not np.array_equal(values, np.arange(values.size)):
+            found.append(Column(column, place.names[column], head, values, words))  # but for pandas' row numbers
     return found
 
 
@@ -130,7 +138,10 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     date = dates.among(metadata)
     simulated = _simulated(metadata)
     provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
-    return Recording(tuple(along_axes(_with_percent(channels))), provenance, texts)
+    labels = {
+        one.name for one in channels if one.name in texts and not np.any(np.nan_to_num(one.values) % 1.0)
+    }  # 1, 2, 3; 0, 90
+    return Recording(tuple(along_axes(_with_percent(channels), labels)), provenance, texts)
 
 
 def _simulated(metadata: Mapping[str, str]) -> bool:
@@ -177,24 +188,27 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
     return (key.strip(), value.strip()) if separator and value.strip() else ("title", cells[0])
 
 
-def along_axes(channels: list[Channel]) -> list[Channel]:
-    """Channels with the axis that each runs along: the wavelength to its left, or else the time."""
+def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
+    """Channels with the axis that each runs along: the wavelength to its left, or else the time; labels along none."""
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
-        return _along_waves(channels)
+        return _along_waves(channels, labels)
     times = [channel for channel in channels if channel.quantity == "time"]
     if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are no axis
         return channels
-    return [replace(one, axis="" if one is times[0] else times[0].name) for one in channels]
+    free = {times[0].name, *labels}
+    return [replace(one, axis="" if one.name in free else times[0].name) for one in channels]
 
 
-def _along_waves(channels: list[Channel]) -> list[Channel]:
+def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
     axis = next(channel.name for channel in channels if channel.quantity == "wavelength")
     found = []
     for channel in channels:
         if channel.quantity == "wavelength":
             axis = channel.name
             found.append(_noted(_in_nm(channel)))
+        elif channel.name in labels:
+            found.append(channel)
         else:
             found.append(_spectrum(channel, axis, next(one for one in channels if one.name == axis).values))
     return found

@@ -57,7 +57,13 @@ def read(grid: Grid, place: Layout) -> Recording:
     scan.check_digits(grid, [(column.place, place.body) for column in found])
     made = table.recorded(grid, place, found, "testxpert")
     where = [f"in line {grid.lines[row]}" for row in place.body]
-    return replace(made, channels=tuple(replace(one, note=scan.alone_note(one.values, where)) for one in made.channels))
+    endings = ["" for _ in made.channels[1:]] + [grid.ending(place.body)]
+    notes = [
+        filter(None, (scan.alone_note(one.values, where), end)) for one, end in zip(made.channels, endings, strict=True)
+    ]
+    return replace(
+        made, channels=tuple(replace(one, note="; ".join(note)) for one, note in zip(made.channels, notes, strict=True))
+    )
 
 
 def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
@@ -89,9 +95,6 @@ def _check_whole(grid: Grid, place: Layout) -> None:
         raise grid.refused(hole + 1, None, "is empty, and numbers follow", "export each test to a file of its own")
     if place.after:
         raise grid.refused(place.after[0], None, "stands after the numbers", "export one test alone")
-    if not grid.ends:
-        limit = "ends without a line break, as a file that was cut off: its last number may not be whole"
-        raise grid.refused(place.body[-1], None, limit, "export it again, or end the line if it is whole")
 
 
 def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:

@@ -87,10 +87,10 @@ _WORDS = {
     "wavenumber": "wavenumber, wellenzahl",
 }
 _LABELS = (
-    "replicate, repeat, wiederholung, sample, probe, specimen, prüfling, name, label, id, guide, piece, part, print, "
-    "disc, disk, orientation, build orientation, ausrichtung, orientierung, bauorientierung, batch, charge, note, "
-    "comment, kommentar, bemerkung, material, resin, harz, group, gruppe, position, operator, date, datum, file, "
-    "datei, kind, type, mode"
+    "replicate, repeat, nr, nr., no, no., wiederholung, sample, probe, specimen, prüfling, name, label, id, guide, "
+    "piece, part, print, disc, disk, orientation, build orientation, ausrichtung, orientierung, bauorientierung, "
+    "batch, charge, note, comment, kommentar, bemerkung, material, resin, harz, group, gruppe, position, operator, "
+    "date, datum, file, datei, kind, type, mode"
 )
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "

@@ -184,6 +184,7 @@ GAP = np.where(np.arange(81) == 40, np.nan, STRAIN)
             Dimensions(),
             "stress = 0.0; is the same in every row",
         ),
+        ({"stress": ("GPa", 1e5 * STRAIN), "strain": ("1", STRAIN)}, Dimensions(), "is beyond 1e+06 MPa"),
         (
             {"stress": ("MPa", STRAIN[:4]), "strain": ("1", STRAIN[:4])},
             Dimensions(),

@@ -150,7 +150,7 @@ def softening(found: Sequence[Cycle]) -> Softening | None:
     if len(found) < 2:
         return None
     first, last = found[0], found[-1]
-    if last.peak_strain < 0.95 * first.peak_strain:
+    if last.peak_strain < 0.95 * first.peak_strain or min(first.peak_stress_MPa, first.work_in_mJ_per_mm3) <= 0:
         return None
     half = (first.stress_at_half_MPa, last.stress_at_half_MPa)
     return Softening(

@@ -26,6 +26,7 @@ CHOICES = ("tension", "compression", *MODES)
 """What a user can call a test; ``uniaxial`` takes both signs as they stand in the file."""
 _FEWEST = 5
 _BOTH = 0.05  # share of the range on the other side of zero that makes a test one in both directions
+_STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # least change and largest size
 _PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
 
 
@@ -165,11 +166,21 @@ def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Fl
         raise DataError(
             f"{name}: points", value=last, limit=f"at least {_FEWEST} are needed", remedy="export all of them"
         )
-    for what, values in (("strain", strain), ("stress", stress)):
-        if float(np.ptp(values)) == 0:
-            remedy = "check that the right columns were taken, with enough digits"
-            raise DataError(f"{name}: {what}", value=float(values[0]), limit="is the same in every row", remedy=remedy)
+    _check_size(f"{name}: strain", strain, "", _STRAINS)
+    _check_size(f"{name}: stress", stress, " MPa", _STRESSES_MPA)
     return strain, stress
+
+
+def _check_size(what: str, values: FloatArray, unit: str, limits: tuple[float, float]) -> None:
+    """`DataError` for values that do not change, or are of a size that no specimen shows."""
+    least, most = limits
+    largest = float(values[int(np.argmax(np.abs(values)))])
+    if abs(largest) > most:
+        limit = f"is beyond {most:g}{unit}, which no specimen shows"
+        raise DataError(what, value=largest, limit=limit, remedy="check the column and its unit")
+    if float(np.ptp(values)) <= least:
+        remedy = "check that the right columns were taken, with enough digits"
+        raise DataError(what, value=float(values[0]), limit="is the same in every row", remedy=remedy)
 
 
 def sense(values: FloatArray) -> int:
