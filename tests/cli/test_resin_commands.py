@@ -45,6 +45,7 @@ CURE: dict[str, Any] = {
 }
 STIFFNESS: dict[str, Any] = {
     "kind": "stiffness",
+    "label": None,
     "modulus_MPa": 1.5,
     "u_modulus_MPa": 0.1,
     "strain_range": [0.02, 0.1],

@@ -306,3 +306,22 @@ def test_working_curve_is_that_of_the_likeliest_scatter_and_its_dose_is_a_sum() 
 def test_simulated_tables_are_those_of_their_script() -> None:
     for name, table in TABLES.items():
         assert (ROOT / "examples" / name).read_text(encoding="utf-8") == table()
+
+
+def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_two_designs_do() -> None:
+    """Each number within three of its standard uncertainties; the response between designs of n - u and n + u."""
+    found = result("characterise_resin")
+    n, u = found["n"], found["u_n"]
+    assert n == pytest.approx(1.48 + 0.005 / 0.86**2, abs=3 * u)
+    assert 0.001 < u < 0.006  # 0.1 % of R is 0.0039 in n
+    assert found["loss"] == pytest.approx(0.02, abs=3 * 0.02 / math.sqrt(16 * 125))  # noise over the lengths' spread
+    assert found["Dp"] == pytest.approx(150.0, abs=3 * 4.0 / math.sqrt(15 * 0.132))  # the same over ln of the doses
+    assert found["C10_MPa"] == pytest.approx(0.2, abs=0.002)
+    angles = [-1.0, -0.875, -0.75, -0.625, -0.5, -0.375, -0.25]
+    curves = {}
+    for index in (n - u, n, n + u):
+        values = {"material.index": index, "lens.design_index": n, "emitter.width_mm": 0.2}
+        values["material.absorption_per_mm"] = found["loss"]
+        curves[index] = Sensor.of(with_values(loads(template()), values)).power(angles).contrast
+    largest = max(float(np.abs(curves[index] - curves[n]).max()) for index in (n - u, n + u))
+    assert 0.85 * largest < found["moved"] < largest + 1e-3

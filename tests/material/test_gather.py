@@ -222,3 +222,11 @@ def test_of_several_materials_one_is_named() -> None:
         found.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
         found.as_table("PU")
+
+
+def test_a_wavelength_that_comes_twice_is_one_row_with_or_without_an_uncertainty() -> None:
+    twice = {"wavelength_nm": (600.0, 500.0, 500.0), "n": (1.49, 1.5, 1.5), "u_n": (0.01, None, 0.01)}
+    table = IndexResult(mode="lossless", **twice).as_table()
+    assert table.index(500.0) == 1.5
+    assert table.index(600.0) == 1.49
+    assert table.u_index(500.0) is None

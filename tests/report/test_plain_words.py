@@ -232,6 +232,7 @@ def test_the_limits_name_the_absorption_and_the_assumed_arms(studied: Studies) -
     assert "no absorption was given" in paper[last]
     assert "assumed to continue" in paper[last]
     assert "absorbs 0.02 per mm" in dim[last]
+    assert "absorbs 0.01 ± 0.002 per mm" in said(studied("uncertain"))[last]
     assert "as given" in dim[last]
 
 

@@ -11,9 +11,9 @@ The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`,
 
 import math
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Tabulated
@@ -22,6 +22,12 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, refus
 
 MOST_ROWS = 64
 """Wavelengths that a table of a resin has at most."""
+NOT_KEPT = (
+    "k is masked",
+    "the uncertainty of the thickness is not stated and not in u_k",
+    "what was launched is not known",
+)
+"""Beginnings of warnings that are of what a resin does not keep: the extinction coefficient, the coupling loss."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
 """A gap between known wavelengths is told of where it is wider than this, and than so many usual steps."""
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
@@ -45,6 +51,11 @@ class _Result(Strict):
         texts = isinstance(value, list) and all(isinstance(one, str) for one in value)
         return [" ".join(one.split()) for one in value] if texts else value
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Warnings that are of what a resin keeps."""
+        return tuple(text for text in self.warnings if not text.startswith(NOT_KEPT))
+
     def found_from(self) -> tuple[Source, ...]:
         """The files that it was found from."""
         kept = Source.model_fields.keys() - {"of"}
@@ -54,18 +65,12 @@ class _Result(Strict):
         )
 
 
-def _of_the_index(warnings: tuple[str, ...]) -> tuple[str, ...]:
-    """Those that are not of k alone, which a resin does not keep."""
-    return tuple(text for text in warnings if not text.startswith("k is masked"))
-
-
 class IndexResult(_Result):
     """Of `solen index` or `solen refractometer`."""
 
     of: ClassVar[str] = "index"
 
     mode: Text = Field(description="how the index was found.")
-    warnings: Annotated[tuple[Text, ...], AfterValidator(_of_the_index)] = ()
     wavelength_nm: tuple[Positive, ...] = ()
     n: tuple[Number | None, ...] = ()
     u_n: tuple[NotNegative | None, ...] = ()
@@ -88,24 +93,22 @@ class IndexResult(_Result):
             raise DataError("fit", value=self.fit.get("kind"), limit="must be a cauchy or a sellmeier formula")
         kind = KINDS[self.fit["kind"]]
         kept = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
-        return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.warnings})
+        return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.remarks})
 
     def _tabulated(self) -> Tabulated:
-        known = sorted(
-            (nm, n, u) for nm, n, u in zip(self.wavelength_nm, self.n, self.u_n, strict=True) if n is not None
-        )
+        rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
+        known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
         if len({nm for nm, _, _ in known}) < 2:
             limit = "an index at 2 wavelengths at least is needed"
             raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
-        rows = thinned(known)
-        wavelengths, indices, uncertainties = zip(*rows, strict=True)
+        wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
         return Tabulated(
             wavelength_nm=wavelengths,
             n=indices,
-            u_n=u_n if len(u_n) == len(rows) else None,
+            u_n=u_n if len(u_n) == len(indices) else None,
             mode=self.mode,
-            warnings=(*self.warnings, *gaps([nm for nm, _, _ in known])),
+            warnings=(*self.remarks, *gaps([nm for nm, _, _ in known])),
         )
 
 
@@ -212,7 +215,7 @@ class CutbackResult(_Line):
             wavelength_nm=wavelength_nm or self.wavelength_nm,
             orientation=orientation,
             by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
-            warnings=(*self.warnings, *told),
+            warnings=(*self.remarks, *told),
         )
 
 
@@ -245,7 +248,7 @@ class CureResult(_Result):
             interval95_Ec_mJ_per_cm2=self.interval95.Ec_mJ_per_cm2,
             wavelength_nm=wavelength_nm or self.wavelength_nm,
             irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
-            warnings=self.warnings,
+            warnings=self.remarks,
         )
 
 
@@ -264,7 +267,7 @@ class _Modulus(_Result):
 
     of: ClassVar[str] = "stiffness"
 
-    label: str = ""
+    label: str | None = None
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = None
     interval95_MPa: Interval | None = None
@@ -290,11 +293,11 @@ class StiffnessResult(_Modulus):
             model=one.model.kind if one.model else "",
             parameters=one.model.parameters if one.model else {},
             u_parameters=(one.model.u_parameters or {}) if one.model else {},
-            warnings=one.warnings,
+            warnings=one.remarks,
         )
 
     def _labelled(self, label: str) -> _Modulus:
-        groups = {group.label: group for group in self.groups or (self,)}
+        groups = {group.label or "": group for group in self.groups or (self,)}
         if not label and len(groups) == 1:
             return next(iter(groups.values()))
         if label not in groups:

@@ -142,9 +142,10 @@ def _focuses(lens: OvalLens, material: Optical) -> str:
 
 
 def _limits(study: Study) -> str:
-    absorption = study.case.sensor.material.absorption_per_mm
+    material = study.case.sensor.material
+    absorption, u = material.absorption_per_mm, material.u_absorption_per_mm
     loss = (
-        f"the material absorbs {absorption:g} per mm"
+        f"the material absorbs {absorption:g}{f' ± {u:.1g}' if u else ''} per mm"
         if absorption > 0
         else "no absorption was given, so none is counted"
     )

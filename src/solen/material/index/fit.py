@@ -86,7 +86,7 @@ class Fit:
 
     def as_dict(self) -> dict[str, Any]:
         """The same as plain data, for JSON; the residuals by their root mean square alone."""
-        coefficients = self.model.model_dump(mode="json", exclude_none=True)
+        coefficients = self.model.model_dump(mode="json", exclude_none=True, exclude={"mode", "warnings"})
         return {
             "kind": self.kind,
             "terms": self.terms,
