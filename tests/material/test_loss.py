@@ -178,6 +178,17 @@ def test_orientations_that_do_not_differ_are_found_to_at_the_rate_of_the_test() 
     assert any("no proof that there is none" in told for told in cautions(quiet))
 
 
+def test_an_orientation_of_one_length_has_no_loss_and_that_is_said() -> None:
+    lengths, level, guides = table(np.random.default_rng(27), readings=1)
+    one = cut_back(lengths, level, guides, ["flat"] * 15)
+    assert [line.orientation for line in one.by_orientation] == ["flat"]
+    assert one.by_orientation[0].loss_dB_per_cm == pytest.approx(one.line.loss_dB_per_cm)
+    assert one.p_orientation is None
+    both = cut_back(lengths, level, guides, ["upright"] * 3 + ["flat"] * 12)
+    assert [line.orientation for line in both.by_orientation] == ["flat"]
+    assert any("loss of its own: upright" in told for told in cautions(both))
+
+
 def test_guides_of_one_name_in_two_orientations_are_two() -> None:
     lengths = np.tile([10.0, 20.0, 30.0], 4)
     ways = ["flat"] * 6 + ["upright"] * 6
@@ -208,7 +219,7 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
         ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 numbers are sought"),
         ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of one guide count once"),
         ([10.0, 20.0, 30.0], None, ["x", "y", "z"], "one in each orientation"),
-        ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be above 0 mm"),
+        ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be from 0.001 to 1e.06 mm"),
     ],
 )
 def test_what_gives_no_loss_is_refused(

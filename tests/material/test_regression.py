@@ -134,6 +134,19 @@ def test_a_covariance_from_residuals_is_hc2() -> None:
     assert fit.df((-1.0, 1.0)) == pytest.approx(equal)
 
 
+def test_the_freedom_of_a_covariance_from_residuals_is_that_of_its_matrices() -> None:
+    """Bell and McCaffrey's ratio with the residuals' covariance written out, n by n."""
+    weights = np.array([1.0, 4.0, 0.5, 2.0, 1.0, 0.3])
+    fit = fitted(LINE, Y, weights=weights, guessed=True)
+    rows = np.linalg.solve(LINE.T @ (weights[:, None] * LINE), LINE.T * weights)
+    left = np.eye(6) - LINE @ rows
+    residuals = left @ np.diag(1.0 / weights) @ left.T
+    for contrast in (*BOTH, (1.0, 4.0)):
+        shares = (np.array(contrast) @ rows) ** 2 / np.diag(left)
+        expected = float(shares @ np.diag(residuals)) ** 2 / float(shares @ residuals**2 @ shares)
+        assert fit.df(contrast) == pytest.approx(max(expected, LEAST_DF * 4), rel=1e-9)
+
+
 def test_a_covariance_from_residuals_keeps_some_freedom() -> None:
     design, y = np.tile(LINE, (2, 1)), np.concatenate([Y, Y + 0.1])
     weights = np.array([1e6] + [1.0] * 11)  # one point decides the value there nearly alone

@@ -200,6 +200,28 @@ def test_columns_of_dose_or_time_in_any_unit(
     assert found["Ec_mJ_per_cm2"] == pytest.approx(first["Ec_mJ_per_cm2"], rel=1e-4)
 
 
+def test_readings_of_one_disc_are_not_discs(tmp_path: Path) -> None:
+    rows = (discs(tmp_path / "discs.csv")).read_text(encoding="utf-8").splitlines()[2:]
+    cells = [row.split(",") for row in rows]
+    text = ["exposure_s,thickness_um,disc"]
+    for number, (seconds, thick, _) in enumerate(cells):
+        text += [f"{seconds},{float(thick) + off:.2f},{number}" for off in (-1.0, 0.0, 1.0)]
+    found = cure(write(tmp_path / "often.csv", "\n".join(text) + "\n"), how=Print(13.0))
+    once = cure(tmp_path / "discs.csv", how=Print(13.0))
+    assert found["discs"] == once["discs"] == 24
+    assert found["u_Dp_um"] == pytest.approx(once["u_Dp_um"], rel=1e-6)
+    assert any("72 rows are readings of 24 discs" in told for told in found["warnings"])
+    named = ["exposure_s,thickness_um,sample,replicate", *(f"{row[0]},{row[1]},ma-PU,{row[2]}" for row in cells)]
+    assert cure(write(tmp_path / "named.csv", "\n".join(named) + "\n"), how=Print(13.0))["discs"] == 24
+
+
+def test_an_irradiance_of_each_disc_makes_its_dose(tmp_path: Path) -> None:
+    text = "exposure_s,irradiance_mW_per_cm2,thickness_um\n1,10,50\n2,10,120\n1,40,190\n4,20,260\n"
+    found = cure(write(tmp_path / "two.csv", text))
+    assert found["dose_range_mJ_per_cm2"] == [10.0, 80.0]
+    assert found["Dp_um"] == pytest.approx(70.0 / math.log(2.0), rel=0.02)
+
+
 @pytest.mark.parametrize(
     ("text", "how", "told"),
     [

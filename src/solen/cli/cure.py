@@ -25,6 +25,7 @@ def cure(
     min_thickness_um: float | None = None,
     scatter: str = "auto",
     keep_all: Annotated[bool, Parameter(negative=())] = False,
+    wavelength_nm: float | None = None,
     sheet: str | None = None,
     figure: FigureFile = None,
     out: Out = None,
@@ -56,6 +57,8 @@ def cure(
         How discs scatter: proportional (as a share of their thickness), constant, or auto, to be found.
     keep_all
         Set no disc aside.
+    wavelength_nm
+        Wavelength of the lamp, for the result to state.
     sheet
         Sheet of a workbook; by default the only one with numbers.
     """
@@ -69,6 +72,7 @@ def cure(
         scatter=scatter,
         min_thickness_um=min_thickness_um,
         keep_all=keep_all,
+        wavelength_nm=wavelength_nm,
         figure=figure,
         out=out,
     )
@@ -95,7 +99,9 @@ def _ends(interval: list[float] | None) -> str:
 
 
 def _layer(layer: dict[str, Any]) -> list[str]:
-    needs = f"{layer['needed_mJ_per_cm2']:.3g} mJ/cm² ({_ends(layer['needed_interval95_mJ_per_cm2'])})"
+    dose = layer["needed_mJ_per_cm2"]
+    ends = _ends(layer["needed_interval95_mJ_per_cm2"])
+    needs = "more than can be told" if dose is None else f"{dose:.3g} mJ/cm² ({ends})"
     seconds = f", {layer['needed_s']:.2g} s" if "needed_s" in layer else ""
     lines = [f"{layer['layer_um']:g} µm cured {layer['overcure']:g} times over need {needs}{seconds}"]
     if "dose_mJ_per_cm2" in layer:

@@ -17,6 +17,7 @@ def cutback(
     unit: str | None = None,
     dark: float | None = None,
     launched: float | None = None,
+    wavelength_nm: float | None = None,
     keep_all: Annotated[bool, Parameter(negative=())] = False,
     figure: FigureFile = None,
     out: Out = None,
@@ -36,13 +37,23 @@ def cutback(
         Reading without light, in that unit. If all readings are below it, light lowers them.
     launched
         What was launched into the guides, in that unit; it tells the coupling loss.
+    wavelength_nm
+        Wavelength of the light, for the result to state.
     keep_all
         Set no piece aside.
     """
     from solen.pipeline import cutback as pipeline
 
     found = pipeline.cutback(
-        file, sheet=sheet, unit=unit, dark=dark, launched=launched, keep_all=keep_all, figure=figure, out=out
+        file,
+        sheet=sheet,
+        unit=unit,
+        dark=dark,
+        launched=launched,
+        wavelength_nm=wavelength_nm,
+        keep_all=keep_all,
+        figure=figure,
+        out=out,
     )
     show(found, as_json, lambda: _lines(found))
 

@@ -28,6 +28,7 @@ FALSE_ALARMS = 0.01
 LEAST_DF = 0.25
 """Share of n − p that a covariance from residuals is granted as degrees of freedom at least (decision 0028)."""
 _SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
+_ALIKE = 1e-6  # least eigenvalue of what two effects have in common, from which on they are two
 _EXACT = 1e-10  # residuals below this share of the data are rounding
 
 
@@ -47,17 +48,37 @@ class Components:
 
 @dataclass(frozen=True)
 class Sandwich:
-    """A covariance from the residuals: what takes y to β, (p, n), 1/(1 − h), (n,), and the residuals' own, (n, n)."""
+    """A covariance from the residuals.
 
+    Attributes
+    ----------
+    design, rows
+        X, (n, p), and what takes y to β, (p, n).
+    each, raised
+        Variances of e that were guessed, and 1/(1 − h) of each point's leverage h, (n,).
+    """
+
+    design: FloatArray
     rows: FloatArray
+    each: FloatArray
     raised: FloatArray
-    residuals: FloatArray
 
     def df(self, contrast: FloatArray, variance: float) -> float:  # noqa: ARG002
-        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002)."""
+        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002).
+
+        Residuals covary as B = (I − H) V (I − H)ᵀ; with shares s of the variance they are (Σ s B)² / Σ s B² s. B is V
+        and W K Wᵀ of a few columns, so that no matrix of n by n is made.
+        """
         shares = (contrast @ self.rows) ** 2 * self.raised
-        expected = float(shares @ np.diag(self.residuals))
-        return expected**2 / float(shares @ self.residuals**2 @ shares)
+        columns = np.column_stack([self.design, (self.rows * self.each).T])
+        p = len(self.rows)
+        inner = np.zeros((2 * p, 2 * p))
+        inner[:p, :p] = (self.rows * self.each) @ self.rows.T
+        inner[:p, p:] = inner[p:, :p] = -np.eye(p)
+        corrections = np.sum(columns @ inner * columns, axis=1)
+        weighed = inner @ (columns.T * shares) @ columns
+        squares = shares**2 @ (self.each**2 + 2.0 * self.each * corrections) + np.trace(weighed @ weighed)
+        return float(shares @ (self.each + corrections)) ** 2 / float(squares) if squares > 0.0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -145,8 +166,10 @@ def fitted(
     if effects and best.sigma > 0.0:
         own, best = np.diag(each), replace(best, effect_sigmas=(0.0,) * len(effects))
         across = np.eye(len(y)) - x @ np.linalg.pinv(x)
-        seen = [number for number, part in enumerate(effects) if np.abs(across @ part).max() > _EXACT * part.max()]
-        for shown in [subset for count in (1, 2) for subset in combinations(seen, count)]:
+        seen = [across @ part @ across for part in (own, *effects)]
+        for shown in [subset for count in (1, 2) for subset in combinations(range(len(effects)), count)]:
+            if not _told_apart([seen[0], *(seen[k + 1] for k in shown)], [own, *(effects[k] for k in shown)]):
+                continue
             variances = _likeliest(x, y, [own, *(effects[number] for number in shown)])
             if variances.min() < _NOTHING * variances.sum():
                 continue
@@ -225,6 +248,14 @@ def ranks(labels: Sequence[Hashable]) -> NDArray[np.intp]:
     """Number of each label, from 0 on, in the order of first appearance."""
     seen: dict[Hashable, int] = {}
     return np.array([seen.setdefault(label, len(seen)) for label in labels], np.intp)
+
+
+def _told_apart(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool:
+    """Whether of each covariance something is left beside X, and not the same of two."""
+    if any(np.abs(left).max() <= _EXACT * np.abs(part).max() for left, part in zip(seen, parts, strict=True)):
+        return False
+    units = [left / np.linalg.norm(left) for left in seen]
+    return bool(np.linalg.eigvalsh([[np.sum(a * b) for b in units] for a in units]).min() > _ALIKE)
 
 
 def _likeliest(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
@@ -315,10 +346,9 @@ def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFi
     """The same fit with the covariance that its residuals show."""
     weighted = x / each[:, None]
     rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
-    left = np.eye(len(x)) - x @ rows
-    raised = 1.0 / np.maximum(np.diag(left), _EXACT)
+    raised = 1.0 / np.maximum(1.0 - np.sum(x * rows.T, axis=1), _EXACT)
     covariance = (rows * (fit.residuals**2 * raised)) @ rows.T
-    known = Sandwich(rows, raised, (left * each) @ left.T)
+    known = Sandwich(x, rows, each, raised)
     return replace(fit, covariance=covariance, known_by=known, least_df=LEAST_DF * fit.error_df)
 
 
@@ -328,8 +358,10 @@ def _exact(squares: float, size: float, pulled: FloatArray) -> tuple[float, Floa
 
 
 def _deletion_t(pulled: FloatArray, diagonal: FloatArray, squares: float, df: int) -> FloatArray:
-    """Size of each point's residual against the fit of the others, in its standard errors."""
+    """Each point's residual against the fit of the others, in its standard errors; 0 where these do not reach it."""
     if squares == 0.0 or df < 2:
         return np.zeros(len(pulled))
-    others = np.maximum(squares - pulled**2 / diagonal, 1e-12 * squares) / (df - 1)
-    return np.asarray(pulled / np.sqrt(diagonal * others))
+    judged = diagonal > _EXACT * diagonal.max()
+    room = np.where(judged, diagonal, 1.0)
+    others = np.maximum(squares - pulled**2 / room, 1e-12 * squares) / (df - 1)
+    return np.where(judged, pulled / np.sqrt(room * others), 0.0)

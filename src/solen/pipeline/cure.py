@@ -11,7 +11,7 @@ from solen.errors import DataError, SpecError
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import SCATTERS, Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
-from solen.pipeline.outputs import check_choice, check_figure, check_out, leave
+from solen.pipeline.outputs import check_choice, check_figure, check_out, check_wavelength, leave
 from solen.recording import Channel, Recording, read
 from solen.recording.model import FloatArray
 from solen.units import factor
@@ -19,6 +19,7 @@ from solen.units import factor
 THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured thickness")
 DOSES = ("dose", "energy", "exposure", "exposure dose", "fluence", "E")
 TIMES = ("time", "exposure time", "exposure", "cure time", "t")
+DISCS, REPLICATES = ("disc", "disk", "sample", "specimen", "id"), ("replicate", "repeat", "wiederholung")
 DOSE = "mJ/cm2"
 MOST_LAYERS = 100_000
 """More than any printer prints: a metre of layers of 10 µm."""
@@ -89,6 +90,7 @@ def cure(
     scatter: str = "auto",
     min_thickness_um: float | None = None,
     keep_all: bool = False,
+    wavelength_nm: float | None = None,
     figure: Path | None = None,
     out: Path | None = None,
 ) -> dict[str, Any]:
@@ -104,6 +106,8 @@ def cure(
         Of a workbook.
     scatter, min_thickness_um, keep_all
         As in `solen.material.cure.curve.working_curve`.
+    wavelength_nm
+        Of the lamp, which the result states.
     figure, out
         Where to draw the result, and where to write it.
 
@@ -117,20 +121,34 @@ def cure(
     check_choice("--scatter", scatter, SCATTERS)
     how = how or Print()
     how.check()
+    check_wavelength(wavelength_nm)
     if min_thickness_um is not None and not 0.0 <= min_thickness_um < math.inf:
         raise SpecError("--min-thickness-um", value=min_thickness_um, limit="must be at least 0")
     recording = read(file, sheet=sheet)
-    dose, thickness_um, warnings = discs(recording, how.irradiance_mW_per_cm2)
+    table = discs(recording, how.irradiance_mW_per_cm2)
     law: Scatter = next(one for one in SCATTERS if one == scatter)
-    found = working_curve(dose, thickness_um, scatter=law, min_thickness_um=min_thickness_um, keep_all=keep_all)
+    found = working_curve(
+        table.dose,
+        table.thickness_um,
+        scatter=law,
+        min_thickness_um=min_thickness_um,
+        keep_all=keep_all,
+        rows=table.rows,
+    )
     stack = stack_of(found.Dp_um, how)
     data = (
         curve_told(found)
-        | {"irradiance_mW_per_cm2": how.irradiance_mW_per_cm2}
+        | {"irradiance_mW_per_cm2": how.irradiance_mW_per_cm2, "wavelength_nm": wavelength_nm}
         | {"layer": _layer(found, how), "stack": None if stack is None else _stack(found, stack, how)}
         | {
             "sources": [recording.provenance.as_dict()],
-            "warnings": [*recording.warnings, *warnings, *cautions(found), *_unusual(found), *_outside(found, how)],
+            "warnings": [
+                *recording.warnings,
+                *table.warnings,
+                *cautions(found),
+                *_unusual(found),
+                *_outside(found, how),
+            ],
         }
     )
 
@@ -142,24 +160,52 @@ def cure(
     return leave(data, "cure", out, figure, draw)
 
 
-def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Doses in mJ/cm² and thicknesses in µm of a table, and what must be said of them."""
+@dataclass(frozen=True)
+class Table:
+    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, and what must be said of them."""
+
+    dose: FloatArray
+    thickness_um: FloatArray
+    rows: list[int]
+    warnings: list[str]
+
+
+def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
+    """Discs of a table. Rows of one dose and one disc are readings of it, and averaged."""
     thickness_um = recording.need(*THICKNESSES).to("um")
-    dose = _with_unit(recording, DOSES, DOSE)
-    if dose is not None:
-        return dose.to(DOSE), thickness_um, []
+    dose = _doses(recording, irradiance_mW_per_cm2)
+    columns = [texts for name in DISCS if (texts := recording.label(name)) is not None and len(set(texts)) > 1]
+    if not columns:
+        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), [])
+    columns += [texts for name in REPLICATES if (texts := recording.label(name)) is not None]
+    names = [" ".join(texts) for texts in zip(*columns, strict=True)]
+    keys = [
+        (value, name.strip() or f"row {row}")
+        for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))
+    ]
+    order = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    of = np.array([order[key] for key in keys], np.intp)
+    means = np.bincount(of, weights=thickness_um) / np.bincount(of)
+    first = [keys.index(key) + 1 for key in order]
+    averaged = len(keys) - len(order)
+    told = [f"{len(keys)} rows are readings of {len(order)} discs: those of one disc are averaged"] if averaged else []
+    return Table(np.array([value for value, _ in order]), means, first, told)
+
+
+def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> FloatArray:
+    """Doses in mJ/cm², as stated or from times."""
+    if (dose := _with_unit(recording, DOSES, DOSE)) is not None:
+        return dose.to(DOSE)
     time = _with_unit(recording, TIMES, "s")
     if time is None:
-        unitless = recording.find(*DOSES, *TIMES)
-        if unitless is None:
-            recording.need("dose", "energy", "time")
-        else:
-            unitless.to(DOSE)
-    if time is not None and irradiance_mW_per_cm2 is not None:
-        return time.to("s") * irradiance_mW_per_cm2, thickness_um, []
-    name = time.name if time is not None else "time"
+        unknown = recording.find(*DOSES, *TIMES) or recording.need("dose", "energy", "time")
+        return unknown.to(DOSE)  # refuses, with the remedy
+    if (rate := _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")) is not None:
+        return time.to("s") * rate.to("mW/cm2")
+    if irradiance_mW_per_cm2 is not None:
+        return time.to("s") * irradiance_mW_per_cm2
     limit = "are exposure times, and the curve is of dose"
-    raise DataError(f"{recording.provenance.file}: {name}", limit=limit, remedy="add --irradiance-mW-per-cm2")
+    raise DataError(f"{recording.provenance.file}: {time.name}", limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 
 def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:
@@ -225,10 +271,10 @@ def _layer(found: WorkingCurve, how: Print) -> dict[str, Any] | None:
     told: dict[str, Any] = {
         "layer_um": how.layer_um,
         "overcure": how.overcure,
-        "needed_mJ_per_cm2": needed,
+        "needed_mJ_per_cm2": needed if math.isfinite(needed) else None,
         "needed_interval95_mJ_per_cm2": None if ends is None else list(ends),
     }
-    if how.irradiance_mW_per_cm2 is not None:
+    if how.irradiance_mW_per_cm2 is not None and math.isfinite(needed):
         told["needed_s"] = needed / how.irradiance_mW_per_cm2
         told["needed_interval95_s"] = None if ends is None else [end / how.irradiance_mW_per_cm2 for end in ends]
     return told | _exposed(found, how)

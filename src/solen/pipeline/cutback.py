@@ -12,7 +12,7 @@ from solen.errors import DataError, SpecError
 from solen.material.loss import CutBack, Line, cut_back, full_level_dB, levels_dB, smallest_loss_dB_per_cm
 from solen.material.loss.cutback import cautions
 from solen.material.loss.levels import absorption_per_mm, pulls_down
-from solen.pipeline.outputs import check_figure, check_out, leave
+from solen.pipeline.outputs import check_figure, check_out, check_wavelength, leave
 from solen.recording import Channel, Recording, read
 from solen.recording.model import FloatArray
 from solen.units import factor, is_unit
@@ -58,6 +58,7 @@ def cutback(
     unit: str | None = None,
     dark: float | None = None,
     launched: float | None = None,
+    wavelength_nm: float | None = None,
     keep_all: bool = False,
     figure: Path | None = None,
     out: Path | None = None,
@@ -74,6 +75,8 @@ def cutback(
         Of the powers, in place of the header's.
     dark, launched
         Reading without light, and what was launched into the guides, in the unit of the powers.
+    wavelength_nm
+        Of the light, which the result states.
     keep_all
         Set no piece aside.
     figure, out
@@ -89,11 +92,13 @@ def cutback(
     for name, value in (("--dark", dark), ("--launched", launched)):
         if value is not None and not math.isfinite(value):
             raise SpecError(name, value=value, limit="must be a number")
+    check_wavelength(wavelength_nm)
     recording = read(file, sheet=sheet)
     rows = readings(recording, unit, dark)
     found = cut_back(rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=keep_all)
     full = full_level_dB(rows.unit, launched, rows.values)
     data = _told(found, full) | {
+        "wavelength_nm": wavelength_nm,
         "readings": len(rows.values),
         "power": {
             "unit": rows.unit or None,
@@ -145,6 +150,8 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
             "no column says which guide was read (guide): readings of one length are taken as those of one guide, "
             "which is safe and wide"
         )
+    elif len(set(guide)) == 1 and len(guide) > 1:
+        warnings.append(f"all rows are of guide {guide[0]}: it is taken as one that was cut, and others may differ")
     if unit in {"V", "mV"} and dark is None:
         warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
     return Readings(length[there], values, unit, levels_dB(values, unit, dark), guide, way, warnings)

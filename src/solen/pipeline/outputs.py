@@ -1,6 +1,7 @@
 """Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,12 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """`SpecError` where an option is none of its choices."""
     if value not in choices:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
+
+
+def check_wavelength(wavelength_nm: float | None) -> None:
+    """`SpecError` where a wavelength that a result is to state is none."""
+    if wavelength_nm is not None and not 0.0 < wavelength_nm < math.inf:
+        raise SpecError("--wavelength-nm", value=wavelength_nm, limit="must be above 0")
 
 
 def leave(

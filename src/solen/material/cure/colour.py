@@ -46,13 +46,21 @@ class Attenuation:
 
     def local_um(self, depth_um: float = 0.0) -> float:
         """Penetration depth at a depth: the light there over how fast it falls."""
-        reached = self.weight * np.exp(-depth_um * self.per_um)
+        reached = self.weight * np.exp(-depth_um * (self.per_um - self._least))
         return float(reached.sum() / (reached @ self.per_um))
 
     def between_um(self, upper_um: float, lower_um: float) -> float:
         """Penetration depth of the exponential through two depths."""
-        share = self.share(np.array([upper_um, lower_um]))
-        return (lower_um - upper_um) / math.log(share[0] / share[1])
+        return (lower_um - upper_um) / (self._ln_share(upper_um) - self._ln_share(lower_um))
+
+    @property
+    def _least(self) -> float:
+        return float(self.per_um.min())
+
+    def _ln_share(self, depth_um: float) -> float:
+        """Logarithm of `share`, also where that is too small for a number."""
+        beside = self.weight @ np.exp(-depth_um * (self.per_um - self._least))
+        return math.log(float(beside)) - depth_um * self._least
 
 
 def penetration_depth_um(

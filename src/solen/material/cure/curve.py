@@ -16,6 +16,7 @@ The interface: `working_curve` gives a `WorkingCurve`; its methods answer at a d
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,6 +34,8 @@ EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)
 THINNEST = 0.05
 """Share of the thickest disc below which scatter is taken as that of a disc of this thickness."""
 MOST_SET_ASIDE = 0.2
+DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
+"""Doses and thicknesses that are taken for such."""
 DOUBT = 0.05
 _ROUNDS, _SETTLED = 30, 1e-9
 
@@ -159,8 +162,9 @@ class WorkingCurve:
         return float(self.scatter_um * (thick / self.scatter_at_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
-        """Dose that cures to a depth."""
-        return math.exp((depth_um - self.fit.parameters[0]) / self.fit.parameters[1])
+        """Dose that cures to a depth; infinite where it is no number."""
+        ln_dose = (depth_um - self.fit.parameters[0]) / self.fit.parameters[1]
+        return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
         """95 % interval of the dose that cures to a depth; None where the slope is too uncertain to have one.
@@ -181,6 +185,7 @@ class WorkingCurve:
         return (math.exp(low), math.exp(high)) if high < _LARGEST_LN else None
 
 
+_FLATTEST = 100.0  # logarithm of a critical dose in mJ/cm² beyond which it is none
 _LARGEST_LN = 700.0  # beyond it a dose is no number
 
 
@@ -191,6 +196,7 @@ def working_curve(
     scatter: Scatter = "auto",
     min_thickness_um: float | None = None,
     keep_all: bool = False,
+    rows: Sequence[int] | None = None,
 ) -> WorkingCurve:
     """Fit Dc = Dp ln(E/Ec) to discs.
 
@@ -206,14 +212,16 @@ def working_curve(
         Doses whose discs are thinner on average are left out.
     keep_all
         Set no disc aside.
+    rows
+        What each disc's place is called; by default they count from 1.
 
     Raises
     ------
     DataError
-        For a dose that is not above 0 or a negative thickness; where fewer than two doses or three discs are left;
-        where thickness does not grow with dose.
+        For a dose that is not above 0, a negative thickness, or what is out of all proportion; where fewer than two
+        doses or three discs are left; where thickness does not grow with dose.
     """
-    discs = _discs(dose, thickness_um)
+    discs = _discs(dose, thickness_um, rows)
     out = _unusable(discs) + _too_thin(discs, min_thickness_um)
     used = _without(discs, out)
     _refuse_too_few(used, out)
@@ -225,30 +233,33 @@ def working_curve(
     by_dose = lack is not None and lack.p < DOUBT
     if by_dose:
         fit, exponent = _fit(means_of(used), scatter)
-    if not fit.parameters[1] > 0.0:
+    a, b = fit.parameters
+    if not (b > 0.0 and abs(a) < _FLATTEST * b):
         low, high = min(disc.dose_mJ_per_cm2 for disc in used), max(disc.dose_mJ_per_cm2 for disc in used)
         raise DataError(
             "working curve: slope",
             value=f"{fit.parameters[1]:.3g} µm per factor e of dose from {low:.3g} to {high:.3g} mJ/cm²",
-            limit="thickness must grow with dose",
+            limit="thickness must grow with dose, or Ec is out of reach",
             remedy="check which column is which, or take doses further apart",
         )
     at = float(np.mean([disc.thickness_um for disc in used]))
     return WorkingCurve(fit, exponent, fit.sigma * at**exponent, at, used, tuple(out), lack, by_dose)
 
 
-def _discs(dose: ArrayLike, thickness_um: ArrayLike) -> tuple[Disc, ...]:
+def _discs(dose: ArrayLike, thickness_um: ArrayLike, rows: Sequence[int] | None) -> tuple[Disc, ...]:
     doses, thick = np.asarray(dose, float), np.asarray(thickness_um, float)
+    places = list(range(1, len(doses) + 1) if rows is None else rows)
+    (least, most), thickest = DOSES_MJ_PER_CM2, THICKEST_UM
     for name, values, bad in (
-        ("dose", doses, ~((doses > 0.0) & np.isfinite(doses))),
-        ("thickness", thick, (thick < 0.0) | np.isinf(thick)),
+        ("dose", doses, ~((doses >= least) & (doses <= most))),
+        ("thickness", thick, (thick < 0.0) | (thick > thickest)),
     ):
         if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            limit = "must be above 0 mJ/cm²" if name == "dose" else "must not be negative"
-            where = f"{values[row]:g} (row {row + 1})"
+            first = int(np.flatnonzero(bad)[0])
+            limit = f"must be from {least:g} to {most:g} mJ/cm²" if name == "dose" else f"must be 0 to {thickest:g} µm"
+            where = f"{values[first]:g} (row {places[first]})"
             raise DataError(f"working curve: {name}", value=where, limit=limit, remedy="correct or remove the row")
-    return tuple(Disc(e, d, row + 1) for row, (e, d) in enumerate(zip(doses.tolist(), thick.tolist(), strict=True)))
+    return tuple(Disc(*one) for one in zip(doses.tolist(), thick.tolist(), places, strict=True))
 
 
 def _unusable(discs: tuple[Disc, ...]) -> list[LeftOut]:

@@ -22,6 +22,8 @@ from solen.recording.model import FloatArray
 
 MOST_SET_ASIDE = 0.2
 """Share of the pieces, at least one piece, that may be set aside."""
+LARGEST_NUMBER = 10
+"""And their number."""
 DOUBT = 0.05
 """Chance below which a difference or a bend is taken as one."""
 
@@ -99,7 +101,7 @@ class CutBack:
     line
         One slope for all pieces; each orientation has a start of its own, of which the mean is given.
     by_orientation
-        Each orientation with a slope of its own; empty where fewer than two have one.
+        Each orientation that has a slope, with its own; empty where none is stated, or pieces are too few.
     p_orientation
         How likely slopes this different are where orientation does not matter; None with fewer than two.
     p_curved, curvature_dB_per_cm2
@@ -183,7 +185,7 @@ def _bad(table: Table) -> dict[int, float]:
     """Pieces to set aside, each with its t; the lines they are judged by have a slope for each orientation."""
     count = len(table.pieces)
     spare = count - table.apart(np.ones(count, bool)).shape[1]
-    most = min(max(1, int(MOST_SET_ASIDE * count)), spare - 2)
+    most = min(max(1, int(MOST_SET_ASIDE * count)), spare - 2, LARGEST_NUMBER)
     if most < 1:
         return {}
     found = bad_points(lambda keep: table.fit(table.apart(keep), keep), count, most)
@@ -233,7 +235,7 @@ def _line(table: Table, fit: LinearFit, keep: Mask, start: FloatArray, slope: Fl
 def _orientations(table: Table, keep: Mask) -> tuple[tuple[Line, ...], float | None]:
     """Line of each orientation, and how likely their slopes differ this much by chance."""
     ways, sloped, design = table.ways(keep), table.sloped(keep), table.apart(keep)
-    if len(sloped) < 2 or int(keep.sum()) <= design.shape[1]:
+    if ways == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
         return (), None
     fit, unit = table.fit(design, keep), np.eye(design.shape[1])
     slopes = unit[len(ways) :]
@@ -241,7 +243,7 @@ def _orientations(table: Table, keep: Mask) -> tuple[tuple[Line, ...], float | N
         _line(table, fit, keep & (table.way == way), unit[ways.index(way)], slopes[number], way)
         for number, way in enumerate(sloped)
     ]
-    return tuple(lines), _chance(fit, slopes[:1] - slopes[1:])
+    return tuple(lines), _chance(fit, slopes[:1] - slopes[1:]) if len(sloped) > 1 else None
 
 
 def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
@@ -334,9 +336,12 @@ def _of_shape(found: CutBack) -> list[str]:
 
 
 def _of_orientation(found: CutBack) -> list[str]:
-    if found.p_orientation is None:
-        return []
     told = []
+    named = dict.fromkeys(piece.orientation for piece in found.pieces if piece.orientation)
+    if flat := [way for way in named if way not in {line.orientation for line in found.by_orientation}]:
+        told.append(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}")
+    if found.p_orientation is None:
+        return told
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in found.by_orientation)
     if found.p_orientation < DOUBT:
         told.append(

@@ -19,6 +19,8 @@ from solen.material.regression import LinearFit, fitted, shared
 from solen.recording.model import FloatArray
 
 Mask = NDArray[np.bool_]
+LENGTHS_MM = (1e-3, 1e6)
+"""Lengths that are taken for a guide's."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +58,15 @@ def pieces_of(
     Raises
     ------
     DataError
-        Where a length is not above 0 or a level no number.
+        Where a length is none of a guide, or a level no number.
     """
-    for name, values, good in (("length", length_mm, length_mm > 0.0), ("level", level_dB, np.isfinite(level_dB))):
-        bad = np.flatnonzero(~(good & np.isfinite(values)))
+    shortest, longest = LENGTHS_MM
+    long = (length_mm >= shortest) & (length_mm <= longest)
+    for name, values, good in (("length", length_mm, long), ("level", level_dB, np.isfinite(level_dB))):
+        bad = np.flatnonzero(~good)
         if len(bad):
             where = f"{values[bad[0]]:g} (reading {bad[0] + 1})"
-            limit = "must be above 0 mm" if name == "length" else "must be a number"
+            limit = f"must be from {shortest:g} to {longest:g} mm" if name == "length" else "must be a number"
             raise DataError(f"cut-back: {name}", value=where, limit=limit, remedy="correct or remove the row")
     keys = list(zip(guide, orientation, length_mm.tolist(), strict=True))
     order = {key: number for number, key in enumerate(dict.fromkeys(keys))}

@@ -1,0 +1,50 @@
+"""Dose: a working curve from simulated discs, what a layer of a print receives, and what published words allow.
+
+The paper gives no penetration depth and no critical dose, but statements: 3 s at 13 mW/cm² cure more than 200 µm, and
+layers of 25 µm are printed with 2 s. The discs here are simulated, with values that such statements allow.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from solen.material.cure import largest_Ec, stack_dose, working_curve
+from solen.recording import read
+
+IRRADIANCE_MW_PER_CM2, LAYER_UM, EXPOSURE_S = 13.0, 25.0, 2.0
+DISCS = Path(__file__).parent / "discs-simulated.csv"
+
+
+def main() -> dict[str, float]:
+    """Numbers of the curve, of a part of 100 layers, six of them burnt in, and of the statements."""
+    table = read(DISCS)
+    dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
+    curve = working_curve(dose, table.need("thickness").to("um"))
+    low, high = curve.Dp_interval95
+    print(f"Dp {curve.Dp_um:.1f} µm ({low:.1f} to {high:.1f}, 95 %)")
+    ends = curve.Ec_interval95 or (0.0, np.inf)
+    print(f"Ec {curve.Ec_mJ_per_cm2:.2f} mJ/cm² ({ends[0]:.2f} to {ends[1]:.2f}, 95 %)")
+    print("left out:", ", ".join(f"row {one.disc.row}, {one.reason}" for one in curve.left_out))
+
+    at_3_s = float(curve.depth_um(3.0 * IRRADIANCE_MW_PER_CM2))
+    print(f"3 s cure {at_3_s:.0f} ± {float(curve.half_width_um(39.0)):.0f} µm")
+
+    seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
+    stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)
+    print(f"one layer on its own receives {stack.single_layer_mean:.1f} mJ/cm² on average,")
+    print(f"a layer inside the part {stack.layer_mean[50]:.1f}: {stack.ratio:.2f} times as much")
+
+    for depth_um in (50.0, 100.0, 200.0):
+        print(f"with Dp = {depth_um:.0f} µm the paper's statements allow Ec up to {largest_Ec(depth_um):.2f} mJ/cm²")
+    return {
+        "Dp_um": curve.Dp_um,
+        "Ec_mJ_per_cm2": curve.Ec_mJ_per_cm2,
+        "at_3_s_um": at_3_s,
+        "inside_mJ_per_cm2": float(stack.layer_mean[50]),
+        "alone_mJ_per_cm2": stack.single_layer_mean,
+        "largest_Ec_mJ_per_cm2": largest_Ec(curve.Dp_um),
+    }
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""Any table of numbers gives a result that JSON can hold, or a refusal in one line; never a warning of numpy."""
+
+import json
+from pathlib import Path
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from solen.errors import SolenError
+from solen.pipeline.cure import Print, cure
+from solen.pipeline.cutback import cutback
+from solen.pipeline.exposures import exposures
+from solen.pipeline.penetration import Lamp, penetration
+
+QUICK = settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+NUMBERS = st.one_of(
+    st.sampled_from(["", "0", "1", "10", "20", "20", "30", "1e-9", "1e9", "-1", "1e-300", "1e300"]),
+    st.floats(0.1, 100.0).map(lambda value: f"{value:.4g}"),
+)
+NAMES = st.sampled_from(["a", "b", "c", ""])
+
+
+def kept(path: Path, header: str, rows: list[tuple[str, ...]]) -> Path:
+    path.write_text("\n".join([header, *(",".join(row) for row in rows)]) + "\n", encoding="utf-8")
+    return path
+
+
+def is_sound(found: dict[str, object]) -> None:
+    json.dumps(found, allow_nan=False)
+    assert all(isinstance(told, str) and "nan" not in told.split() for told in found["warnings"])  # type: ignore[attr-defined]
+
+
+def one_line(refusal: SolenError) -> None:
+    assert len(str(refusal).splitlines()) == 1
+
+
+@QUICK
+@given(rows=st.lists(st.tuples(NUMBERS, NUMBERS, NAMES, st.sampled_from(["flat", "upright"])), min_size=1, max_size=14))
+def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
+    path = kept(tmp_path / "guides.csv", "length_mm,power_mW,guide,orientation", rows)
+    try:
+        is_sound(cutback(path, figure=tmp_path / "guides.svg"))
+    except SolenError as refusal:
+        one_line(refusal)
+
+
+@QUICK
+@given(rows=st.lists(st.tuples(NUMBERS, NUMBERS, NAMES), min_size=1, max_size=14))
+def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
+    path = kept(tmp_path / "discs.csv", "dose_mJ_per_cm2,thickness_um,disc", rows)
+    try:
+        is_sound(cure(path, how=Print(13.0, 25.0, 2.0), figure=tmp_path / "discs.svg"))
+    except SolenError as refusal:
+        one_line(refusal)
+
+
+@QUICK
+@given(
+    rows=st.lists(st.tuples(st.floats(300, 500).map(lambda nm: f"{nm:.3f}"), NUMBERS), min_size=2, max_size=9),
+    nm=st.sampled_from([350.0, 400.0]),
+)
+def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) -> None:
+    path = kept(tmp_path / "resin.csv", "wavelength_nm,absorbance", rows)
+    try:
+        is_sound(penetration(path, path_um=93.0, lamp=Lamp(peak_nm=nm, fwhm_nm=10.0), figure=tmp_path / "resin.svg"))
+    except SolenError as refusal:
+        one_line(refusal)
+
+
+@QUICK
+@given(rows=st.lists(st.tuples(st.sampled_from(["2", "4", "6"]), NUMBERS, NUMBERS), min_size=2, max_size=9))
+def test_any_exposures(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
+    path = kept(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R", [(s, "450", t, r) for s, t, r in rows])
+    try:
+        is_sound(exposures([path], wavelengths_nm=[450.0], thickness_um=25.0, figure=tmp_path / "long.svg"))
+    except SolenError as refusal:
+        one_line(refusal)
