@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.material.index import Length, forward, measured, reading
+from solen.material.index.stack import Substrate, on_substrate
+from solen.material.index.substrate import invert
 from solen.pipeline.index import arrays
 from solen.pipeline.indexfit import described, fitted, literature
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
@@ -70,8 +72,30 @@ def index_command() -> Figure:
     return index_figure(arrays(found) | told)
 
 
+def two_indices() -> Figure:
+    """T and R of a clear layer on PET against the layer's index, and the two that read the same."""
+    figure = Figure(figsize=(8.0, 3.2), layout="constrained")
+    sheet, n = Substrate(1.57, 0.0, 100.0), np.linspace(1.0, 1.8, 161)
+    read = on_substrate(n, 0.0, 25.0, 589.3, sheet)
+    seen = on_substrate(1.49, 0.0, 25.0, 589.3, sheet)
+    other = invert(seen.T, seen.R, 589.3, 25.0, sheet).other_n[0]
+    for axes, values, one, name in zip(
+        figure.subplots(1, 2), read, seen, ("T against the bare sheet", "R"), strict=True
+    ):
+        axes.plot(n, values, color=INK, lw=1.6)
+        axes.axhline(float(one), color=LOST, lw=0.8, ls="--")
+        for at, colour, label in ((1.49, RIGHT, "n = 1.49"), (other, LEFT, f"n = {other:.2f} reads the same")):
+            axes.plot([at], [float(one)], "o", color=colour, label=label)
+        axes.set(xlabel="index of the layer", ylabel=name)
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize="small", loc="lower center" if name[0] == "T" else "upper center")
+    figure.suptitle("simulated: a clear layer on PET, n = 1.57", fontsize="medium")
+    return figure
+
+
 def main() -> None:
     """Draw them all."""
+    (IMAGES / "two-indices.svg").write_bytes(encoded(two_indices(), ".svg", "two indices"))
     (IMAGES / "index-routes.svg").write_bytes(encoded(index_routes(), ".svg", "index routes"))
     (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))
     (IMAGES / "four-motions.svg").write_bytes(encoded(four_motions(), ".svg", "four motions"))

@@ -274,3 +274,11 @@ def test_whatever_stands_in_a_result_it_is_a_table_or_a_line(data: st.DataObject
     assert "nan" not in table.model_dump_json().lower()
     resin = Resin(name="x", **{found.of: table})
     assert "inf" not in dumps_resin(resin)
+
+
+def test_a_wavelength_that_comes_twice_is_one_row_with_or_without_an_uncertainty() -> None:
+    twice = {"wavelength_nm": (600.0, 500.0, 500.0), "n": (1.49, 1.5, 1.5), "u_n": (0.01, None, 0.01)}
+    table = IndexResult(mode="lossless", **twice).as_table()
+    assert table.index(500.0) == 1.5
+    assert table.index(600.0) == 1.49
+    assert table.u_index(500.0) is None

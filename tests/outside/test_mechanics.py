@@ -81,8 +81,8 @@ def test_treloars_rubber(mechanics: Path) -> None:
     """Treloar 1944, to a stretch of 7.6, all three modes in one fit.
 
     Ogden's three terms follow all of it, Yeoh the upturn but not the equibiaxial test, Mooney-Rivlin and neo-Hookean
-    neither: the order in which Marckmann & Verron (2006) rank these models on the same data. Ogden's own parameters of
-    1972 leave 0.21 MPa here, most of it near the last points of simple tension; least squares leaves 0.063 MPa.
+    neither. Ogden's own parameters of 1972 leave 0.21 MPa here, most of it near the last points of simple tension;
+    least squares leaves 0.063 MPa.
     """
     data = curves(mechanics, "Treloar_1944")
     found = fits(data)

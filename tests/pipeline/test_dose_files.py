@@ -215,7 +215,11 @@ def test_columns_of_dose_or_time_in_any_unit(
             {"exposure_s": 2.0, "layer_um": 25.0},
             "--irradiance-mW-per-cm2",
         ),
-        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"burn_in_layers": 2}, "--layers; needs --exposure-s"),
+        (
+            "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
+            {"burn_in_layers": 2},
+            "--burn-in-layers; needs --exposure-s",
+        ),
         (
             "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
             {"irradiance_mW_per_cm2": 13.0, "exposure_s": 2.0, "layer_um": 25.0, "burn_in_s": 2.0},

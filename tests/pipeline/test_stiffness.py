@@ -121,6 +121,25 @@ def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
     assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found["specimens"][0]["toe"]["said"]
 
 
+def test_a_workbook_with_binary_digits(tmp_path: Path) -> None:
+    """Excel stores 0.0133779264214047 with more digits than anybody measured, behind zeros that are none."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.append(["Standardweg", "Standardkraft"])
+    sheet.append(["mm", "N"])
+    for travel in np.linspace(0, 4, 300):
+        stretch = 1 - travel / 10
+        sheet.append([float(travel), float(40 * (stretch**-2 - stretch))])
+    book.save(tmp_path / "cube.xlsx")
+    found = stiffness(Request((tmp_path / "cube.xlsx",), dimensions=Dimensions(cube_mm=10), fit=("neo-hookean",)))
+    # means over fifty steps of a curve that bends lie beside it, by 3 Pa here
+    assert found["model"]["initial_modulus_MPa"] == pytest.approx(1.2, rel=1e-4)
+    assert found["mode"] == "compression"
+
+
 def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
     path = tmp_path / "plastic.csv"
     path.write_text(

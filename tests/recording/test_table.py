@@ -329,3 +329,18 @@ def test_the_line_that_tells_excel_the_separator_is_none_of_the_table(tmp_path: 
     assert recording.provenance.metadata == {}
     text = "sep=,\n" + cary([("a", "%T", 0), ("b", "Abs", 0)])
     assert read(saved(tmp_path, text)).provenance.format == "agilent-cary-csv"
+
+
+def test_modes_in_percent_are_names_of_columns(tmp_path: Path) -> None:
+    path = tmp_path / "layer.csv"
+    path.write_text("Wavelength (nm),%T,%R\n500,92.1,7.8\n510,92.0,7.8\n520,92.0,7.9\n", encoding="utf-8")
+    recording = read(path)
+    assert recording.need("transmittance").to("1")[0] == pytest.approx(0.921, rel=1e-15)
+    assert recording.need("reflectance").to("1")[2] == pytest.approx(0.079, rel=1e-15)
+
+
+def test_elongation_is_a_strain_or_a_length_by_its_unit(tmp_path: Path) -> None:
+    for unit, quantity in (("%", "strain"), ("mm", "displacement")):
+        path = tmp_path / "tension.csv"
+        path.write_text(f"Elongation ({unit}),Stress (MPa)\n0,0\n1,0.01\n2,0.02\n", encoding="utf-8")
+        assert read(path).channels[0].quantity == quantity

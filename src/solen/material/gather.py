@@ -98,19 +98,17 @@ class IndexResult(_Result):
         return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.remarks})
 
     def _tabulated(self) -> Tabulated:
-        known = sorted(
-            (nm, n, u) for nm, n, u in zip(self.wavelength_nm, self.n, self.u_n, strict=True) if n is not None
-        )
+        rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
+        known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
         if len({nm for nm, _, _ in known}) < 2:
             limit = "an index at 2 wavelengths at least is needed"
             raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
-        rows = thinned(known)
-        wavelengths, indices, uncertainties = zip(*rows, strict=True)
+        wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
         return Tabulated(
             wavelength_nm=wavelengths,
             n=indices,
-            u_n=u_n if len(u_n) == len(rows) else None,
+            u_n=u_n if len(u_n) == len(indices) else None,
             mode=self.mode,
             warnings=(*self.remarks, *gaps([nm for nm, _, _ in known])),
         )

@@ -20,6 +20,10 @@ THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured t
 DOSES = ("dose", "energy", "exposure", "exposure dose", "fluence", "E")
 TIMES = ("time", "exposure time", "exposure", "cure time", "t")
 DOSE = "mJ/cm2"
+MOST_LAYERS = 100_000
+"""More than any printer prints: a metre of layers of 10 µm."""
+USUAL_DP_UM = (1.0, 1e4)
+"""Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +71,10 @@ class Print:
         if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
             raise SpecError("--exposure-s", limit="is no dose without --irradiance-mW-per-cm2", remedy="add it")
         if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
-            raise SpecError("--layers", limit="needs --exposure-s", remedy="add it")
+            name = "--layers" if self.layers is not None else "--burn-in-layers"
+            raise SpecError(name, limit="needs --exposure-s", remedy="add it")
+        if (self.layers or 0) > MOST_LAYERS:
+            raise SpecError("--layers", value=self.layers, limit=f"must be at most {MOST_LAYERS}")
         if self.burn_in_layers < 0 or (self.burn_in_layers > 0) != (self.burn_in_s is not None):
             raise SpecError("--burn-in-layers", value=self.burn_in_layers, limit="goes with --burn-in-s, both above 0")
         if self.layers is not None and self.burn_in_layers > self.layers:
@@ -123,7 +130,7 @@ def cure(
         | {"layer": _layer(found, how), "stack": None if stack is None else _stack(found, stack, how)}
         | {
             "sources": [recording.provenance.as_dict()],
-            "warnings": [*recording.warnings, *warnings, *cautions(found), *_outside(found, how)],
+            "warnings": [*recording.warnings, *warnings, *cautions(found), *_unusual(found), *_outside(found, how)],
         }
     )
 
@@ -162,6 +169,17 @@ def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Chann
         if found is not None and found.unit and factor(found.unit, unit) is not None:
             return found
     return None
+
+
+def _unusual(found: WorkingCurve) -> list[str]:
+    """What a wrong unit looks like."""
+    low, high = USUAL_DP_UM
+    if low <= found.Dp_um <= high:
+        return []
+    return [
+        f"Dp = {found.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
+        "thickness in the table's header"
+    ]
 
 
 def curve_told(found: WorkingCurve) -> dict[str, Any]:

@@ -32,6 +32,8 @@ ORIENTATIONS = (
 )
 LAYER_UM, U_T = 25.0, 1e-3
 """The layer of the paper, and how well a good spectrophotometer knows its transmittance."""
+USUAL_DB_PER_CM = 50.0
+"""Beyond it a centimetre passes 1e-5: no guide."""
 _LINEAR = ("W", "V", "A")
 _SHARES = {1.0: "1", 0.01: "%"}
 
@@ -104,7 +106,7 @@ def cutback(
             "smallest_loss_dB_per_cm": smallest_loss_dB_per_cm(LAYER_UM, U_T),
         },
         "sources": [recording.provenance.as_dict()],
-        "warnings": [*recording.warnings, *rows.warnings, *_unlaunched(full), *cautions(found)],
+        "warnings": [*recording.warnings, *rows.warnings, *_unlaunched(full), *cautions(found), *_unusual(found)],
     }
 
     def draw() -> Any:
@@ -113,6 +115,16 @@ def cutback(
         return cutback_figure(found, full, recording.provenance)
 
     return leave(data, "cutback", out, figure, draw)
+
+
+def _unusual(found: CutBack) -> list[str]:
+    """What swapped columns or a wrong unit of length look like."""
+    if found.line.loss_dB_per_cm <= USUAL_DB_PER_CM:
+        return []
+    return [
+        f"{found.line.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre, and no guide is made of that: "
+        "check which column is the length, and its unit"
+    ]
 
 
 def readings(recording: Recording, unit: str | None = None, dark: float | None = None) -> Readings:

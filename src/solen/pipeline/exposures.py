@@ -23,6 +23,7 @@ WAVELENGTHS_NM = (450.0, 500.0, 860.0)
 TIMES = ("exposure", "exposure time", "time", "t")
 _TIME_IN_NAME = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*(?:s|sec|sek|seconds)(?![a-zA-Z])")
 _FEW = 4
+_REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
 _NEAR_NM = 10.0
 
 
@@ -102,7 +103,7 @@ def samples_of(recording: Recording) -> list[Sample]:
         kinds["T" if kind_of(one.channel) == "T" else "R"].append(one)
     found = [made for seconds, kinds in by_exposure.items() for made in _paired(seconds, kinds)]
     if not found:
-        raise DataError(recording.provenance.file, limit="holds no transmittance", remedy="name its column T (%)")
+        raise DataError(recording.provenance.file, limit="holds no transmittance", remedy=_REMEDY)
     return found
 
 

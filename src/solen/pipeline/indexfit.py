@@ -8,7 +8,7 @@ import numpy as np
 
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
-from solen.material.index import IndexSpectrum
+from solen.material.index import Estimate, IndexSpectrum
 from solen.material.index.fit import Fit, fit
 from solen.material.index.light import Light, formula_in
 from solen.material.index.literature import RESINS, band, check_dispersion, check_index
@@ -17,6 +17,7 @@ from solen.material.index.slab import FloatArray
 LITERATURE = ("table", "package", "none")
 _FEW, _BEND = 10, 3.0  # points that tell no scatter; residuals above this many steps have a shape of their own
 _SMALL = 1e-4  # of n, not worth a word
+_BESIDE = 15  # points to either side whose scatter is taken together
 STEP_NM = 5.0
 """Distance of the wavelengths at which a formula is told."""
 
@@ -39,18 +40,33 @@ def fitted(kind: str | None, found: IndexSpectrum, terms: int | None = None) -> 
 
 def _fitted(kind: str, found: IndexSpectrum, terms: int | None) -> Fit:
     n = found.n
-    random, common = n.u_random, n.common
+    random, common = scatter_nearby(n), n.common
     known = bool(np.isfinite(n.u[n.known]).all())
-    scattering = known and bool((random[n.known] > 0).all())
     whole = fit(
         kind,
         found.wavelength_nm,
         n.value,
-        random if scattering else None,
+        random if known else None,
         shared=common if known and common.size else None,
         terms=terms,
     )
     return whole if found.measurement else replace(whole, model=_without_covariance(whole.model))
+
+
+def scatter_nearby(n: Estimate) -> FloatArray | None:
+    """Standard uncertainty of what scatters, mean square over points nearby, NaN where n is masked; None without any.
+
+    A point's own, of two or three repeats, is a bad weight: those that agree by chance would decide the fit.
+    """
+    square = n.scatter[n.known] ** 2
+    total, at = np.append(0.0, np.cumsum(square)), np.arange(square.size)
+    low, high = np.maximum(at - _BESIDE, 0), np.minimum(at + _BESIDE + 1, square.size)
+    near = np.sqrt((total[high] - total[low]) / np.maximum(high - low, 1))
+    if not (near > 0.0).all():
+        return None
+    found = np.full(n.value.shape, np.nan)
+    found[n.known] = near
+    return found
 
 
 def _without_covariance(model: Cauchy | Sellmeier) -> Cauchy | Sellmeier:
@@ -95,10 +111,9 @@ def literature(found: IndexSpectrum, polymers: Sequence[str], which: str) -> tup
         return None, []
     package, classes, n = which == "package", tuple(polymers or RESINS), found.n
     known = band(found.wavelength_nm, classes, package=package)
-    random = n.u_random if bool((n.u_random[n.known] > 0).all()) else None
     told = [
         *check_index(found.wavelength_nm, n.value, n.u, classes, package=package),
-        *check_dispersion(found.wavelength_nm, n.value, random, package=package),
+        *check_dispersion(found.wavelength_nm, n.value, scatter_nearby(n), package=package),
     ]
     sides = {name: _plain(values) for name, values in (("low", known.low), ("high", known.high))}
     return {"polymers": list(classes), "from": which, **sides}, told

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from solen.errors import DataError
 from solen.recording.grid import Grid, splitter
 from solen.recording.numbers import is_missing, is_number
-from solen.recording.words import heading, stated_unit
+from solen.recording.words import heading, is_mode, stated_unit
 
 _TELLING = 100
 """Rows below a header by which it is known for one."""
@@ -69,7 +69,7 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
         limit = f"has {len(names)} columns; at most {MOST_COLUMNS} are read"
         raise grid.refused(header, None, limit, "split the table")
     units = _units_below(grid, filled, place)
-    if len(names) > 1 and 2 * sum(map(stated_unit, names)) > len(names):
+    if len(names) > 1 and 2 * sum(stated_unit(name) and not is_mode(name) for name in names) > len(names):
         raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
     for row in before:
         if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:

@@ -66,13 +66,15 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
 
 def digits(cell: str) -> tuple[int, int]:
     """How many significant digits a number is written with, and how many after its mark."""
-    found = _MANTISSA.fullmatch(cell.lstrip("+-−–"))
+    size = cell.lstrip("+-−–")
+    found = _MANTISSA.fullmatch(size)
     if not found:
         return 0, 0
     before, after = found[1], found[2] or ""
-    if len(before) + len(after) > _EXACT:  # 53.064991000000006 is 53.064991
-        return digits(f"{float(cell.replace(',', '.')):.{_EXACT}g}")
-    return len((before + after).lstrip("0")), len(after)
+    significant = (before + after).lstrip("0")
+    if len(significant) > _EXACT:  # 53.064991000000006 is 53.064991
+        return digits(f"{float(size.replace(',', '.')):.{_EXACT}g}")
+    return len(significant), len(after)
 
 
 def _complaint(cell: str, mark: str) -> str:

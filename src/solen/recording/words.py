@@ -70,8 +70,8 @@ _WORDS = {
     "first piola-kirchhoff stress, σ, sigma",
     "true stress": "true stress, cauchy stress, wahre spannung",
     "modulus": "modulus, young's modulus, e-modul, e",
-    "strain": "strain, engineering strain, nominal strain, eng strain, tensile strain, compressive strain, dehnung, "
-    "stauchung, nominelle dehnung, ε, epsilon",
+    "strain": "strain, engineering strain, nominal strain, eng strain, tensile strain, compressive strain, elongation, "
+    "dehnung, stauchung, nominelle dehnung, ε, epsilon",
     "true strain": "true strain, logarithmic strain, hencky strain, wahre dehnung",
     "stretch": "stretch, stretch ratio, verstreckung, streckung, λ, lambda",
     "exposure": "exposure, exposure dose, dose, energy dose, energy, e, dosis, belichtung, energie, fluence",
@@ -173,6 +173,11 @@ def stated_unit(text: str) -> bool:
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
     return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text))
+
+
+def is_mode(text: str) -> bool:
+    """Whether a text is what a spectrophotometer calls a trace in percent, ``%T``: a unit, and a name as well."""
+    return bool(_PERCENT.fullmatch(text.strip()))
 
 
 def _split(text: str, optical: bool) -> Heading | None:

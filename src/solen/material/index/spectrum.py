@@ -25,6 +25,8 @@ class Estimate:
         Standard uncertainty (68.27 %) and its parts, u² = u_random² + u_common².
     u95
         Half-width of the 95 % interval.
+    scatter
+        As u_random, not widened for few repeats: many wavelengths together know their scatter.
     common
         As in `solen.material.index.reading.Combined`, shape (parts, n).
     why
@@ -36,6 +38,7 @@ class Estimate:
     u_random: FloatArray
     u_common: FloatArray
     u95: FloatArray
+    scatter: FloatArray
     common: FloatArray
     why: Codes
 
@@ -49,7 +52,8 @@ class Estimate:
         """The same values, and no uncertainty claimed."""
         nothing = np.full(self.value.shape, np.nan)
         none = np.empty((0, nothing.size))
-        return replace(self, u=nothing, u_random=nothing, u_common=nothing, u95=nothing, common=none)
+        gone = {"u": nothing, "u_random": nothing, "u_common": nothing, "u95": nothing, "scatter": nothing}
+        return replace(self, **gone, common=none)
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,7 @@ def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
         u_random=np.where(gone, np.nan, u.u_random),
         u_common=np.sqrt((common**2).sum(axis=0)),
         u95=np.where(gone, np.nan, u.bound(0.95)),
+        scatter=np.where(gone, np.nan, u.random),
         common=common,
         why=why,
     )
@@ -118,4 +123,4 @@ def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
 def nothing(why: Codes) -> Estimate:
     """An estimate of which nothing is known, for a reason."""
     none = np.full(why.shape, np.nan)
-    return Estimate(none, none, none, none, none, np.empty((0, why.size)), why)
+    return Estimate(none, none, none, none, none, none, np.empty((0, why.size)), why)
