@@ -319,6 +319,8 @@ def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> No
     resin = load_resin("r.toml")
     checksum = hashlib.sha256(Path("layer.csv").read_bytes()).hexdigest()
     assert [(one.of, one.file, one.sha256) for one in resin.sources] == [("index", "layer.csv", checksum)]
+    assert any(text.startswith("k is masked") for text in json.loads(Path("layer.json").read_bytes())["warnings"])
+    assert not [text for text in resin.warnings if "k is masked" in text or "u_k" in text]  # a resin keeps no k
     Path("sensor.toml").write_text(template(), encoding="utf-8")
     found = shell.json("check", "sensor.toml", "--set", "material.resin=r.toml")
     material = found["material"]
@@ -328,3 +330,50 @@ def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> No
     low, same, high = found["lens"]["focus_by_index"]
     assert low["index"] == pytest.approx(material["index"] - material["u_index"])
     assert low["best_focus_mm"] > same["best_focus_mm"] > high["best_focus_mm"]
+
+
+def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
+    """Guides of two orientations and cubes of two materials, simulated without noise to speak of."""
+    noise = np.random.default_rng(2).normal
+    guides = ["guide,orientation,length_mm,power_mW"]
+    for way, per_mm in (("flat", 0.01), ("upright", 0.04)):
+        for mm in (10, 20, 30, 40) * 3:
+            guides.append(f"{len(guides)},{way},{mm},{math.exp(-per_mm * mm + noise(0, 0.01)):.6f}")
+    discs = ["dose_mJ_per_cm2,depth_um"]
+    discs += [f"{dose},{150.0 * math.log(dose / 12.0) + noise(0, 2.0):.3f}" for dose in (16, 25, 39, 60) * 4]
+    Path("guides.csv").write_text("\n".join(guides), encoding="utf-8")
+    Path("discs.csv").write_text("\n".join(discs), encoding="utf-8")
+    for name, shear in (("stiff", 0.9), ("soft", 0.3)):
+        strain = np.linspace(0.0, 0.3, 61)
+        rows = [f"{e:.4f},{shear * ((1 - e) ** -2 - 1 + e):.6f}" for e in strain]
+        Path(f"{name}.csv").write_text("\n".join(["strain,stress_MPa", *rows]), encoding="utf-8")
+    shell.lines("cutback", "guides.csv", "--out", "c.json")
+    shell.lines("cure", "discs.csv", "--irradiance-mW-per-cm2", "13", "--out", "k.json")
+    shell.lines(
+        "stiffness", "stiff.csv", "soft.csv", "--mode", "compression", "--label", "base", "mix", "--out", "s.json"
+    )
+    given = ("--cutback", "c.json", "--cure", "k.json", "--stiffness", "s.json")
+    assert "the result holds base, mix" in shell.refused("resin", "build", "r.toml", *WHO, *given)
+    chosen = (
+        "--orientation",
+        "upright",
+        "--label",
+        "mix",
+        "--loss-wavelength-nm",
+        "860",
+        "--cure-wavelength-nm",
+        "385",
+    )
+    shell.lines("resin", "build", "r.toml", *WHO, *given, *chosen)
+    resin = load_resin("r.toml")
+    assert resin.loss.absorption_per_mm == pytest.approx(0.04, abs=5e-4)
+    assert resin.loss.interval95_per_mm is not None
+    assert resin.loss.interval95_per_mm[0] < 0.04 < resin.loss.interval95_per_mm[1]
+    assert (resin.loss.wavelength_nm, resin.loss.warnings) == (860.0, ())
+    assert resin.cure is not None
+    assert resin.cure.covariance is not None
+    assert abs(resin.cure.Dp_um - 150.0) < 3 * math.sqrt(resin.cure.covariance[0][0])
+    assert (resin.cure.irradiance_mW_per_cm2, resin.cure.wavelength_nm) == (13.0, 385.0)
+    assert resin.stiffness is not None
+    assert resin.stiffness.parameters["C10_MPa"] == pytest.approx(0.15, rel=1e-3)
+    assert [one.file for one in resin.sources] == ["guides.csv", "discs.csv", "soft.csv"]

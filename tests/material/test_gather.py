@@ -1,14 +1,18 @@
 """What a resin keeps of a result: formulas, tables, losses, working curves, moduli, and what must be known of them."""
 
 import math
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from solen.errors import DataError
 from solen.material import Cauchy, Sellmeier, Tabulated
-from solen.material.gather import CureResult, CutbackResult, IndexResult, StiffnessResult, gaps, thinned
+from solen.material.gather import RESULTS, CureResult, CutbackResult, IndexResult, StiffnessResult, gaps, thinned
+from solen.material.resin import Resin, dumps_resin
 
 
 def spectrum(n: list[float | None], **more: Any) -> dict[str, Any]:
@@ -142,7 +146,12 @@ def test_a_loss_and_an_absorption_that_are_not_the_same_are_told() -> None:
 
 def test_a_loss_of_one_orientation_can_be_taken() -> None:
     lines = {"flat": {"loss_dB_per_cm": 0.4, "interval95": [0.2, 0.7]}, "upright": {"loss_dB_per_cm": 2.0}}
-    found = CutbackResult(**CUTBACK, by_orientation=lines)
+    depends = "the loss depends on the build orientation (dB/cm: flat: 0.4, upright: 2)"
+    found = CutbackResult(**CUTBACK, by_orientation=lines, warnings=[depends, "the line bends"])
+    assert (found.as_table().warnings, found.as_table("flat").warnings) == (
+        (depends, "the line bends"),
+        ("the line bends",),
+    )
     assert found.as_table().absorption_per_mm == pytest.approx(0.0230, abs=1e-4)
     upright = found.as_table("upright")
     assert upright.absorption_per_mm == pytest.approx(0.0461, abs=1e-4)
@@ -215,13 +224,56 @@ def test_a_modulus_is_kept_with_its_model() -> None:
 
 
 def test_of_several_materials_one_is_named() -> None:
-    groups = [MODULUS | {"label": "a-PU", "modulus_MPa": 9.0}, MODULUS | {"label": "ma-PU"}]
-    found = StiffnessResult(**groups[0], groups=groups)
+    groups = [
+        MODULUS | {"label": "a-PU", "modulus_MPa": 9.0, "specimens": [{"file": "a.csv"}]},
+        MODULUS | {"label": "ma-PU", "specimens": [{"file": "m.csv"}]},
+    ]
+    found = StiffnessResult(**groups[0], groups=groups, sources=[{"file": "a.csv"}, {"file": "m.csv"}])
     assert found.as_table("ma-PU").modulus_MPa == 1.5
+    assert [one.file for one in found.found_from("ma-PU")] == ["m.csv"]
     with pytest.raises(DataError, match="the result holds a-PU, ma-PU; name the material"):
         found.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
         found.as_table("PU")
+
+
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**400), 10**400) | st.floats() | st.text(max_size=4),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=5,
+)
+GOOD: dict[str, dict[str, Any]] = {
+    "index": spectrum([1.52, 1.51, None, 1.50], fit=None, warnings=[], sources=[{"file": "a.csv"}]),
+    "cutback": CUTBACK | {"by_orientation": {"flat": {"loss_dB_per_cm": 1.0}}},
+    "cure": {"Dp_um": 181.0, "Ec_mJ_per_cm2": 12.0, "covariance": [[9.0, 1.0], [1.0, 0.25]], "interval95": {}},
+    "stiffness": MODULUS | {"groups": [], "label": "a", "specimens": [{"file": "a.csv"}]},
+}
+
+
+@settings(max_examples=400, deadline=None)
+@given(data=st.data(), kind=st.sampled_from(sorted(GOOD)), value=ANYTHING)
+def test_whatever_stands_in_a_result_it_is_a_table_or_a_line(data: st.DataObject, kind: str, value: Any) -> None:
+    """Any value in any place of a result, as far as JSON goes: a table of finite numbers, or a refusal of one line."""
+    document = deepcopy(GOOD[kind])
+    place: Any = document
+    while True:
+        key = data.draw(st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place))))
+        if not (isinstance(place[key], dict | list) and place[key] and data.draw(st.booleans())):
+            break
+        place = place[key]
+    place[key] = value
+    refusal = ""
+    try:
+        found = RESULTS[kind](**document)
+        table, _ = found.as_table(), found.found_from()
+    except DataError as bad:
+        refusal = str(bad)
+    if refusal:
+        assert len(refusal.splitlines()) == 1
+        return
+    assert "nan" not in table.model_dump_json().lower()
+    resin = Resin(name="x", **{found.of: table})
+    assert "inf" not in dumps_resin(resin)
 
 
 def test_a_wavelength_that_comes_twice_is_one_row_with_or_without_an_uncertainty() -> None:

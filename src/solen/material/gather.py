@@ -28,6 +28,8 @@ NOT_KEPT = (
     "what was launched is not known",
 )
 """Beginnings of warnings that are of what a resin does not keep: the extinction coefficient, the coupling loss."""
+DEPENDS = "the loss depends on the build orientation"
+"""Beginning of a warning that is settled where an orientation is chosen."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
 """A gap between known wavelengths is told of where it is wider than this, and than so many usual steps."""
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
@@ -208,6 +210,7 @@ class CutbackResult(_Line):
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, told = (lines[orientation] if orientation else self).numbers()
+        kept = tuple(text for text in self.remarks if not (orientation and text.startswith(DEPENDS)))
         if self.wavelength_nm is None and wavelength_nm is None:
             told.append("the wavelength that it was measured at is not stated")
         return Loss(
@@ -215,7 +218,7 @@ class CutbackResult(_Line):
             wavelength_nm=wavelength_nm or self.wavelength_nm,
             orientation=orientation,
             by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
-            warnings=(*self.remarks, *told),
+            warnings=(*kept, *told),
         )
 
 
@@ -262,6 +265,14 @@ class _Model(_Result):
     u_parameters: dict[str, NotNegative] | None = None
 
 
+class _Specimen(_Result):
+    """A specimen, as far as its file."""
+
+    of: ClassVar[str] = "stiffness"
+
+    file: str = ""
+
+
 class _Modulus(_Result):
     """Stiffness of one material."""
 
@@ -274,6 +285,7 @@ class _Modulus(_Result):
     strain_range: Interval | None = None
     mode: str = ""
     model: _Model | None = None
+    specimens: tuple[_Specimen, ...] = ()
 
 
 class StiffnessResult(_Modulus):
@@ -295,6 +307,11 @@ class StiffnessResult(_Modulus):
             u_parameters=(one.model.u_parameters or {}) if one.model else {},
             warnings=one.remarks,
         )
+
+    def found_from(self, label: str = "") -> tuple[Source, ...]:
+        """The files that it was found from; of several materials those of the one of that label."""
+        files = {one.file for one in self._labelled(label).specimens}
+        return tuple(source for source in super().found_from() if not files or source.file in files)
 
     def _labelled(self, label: str) -> _Modulus:
         groups = {group.label or "": group for group in self.groups or (self,)}

@@ -73,7 +73,7 @@ def gathered(asked: Gathering) -> resins.Resin:
             found = result_of(text, option)
             name, table = _table(found, asked)
         tables[name] = table
-        sources += found.found_from()
+        sources += found.found_from(asked.label) if isinstance(found, StiffnessResult) else found.found_from()
     if asked.formulation:
         tables["formulation"] = _formulation(asked.formulation)
     if sources:
