@@ -1,7 +1,7 @@
 """What is to be traced, and the chunks that its rays come in.
 
-Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: a fan's
-even and odd rays, or sixteen independent samples.
+Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: the
+even and odd rays of a lattice, or sixteen independent samples.
 """
 
 import math
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
+from solen.scene.sources.points import COPIES
 from solen.trace.kernel import loop
 from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.rows import Precision
@@ -24,7 +25,7 @@ from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode
 from solen.trace.tables import Tables, compile_scene
 
-HALVES, REPLICATES = 2, 16
+HALVES, REPLICATES = 2, COPIES
 DTYPES: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.float32}
 Sampling = Literal["fan", "sobol"]
 Device = Literal["cpu", "cuda"]
@@ -59,11 +60,10 @@ class Job:
         """Job on a scene in a precision; ``rest`` are its other fields by name."""
         return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
-    @property
-    def groups(self) -> int:
-        """Estimates that the rays are divided into."""
+    def groups(self, source: Source) -> int:
+        """Estimates that the rays of a source are divided into."""
         regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
-        return HALVES if regular else REPLICATES
+        return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
     before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
-            yield from _of_a_fan(source, number, before, job.groups, most, in_space)
+            yield from _of_a_fan(source, number, before, job.groups(source), most, in_space)
             before += source.rays
         else:
             each = _sample_size(source)
