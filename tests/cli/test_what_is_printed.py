@@ -98,7 +98,7 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
 
 TRACED = {
     *("name", "angle_deg", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
-    *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why"),
+    *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why", "warnings"),
 }
 
 
@@ -342,6 +342,18 @@ def test_a_run_ends_with_where_its_report_is(
     assert lines[2].split()[:2] == ["chip", "contrast"]
     assert lines[2].endswith("0.2 mm wide, for comparison")
     assert lines[3].split()[:3] == ["null", "moves", "by"]
+
+
+def test_keys_without_effect_are_told(told: Told, design: str) -> None:
+    keys = ["--set", "receivers.height_mm=2", "--set", "material.absorption_per_mm=0.1"]
+    height = 'receivers.height_mm = 2 has no effect in the plane; set trace.dimension = "extruded"'
+    absorption = 'material.absorption_per_mm = 0.1 has no effect in mode "count"; set trace.mode = "power"'
+    assert told.json("trace", design, *keys, "--json")["warnings"] == [height, absorption]
+    assert told.json("trace", design, *keys, "--mode", "power", "--json")["warnings"] == [height]
+    assert told.json("trace", design, "--json")["warnings"] == []
+    assert told.json("check", design, *keys, "--json")["warnings"] == [height]
+    assert f"note: {height}" in told.lines("trace", design, *keys)
+    assert f"note: {height}" in told.lines("check", design, *keys)
 
 
 def test_check_says_that_all_angles_work(told: Told, design: str) -> None:

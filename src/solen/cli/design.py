@@ -54,6 +54,7 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
             f"{found['name']}: a valid sensor at all {found['angles']} angles",
             *listing({"index": found["material"]["index"]} | found["lens"] | found["body"]),
             f"faces: {', '.join(found['body']['faces'])}",
+            *_warnings(found),
         ],
     )
 
@@ -241,7 +242,11 @@ def _trace_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"the tolerance was not reached: {found['why']}")
     if found["undefined_at_mm"]:
         lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
-    return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
+    return lines + _warnings(found) + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
+
+
+def _warnings(found: dict[str, Any]) -> list[str]:
+    return [f"note: {warning}" for warning in found["warnings"]]
 
 
 def _scene_lines(found: dict[str, Any]) -> list[str]:

@@ -6,6 +6,7 @@ angles of a sweep; a :class:`Study` is all of it, counted and in power, with the
 compares with those of a real chip, in space, moved and in another index.
 """
 
+from solen.sensor.idle import idle_keys
 from solen.sensor.practice import Budget, Extent, InSpace, NullShift, OffIndex, Practice, practice
 from solen.sensor.response import SATURATED, Response, Sensitivity
 from solen.sensor.sensor import CHIP_TOLERANCE, OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
@@ -29,6 +30,7 @@ __all__ = [
     "Sensor",
     "Study",
     "TraceOptions",
+    "idle_keys",
     "practice",
     "study",
 ]
