@@ -46,6 +46,9 @@ OPTICAL_KEYS = (
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
 
+MATCHED = (
+    "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
+)
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
 
@@ -235,7 +238,7 @@ class Sensor:
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
             "material.index": (
                 resin or self._is_matched,
-                "follows from the resin and the wavelength" if resin else "something of the same index touches a wall",
+                "follows from the resin and the wavelength" if resin else MATCHED,
             ),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
             "lens.focus_mm": (not self.has_lens, "the design has no lens"),
@@ -250,8 +253,9 @@ class Sensor:
 
     @property
     def _is_matched(self) -> bool:
-        """Whether something of the body's own index touches a wall: either way from there light is reflected."""
-        return any(wall.index == self.material.index for wall in self.design.wall)
+        """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
+        bare = [wall for wall in self.design.wall if wall.gap_um is None and not wall.coating]
+        return any(wall.index == self.material.index for wall in bare)
 
     def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
         """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.

@@ -37,6 +37,8 @@ NARROWEST_DEG = 1e-11
 GAP_SHARE = 0.01
 """How wide, as a share of the tolerance times the cone, a gap may be that is not cut on at first."""
 MOST_LEGS = 200_000
+MOST_LEGS_AGAIN = 20_000_000
+"""Straight stretches after which pieces count as lost: each edge is bisected, which takes some eighty rays."""
 SLIVER = 1e-10
 """Share of the cone below which a piece comes from how far curves reach beyond their ends, and is not followed."""
 NEW_GAPS = 1e-11
@@ -186,7 +188,7 @@ class Cone:
             getattr(pieces, name)[: len(getattr(parts, name))] = getattr(parts, name)
         total, here = np.zeros(self.columns), family.high - family.low
         gaps, found = adapt.integrate_again(
-            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE,
+            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MOST_LEGS_AGAIN,
             np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
         widths_before = here - float(np.sum(parts.high - parts.low))
