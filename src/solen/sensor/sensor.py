@@ -32,6 +32,8 @@ FAILURES = 2
 DENSE_TOLERANCE = 1e-4
 SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
 """To what standard error rays in space and scattered light are sampled, and their least and largest number."""
+RECENT_SCENES = 64
+"""Scenes that a sensor remembers."""
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
 SLOPE_DEG = 0.04
@@ -132,7 +134,18 @@ class Sensor:
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
         """Scene at an angle, with ``rays`` rays in place of the design's."""
-        return sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+        found = self._scenes.get((angle_deg, rays))
+        if found is None:
+            found = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+            while len(self._scenes) >= RECENT_SCENES:
+                self._scenes.pop(next(iter(self._scenes)), None)
+            self._scenes[angle_deg, rays] = found
+        return found
+
+    @cached_property
+    def _scenes(self) -> dict[tuple[float, int | None], Scene]:
+        """Scenes lately asked for: an angle is counted, integrated and drawn."""
+        return {}
 
     def trace(
         self,

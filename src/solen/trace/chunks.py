@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
-from solen.scene.sources.points import COPIES
+from solen.scene.sources.points import COPIES, sample
 from solen.trace.kernel import loop
 from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.rows import Precision
@@ -110,19 +110,14 @@ def _sample_size(source: Source) -> int:
 def _of_a_sample(
     source: Source, number: int, before: int, each: int, seed: int, most: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
-    """Points are drawn in order, whoever traces them."""
-    from scipy.stats import qmc  # it takes long to import, and few traces need it
-
-    def make(points: NDArray[np.float64], first: int, group: int) -> Chunk:
-        return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each, in_space))
+    def make(draw: Callable[[int, int], NDArray[np.float64]], start: int, group: int) -> Chunk:
+        launch = source.launch_at(draw(start, min(start + most, each)), REPLICATES * each, in_space)
+        return Chunk(number, group, before + group * each + start, 1, launch)
 
     for group in range(REPLICATES):
-        sequence = qmc.Sobol(
-            source.dimensions(in_space), scramble=True, rng=np.random.default_rng((seed, number, group))
-        )
+        draw = sample(source.dimensions(in_space), (seed, number, group))
         for start in range(0, each, most):
-            points = sequence.random(min(most, each - start))
-            yield partial(make, points, before + group * each + start, group)
+            yield partial(make, draw, start, group)
 
 
 def rows_of(job: Job, chunk: Chunk) -> loop.Rows:

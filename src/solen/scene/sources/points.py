@@ -1,4 +1,4 @@
-"""Points that fill the unit cube evenly, by their number.
+"""Points that fill the unit cube evenly, by their number, or by chance.
 
 One or two coordinates: a rank-1 lattice whose first coordinate has equal steps, so that one dimension is the midpoint
 rule. Three and more: ``COPIES`` Sobol' nets, dealt in turn, each with its digits shifted by numbers that are drawn once
@@ -6,10 +6,13 @@ and for all. A lattice of many dimensions can be poor in a direction that matter
 independent copies are not, so how far they are apart says how far their mean can be trusted (decision 31).
 """
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from solen.scene.sources.net import MOST_DIMENSIONS, SCRAMBLED_DIGITS, plain, scrambled
 
 Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -17,18 +20,6 @@ Whole = NDArray[np.int64]
 COPIES = 16
 DIGITS = 52
 """Binary digits of a point: as many as leave room for a half in double precision."""
-POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
-    (1, 0, (1,)),
-    (2, 1, (1, 3)),
-    (3, 1, (1, 3, 1)),
-    (3, 2, (1, 1, 1)),
-    (4, 1, (1, 1, 3, 3)),
-    (4, 4, (1, 3, 5, 13)),
-    (5, 2, (1, 1, 5, 5, 17)),
-)
-"""Degree, inner coefficients and first numbers of the coordinates from the second on: S. Joe and F. Y. Kuo,
-Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6."""
-MOST_DIMENSIONS = 1 + len(POLYNOMIALS)
 
 
 def copies(dimensions: int) -> int:
@@ -44,8 +35,22 @@ def points(number: Real, many: int, dimensions: int) -> Real:
     if copies(dimensions) == 1:
         return _lattice(number, many, dimensions)
     whole = np.asarray(number, dtype=np.int64)
-    shift = _shifts(dimensions)[whole % COPIES]
-    return np.asarray(((_net(whole // COPIES, dimensions) ^ shift) + 0.5) * 2.0**-DIGITS)
+    net = plain(dimensions, DIGITS).at(whole // COPIES)
+    return np.asarray(((net ^ _shifts(dimensions)[whole % COPIES]) + 0.5) * 2.0**-DIGITS)
+
+
+def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], Real]:
+    """A scrambled Sobol' sequence: gives its points (stop - start, dimensions) from one number up to another.
+
+    They come in the order of a Gray code, and are those that scipy's ``qmc.Sobol`` draws of ``default_rng(seed)``.
+    """
+    net = scrambled(dimensions, np.random.default_rng(seed).spawn(1)[0])
+
+    def at(start: int, stop: int) -> Real:
+        number = np.arange(start, stop)
+        return np.asarray(net.at(number ^ (number >> 1)) * 2.0**-SCRAMBLED_DIGITS)
+
+    return at
 
 
 def _lattice(number: Real, many: int, dimensions: int) -> Real:
@@ -58,45 +63,6 @@ def _lattice(number: Real, many: int, dimensions: int) -> Real:
         ratio = (1.0 + ratio) ** (1.0 / dimensions)
     powers = ratio ** -np.arange(1.0, dimensions)
     return np.hstack([first, ((number + 0.5)[:, None] * powers + 0.5) % 1.0])
-
-
-def _net(index: Whole, dimensions: int) -> Whole:
-    """Points of the Sobol' sequence as whole numbers (N, dimensions) below 2^DIGITS.
-
-    Eight binary digits of the index are looked up at a time.
-    """
-    found = np.zeros((dimensions, len(index)), dtype=np.int64)
-    for byte in range((int(index.max(initial=0)).bit_length() + 7) // 8):
-        value = (index >> (8 * byte)) & 255
-        for coordinate in range(dimensions):
-            found[coordinate] ^= np.take(_table(coordinate, byte), value)
-    return found.T
-
-
-@lru_cache(maxsize=64)
-def _table(coordinate: int, byte: int) -> Whole:
-    """What each value of one byte of the index contributes to a coordinate (256,)."""
-    directions = _directions(coordinate)[8 * byte : 8 * byte + 8]
-    table = [0]
-    for direction in directions + (0,) * (8 - len(directions)):
-        table += [known ^ direction for known in table]
-    return np.array(table, dtype=np.int64)
-
-
-@lru_cache(maxsize=MOST_DIMENSIONS)
-def _directions(coordinate: int) -> tuple[int, ...]:
-    """Numbers that a coordinate's binary digits are made of, as whole numbers below 2^DIGITS (DIGITS of them)."""
-    if coordinate == 0:
-        return tuple(1 << (DIGITS - 1 - bit) for bit in range(DIGITS))
-    degree, inner, first = POLYNOMIALS[coordinate - 1]
-    found = list(first)
-    for bit in range(degree, DIGITS):
-        new = found[bit - degree] ^ (found[bit - degree] << degree)
-        for k in range(1, degree):
-            if (inner >> (degree - 1 - k)) & 1:
-                new ^= found[bit - k] << k
-        found.append(new)
-    return tuple(number << (DIGITS - 1 - bit) for bit, number in enumerate(found))
 
 
 @lru_cache(maxsize=MOST_DIMENSIONS)
