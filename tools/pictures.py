@@ -6,7 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from examples.four_motions import MOTIONS
-from solen.report.canvas import encoded
+from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
+from solen.material.index import Length, forward, measured, reading
+from solen.pipeline.index import arrays
+from solen.pipeline.indexfit import formula, formula_as_dict, literature
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
+from solen.report.index import index_figure
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 
@@ -31,8 +36,42 @@ def four_motions() -> Figure:
     return figure
 
 
+def index_routes() -> Figure:
+    """Index of a simulated layer by four routes, beside its own."""
+    figure = Figure(figsize=(8.0, 3.6), layout="constrained")
+    axes = figure.add_subplot()
+    colours = {"R and T measured": RIGHT, "T alone, lossless": LOST, "as published": LEFT}
+    for name, spectrum in routes().items():
+        if name in colours:
+            told = name if spectrum.measurement else f"{name}: no measurement"
+            axes.plot(WAVELENGTH_NM, spectrum.n.value, color=colours[name], lw=1.0, label=told)
+    axes.plot(WAVELENGTH_NM, INDEX, color=INK, lw=1.8, label="the layer's own")
+    axes.set(title="simulated, 0.1 % of noise in T and R", xlabel="wavelength (nm)", ylabel="refractive index n")
+    axes.legend(fontsize="small", loc="center right")
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def index_command() -> Figure:
+    """What ``solen index --figure`` draws, for a simulated layer with a reflectance that was spoilt in part."""
+    rng = np.random.default_rng(2)
+    nm = np.arange(400.0, 901.0, 2.0)
+    loss = 2e-6 + 4e-5 * np.exp(-(nm - 380.0) / 25.0)
+    r, t = (value + rng.normal(0.0, U, nm.size) for value in forward(1.482 + 5e3 / nm**2, loss, THICKNESS_UM, nm))
+    r[(nm > 640.0) & (nm < 672.0)] -= 0.09
+    found = measured(nm, reading(t, U), reading(r, U), Length(THICKNESS_UM, 1.0))
+    model, known = formula(found, "cauchy", None), literature(found, "table")[0]
+    told = {"mode": found.mode, "measurement": True, "baseline": "air", "substrate": None, "literature": known}
+    told |= (
+        {"fit": formula_as_dict(model), "sources": [{"simulated": True}]} if not isinstance(model, str | None) else {}
+    )
+    return index_figure(arrays(found) | told)
+
+
 def main() -> None:
     """Draw them all."""
+    (IMAGES / "index-routes.svg").write_bytes(encoded(index_routes(), ".svg", "index routes"))
+    (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))
     (IMAGES / "four-motions.svg").write_bytes(encoded(four_motions(), ".svg", "four motions"))
 
 

@@ -11,7 +11,18 @@ from typing import Any
 NM_PER_UM = 1e3
 
 _LONGEST = 24  # characters of a unit: what is longer is a remark
-_SPELLINGS = {"%t": "%", "%r": "%", "%a": "%", "µ": "µm", "micron": "um", "sec": "s", "sek": "s", "°": "deg", "": "1"}
+_SPELLINGS = {"pct": "%", "percent": "%", "prozent": "%"} | dict.fromkeys(("%t", "%r", "%a"), "%")
+_SPELLINGS |= {
+    "µ": "µm",
+    "micron": "um",
+    "microns": "um",
+    "sec": "s",
+    "sek": "s",
+    "std": "h",
+    "°": "deg",
+    "": "1",
+    "-": "1",
+}
 _POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
 _FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
@@ -27,11 +38,16 @@ def is_unit(text: str) -> bool:
 
 
 def factor(unit: str, wanted: str) -> float | None:
-    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be."""
+    """What a number in ``unit`` is multiplied with to be one in ``wanted``; None where that cannot be.
+
+    Units that have no factor, as dB/cm and °C, can be taken to themselves.
+    """
+    if unit and unit == wanted:
+        return 1.0
     ours, theirs = _unit(unit), _unit(wanted)
     if ours is None or theirs is None or ours.dimensionality != theirs.dimensionality:
         return None
-    return float((1.0 * ours).to(theirs).magnitude)
+    return float(f"{(1.0 * ours).to(theirs).magnitude:.15g}")  # 1000, where steps by way of m make 999.9999999999999
 
 
 @cache
@@ -53,7 +69,7 @@ def _unit(text: str) -> Any:
     powered = re.sub(r"(?<=[a-zµΩ)])\^?(-?\d)", r"**\1", plain, flags=re.IGNORECASE)
     try:
         unit = _registry().Unit(powered)
-        (1.0 * unit).to_base_units()  # scales with an offset and logarithms have no factor
+        one, two = (_registry().Quantity(number, unit).to_base_units().magnitude for number in (1.0, 2.0))
     except Exception:
         return None
-    return unit
+    return unit if two == 2.0 * one else None  # scales with an offset and logarithms have no factor

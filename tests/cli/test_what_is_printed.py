@@ -196,7 +196,7 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
     figure = tmp_path / "convergence.svg"
     how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "figure"}
+    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "warnings", "figure"}
     assert (found["mode"], found["angle_deg"], found["figure"]) == ("power", 0.2, str(figure))
     assert set(found["reference"]["detectors"]) == {"left", "right"}
     assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]
@@ -214,7 +214,7 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
 def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str) -> None:
     how = ("sensitivity", design, "--angle-deg", "0.2")
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped"}
+    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped", "warnings"}
     rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
     for row in found["sensitivities"]:
         assert set(row) == {
@@ -338,10 +338,45 @@ def test_a_run_ends_with_where_its_report_is(
     lines = told.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
     assert lines[0].startswith("SOLen 860 nm: index 1.44 at 860 nm")
     assert lines[-1] == f"report: {tmp_path / 'o u t' / 'report.html'}"
-    assert len(lines) == 5
+    assert len(lines) == 6
     assert lines[2].split()[:2] == ["chip", "contrast"]
     assert lines[2].endswith("0.2 mm wide, for comparison")
     assert lines[3].split()[:3] == ["null", "moves", "by"]
+    assert lines[4].split()[:8] == ["index", "0.01", "of", "index", "moves", "the", "contrast", "by"]
+
+
+UNSURE = """
+schema = 1
+name = "unsure"
+[index]
+kind = "number"
+mode = "as-published"
+n = 1.46
+u_n = 0.02
+warnings = ["no reflectance went into it"]
+"""
+
+
+def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
+    told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
+    (Path(design).parent / "unsure.toml").write_text(UNSURE, encoding="utf-8")
+    resin = ("--set", "material.resin=unsure.toml")
+    warning = "warning: index: no reflectance went into it"
+    for command in ("check", "lens", "trace"):
+        assert warning in told.lines(command, design, *resin)
+    found = told.json("check", design, *resin, "--json")
+    assert found["material"]["warnings"] == ["index: no reflectance went into it"]
+    for command in ("lens", "trace"):
+        assert told.json(command, design, *resin, "--json")["warnings"] == found["material"]["warnings"]
+    assert ["mode", "as-published"] in [line.split() for line in told.lines("check", design, *resin)]
+    foci = [line for line in told.lines("lens", design, *resin) if line.startswith("  index ")]
+    assert [line.split()[1] for line in foci] == ["1.44", "1.48"]
+    run = told.lines("run", design, "--out", str(tmp_path / "out"), *STEP, *resin)
+    assert run[0] == "SOLen 860 nm: index 1.46 ± 0.02 at 860 nm"
+    assert run[-3] == warning
+    assert run[-2].startswith("warning: the index is known to ± 0.02 only: within that the response moves by up to")
 
 
 def test_keys_without_effect_are_told(told: Told, design: str) -> None:
@@ -352,8 +387,8 @@ def test_keys_without_effect_are_told(told: Told, design: str) -> None:
     assert told.json("trace", design, *keys, "--mode", "power", "--json")["warnings"] == [height]
     assert told.json("trace", design, "--json")["warnings"] == []
     assert told.json("check", design, *keys, "--json")["warnings"] == [height]
-    assert f"note: {height}" in told.lines("trace", design, *keys)
-    assert f"note: {height}" in told.lines("check", design, *keys)
+    assert f"warning: {height}" in told.lines("trace", design, *keys)
+    assert f"warning: {height}" in told.lines("check", design, *keys)
 
 
 def test_check_says_that_all_angles_work(told: Told, design: str) -> None:

@@ -385,6 +385,17 @@ def test_an_svg_opens_like_the_dxf_of_the_same_outline(sensor_dxf: Path, tmp_pat
     assert body.emitter.point == pytest.approx((0.0, -2.0))
 
 
+def test_curves_of_a_path_that_go_on_smoothly_are_one_face(tmp_path: Path) -> None:
+    """Two cubics and a quadratic without a corner between them, then a corner, then a cubic alone."""
+    path = "M0 0C1 -1 2 -1 3 0C4 1 5 1 6 0Q7 -1 8 0C8 -2 9 -4 8 -5L0 -5Z"
+    file = tmp_path / "smooth.svg"
+    svg = f'<svg width="20mm" height="20mm" viewBox="0 0 20 20"><path id="edge" d="{path}"/>'
+    file.write_text(svg + '<circle class="emitter" cx="4" cy="3" r="0.1"/></svg>', encoding="utf-8")
+    faces = built(file).faces
+    kinds = sorted((type(face.curve).__name__, len(getattr(face.curve, "controls", ()))) for face in faces)
+    assert kinds == [("Bezier", 1), ("Segment", 0), ("Segment", 0), ("Spline", 3)]
+
+
 def test_an_svg_without_units_is_asked_for_them(tmp_path: Path) -> None:
     file = tmp_path / "px.svg"
     file.write_text(SVG.format(z=-10 * SAG).replace('"80mm"', '"80"').replace('"250mm"', '"250"'), encoding="utf-8")

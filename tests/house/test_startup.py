@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-HEAVY = ["h5py", "matplotlib", "numba", "pandas", "scipy", "shapely", "xarray"]
+HEAVY = ["OCP", "ezdxf", "h5py", "manifold3d", "matplotlib", "numba", "pandas", "scipy", "shapely", "xarray"]
 PROBE = f"""
 import sys
 from solen.cli import main

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
 
 from solen.curve import CartesianOval
 from solen.interface import refracted
@@ -113,6 +114,38 @@ def test_the_nearest_focus_is_where_tangency_begins(n2: float, s: float, half_wi
     assert tangency(1.0, n2, s, nearest * (1 + 3e-6))[1] > half_width
     if nearest > 1e-3:
         assert tangency(1.0, n2, s, nearest * (1 - 3e-6))[1] < half_width
+
+
+@pytest.mark.parametrize("index", [1.40, 1.43, 1.44, 1.45, 1.484, 1.6])
+def test_the_smallest_spot_is_that_of_rays_one_by_one(index: float) -> None:
+    """Rays by the vector form of Snell's law on the curve itself, and a search for the smallest mean square."""
+    lens = paper()
+    rays = []
+    for angle_deg in (np.arange(800) + 0.5) / 800 * lens.acceptance_deg:
+        sin, cos = math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))
+        (way,) = lens.front.hits((0.0, -1.0), (sin, cos))
+        point = (way * sin, way * cos - 1.0)
+        normal = lens.front.normal_at(point)
+        inside = refracted((sin, cos), (-normal[0], -normal[1]), 1.0, index)
+        assert inside is not None
+        rays.append((point[0], point[1], inside[0] / inside[1]))
+    x, z, slope = np.array(rays).T
+    spot = minimize_scalar(lambda at: float(np.sum((x + slope * (at - z)) ** 2)), bracket=(5.0, 40.0))
+    assert lens.best_focus_mm(index) == pytest.approx(spot.x, rel=3e-5)
+
+
+def test_the_smallest_spot_is_the_focus_and_may_not_be() -> None:
+    assert paper().best_focus_mm(1.44) == pytest.approx(20.0, abs=1e-9)
+    assert paper().best_focus_mm(1.0) is None
+    near, best, edge = (
+        paper().paraxial_focus_mm(1.45),
+        paper().best_focus_mm(1.45),
+        paper().marginal_focus_mm(1.45),
+    )
+    assert near is not None
+    assert best is not None
+    assert edge is not None
+    assert near < best < edge < 20.0
 
 
 def test_the_focus_in_another_material() -> None:

@@ -19,7 +19,7 @@ from solen.sensor import Study, study
 from solen.spec import template
 
 STEP = "motion.step_deg=6"
-NAMES = ("lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens")
+NAMES = ("lens-profile", "response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
 PICTURES = {f"{name}.svg" for name in NAMES}
 EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
 
@@ -92,7 +92,7 @@ def test_no_figure_of_an_earlier_design_stays(design: Path, tmp_path: Path) -> N
         (tmp_path / name).write_text("<svg/>", encoding="utf-8")
     found = pipeline.run(design, tmp_path, [STEP, "lens.shape=none"])
     there = {path.name for path in tmp_path.iterdir()}
-    assert there == EVERYTHING - {"lens-profile.svg", "rays-without-lens.svg"} | {"mine.svg"}
+    assert there == EVERYTHING - {"lens-profile.svg", "focus.svg", "rays-without-lens.svg"} | {"mine.svg"}
     assert {Path(name).name for name in found["files"]} == there - {"mine.svg"}
     assert (tmp_path / "mine.svg").read_text(encoding="utf-8") == "<svg/>"
     assert (tmp_path / "rays.svg").read_text(encoding="utf-8") != "<svg/>"

@@ -24,10 +24,31 @@ DESIGNS: dict[str, dict[str, object]] = {
     "almost": {"lens.design_index": 1.44001},
     "no comparison": {"motion.pivot": [30.0, 0.0]},
     "chip": {"emitter.width_mm": 0.3, "emitter.offset_mm": 0.02},
+    "as published": {"material.resin": "ma-pu-as-published"},
+    "uncertain": {"material.resin": "uncertain.toml"},
     "in space": {"trace.dimension": "extruded", "emitter.pattern": "uniform", "emitter.cone_deg": 90.0},
 }
 
-PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space")
+UNCERTAIN = """
+schema = 1
+name = "uncertain"
+source = "a test"
+
+[index]
+kind = "number"
+mode = "lossless"
+n = 1.46
+u_n = 0.02
+warnings = ["taken from T alone"]
+
+[loss]
+absorption_per_mm = 0.01
+u_absorption_per_mm = 0.002
+wavelength_nm = 940
+"""
+"""Resin whose index is known badly, and its loss elsewhere."""
+
+PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space", "uncertain")
 """Designs that are compared with their neighbours as well."""
 
 Studies = Callable[[str], Study]
@@ -35,12 +56,15 @@ Drawn = Callable[[str], dict[str, str]]
 
 
 @pytest.fixture(scope="session")
-def studied() -> Studies:
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
     kept: dict[str, Study] = {}
+    folder = tmp_path_factory.mktemp("designs")
+    (folder / "uncertain.toml").write_text(UNCERTAIN, encoding="utf-8")
 
     def get(name: str) -> Study:
         if name not in kept:
             design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
+            design = design.in_folder(folder)
             kept[name] = study(design, practical=name in PRACTICAL)
         return kept[name]
 

@@ -6,12 +6,13 @@ from html.parser import HTMLParser
 
 import pytest
 
+from solen.lens import OvalLens
 from solen.report.html import html, shown
 from solen.report.results import results
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}
-PAPER_FIGURES = ["lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens"]
+PAPER_FIGURES = ["lens-profile", "response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens"]
 
 
 class Page(HTMLParser):
@@ -88,11 +89,31 @@ def test_no_two_things_of_the_page_share_an_id(text: str) -> None:
     ids = Page(text).ids
     assert [name for name, times in ids.items() if times > 1] == []
     svgs = [part.partition("</svg>")[0] for part in text.split("<svg")[1:]]
-    order = ["response", "practice", "rays", "rays-at-the-lens", "rays-without-lens", "lens-profile"]
+    order = ["response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens", "lens-profile"]
     for name, svg in zip(order, svgs, strict=True):
         inside = re.findall(r' id="([^"]*)"', svg)
         assert len(inside) > 10
         assert {one for one in inside if not re.match(rf"{name}-(?!at-the-lens|without-lens)", one)} == set()
+
+
+def test_warnings_stand_at_the_top_of_the_page(studied: Studies, drawn: Drawn, text: str) -> None:
+    page = Page(html(studied("as published"), drawn("as published")))
+    assert [one[:35] for one in page.texts["li"]] == [
+        "Index: as published, and perhaps no",
+        "Index: as published, n falls by 0.1",
+    ]
+    assert "li" not in Page(text).texts
+
+
+def test_foci_stand_beside_the_contrasts_of_each_index(studied: Studies, drawn: Drawn) -> None:
+    study = studied("uncertain")
+    text = html(study, drawn("uncertain"))
+    lens = study.case.sensor.lens
+    assert isinstance(lens, OvalLens)
+    for index in (1.44, 1.46, 1.48):
+        row = next(one for one in re.findall(r"<tr><td>([^\n]*)</tr>", text) if one.startswith(f"{index:g}"))
+        cells = re.findall(r"<td>([^<]*)</td>", f"<td>{row}")
+        assert cells[-2:] == [shown(lens.paraxial_focus_mm(index)), shown(lens.best_focus_mm(index))]
 
 
 def test_a_name_is_text_and_never_markup(studied: Studies, drawn: Drawn) -> None:
@@ -116,7 +137,7 @@ def test_a_design_without_lens_has_only_its_own_figures(studied: Studies, drawn:
 def test_where_there_is_no_comparison_the_page_says_why(studied: Studies, drawn: Drawn, text: str) -> None:
     study, texts = studied("no comparison"), drawn("no comparison")
     assert study.flat_refused is not None
-    assert set(texts) == set(PAPER_FIGURES) - {"practice", "rays-without-lens"}
+    assert set(texts) == set(PAPER_FIGURES) - {"practice", "focus", "rays-without-lens"}
     page = Page(html(study, texts))
     (told,) = [one for one in page.texts["p"] if "no comparison" in one]
     assert study.flat_refused in told

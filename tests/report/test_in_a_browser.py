@@ -62,7 +62,7 @@ def test_the_report_renders_with_all_figures_and_headings(
         *("SOLen 860 nm", "What this means if you want to print it", "Response", "Before you print", "Rays"),
         "Lens and body",
     ]
-    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 6
+    assert len(found["figures"]) == len(found["captions"]) == len(texts) == 7
     for (left, top, wide, high), caption in zip(found["figures"], found["captions"], strict=True):
         assert wide > 300
         assert high > 80

@@ -6,7 +6,7 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.results import results
-from solen.report.words import findings, headline
+from solen.report.words import findings, headline, warnings
 from solen.sensor import Study
 from tests.report.conftest import DESIGNS, Studies
 
@@ -174,17 +174,47 @@ def test_a_matched_lens_is_told_what_another_index_would_do(studied: Studies) ->
     study = studied("paper")
     lens = study.case.sensor.lens
     assert isinstance(lens, OvalLens)
-    low, high = lens.paraxial_focus_mm(1.43), lens.paraxial_focus_mm(1.45)
-    assert low is not None
-    assert high is not None
+    foci = [at(index) for index in (1.43, 1.45) for at in (lens.paraxial_focus_mm, lens.best_focus_mm)]
+    low, low_best, high, high_best = (focus for focus in foci if focus is not None)
     text = said(study)["Index"]
     assert text.startswith("If the print's index were 0.01 lower")
     focus, _, response = text.partition(" With ")
-    agree(numbers(focus), [0.01, low, 0.01, high])
+    agree(numbers(focus), [0.01, low, low_best, 0.01, high, high_best])
     off = results(study)["practice"]["index"]
     assert [one["index"] for one in off] == pytest.approx([1.43, 1.45])
     ends = [off[0]["contrast"][0], 1.43, results(study)["practice"]["chip"]["contrast"][0], 1.44]
     agree(numbers(response.partition("contrast is ")[2])[:6], [*ends, off[1]["contrast"][0], 1.45])
+
+
+def test_how_far_the_response_moves_is_told_beside_the_chip(studied: Studies) -> None:
+    practice = results(studied("paper"))["practice"]
+    index, chip = practice["index_shift"], practice["chip_shift"]
+    text = said(studied("paper"))["Index"].partition("Over the motion")[2]
+    agree(numbers(text), [index["contrast"], index["angle_deg"], 0.2, chip["contrast"], chip["angle_deg"]])
+    assert warnings(studied("paper")) == []
+
+
+def test_an_uncertain_index_is_told_with_its_uncertainty_and_warned_of(studied: Studies) -> None:
+    study = studied("uncertain")
+    material = results(study)["material"]
+    assert (material["u_index"], material["mode"]) == (pytest.approx(0.02), "lossless")
+    text = said(study)["Index"]
+    assert text.startswith(
+        f"The index is {material['index']:.6g} ± 0.02 (standard). If the print's index were 0.02 lower"
+    )
+    index = results(study)["practice"]["index_shift"]
+    assert f"moves by at most {index['contrast']:.3f}" in text
+    told = warnings(study)
+    assert told[0] == "Index: taken from T alone."
+    assert told[1].startswith("Loss: measured at 940 nm, 80 nm from the emitter's 860 nm;")
+    assert f"moves by up to {index['contrast']:.2g} in contrast" in told[2]
+    assert len(told) == 3
+
+
+def test_an_index_as_published_is_warned_of(studied: Studies) -> None:
+    told = warnings(studied("as published"))
+    assert "consistent with an absorbance read as an absorptance" in told[0]
+    assert len(told) == 2
 
 
 def test_a_mismatched_lens_is_told_where_its_rays_go(studied: Studies) -> None:

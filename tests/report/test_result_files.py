@@ -12,7 +12,10 @@ from solen.sensor import Study
 from solen.spec import Design
 from tests.report.conftest import Studies
 
-NAMES = ["paper", "mismatched", "no lens", "one-sided", "dark", "one angle", "acrylate", "odd name", "no comparison"]
+NAMES = [
+    *("paper", "mismatched", "no lens", "one-sided", "dark", "one angle", "acrylate", "odd name", "no comparison"),
+    *("as published", "uncertain"),
+]
 
 
 def strict(text: str) -> Any:
@@ -82,7 +85,7 @@ def test_results_say_what_was_simulated(studied: Studies) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_design_in_the_results_reads_back(studied: Studies, name: str) -> None:
     design = studied(name).design
-    assert Design(**results(studied(name))["design"]) == design
+    assert Design(**results(studied(name))["design"]).in_folder(design.folder) == design
 
 
 def test_the_design_in_the_results_leaves_the_loss_to_its_resin(studied: Studies) -> None:
@@ -152,3 +155,36 @@ def test_the_table_holds_the_numbers_of_the_json_to_the_last_digit(studied: Stud
 
 def test_a_contrast_without_light_is_an_empty_cell(studied: Studies) -> None:
     assert [row["lens_power_contrast"] for row in table(studied("dark"))] == ["", "", ""]
+
+
+def test_the_focus_is_told_for_the_index_and_its_uncertainty(studied: Studies) -> None:
+    lens = results(studied("uncertain"))["lens"]
+    assert [one["index"] for one in lens["focus_by_index"]] == pytest.approx([1.44, 1.46, 1.48])
+    assert [one["is_u_index"] for one in lens["focus_by_index"]] == [True, False, True]
+    middle = lens["focus_by_index"][1]
+    for key in ("paraxial_focus_mm", "best_focus_mm", "marginal_focus_mm"):
+        assert middle[key] == lens[key] == pytest.approx(20.0, abs=1e-6)
+        focus = [one[key] for one in lens["focus_by_index"]]
+        assert focus[0] > focus[1] > focus[2]
+    assert [one["step"] for one in results(studied("paper"))["lens"]["focus_by_index"]] == [-0.01, 0.0, 0.01]
+
+
+def test_how_far_the_response_moves_is_the_largest_of_the_changes(studied: Studies) -> None:
+    practice = results(studied("uncertain"))["practice"]
+    largest = max(abs(change) for one in practice["index"] for change in one["change"])
+    assert practice["index_shift"]["contrast"] == largest
+    for one in practice["index"]:
+        place = one["angle_deg"].index(one["shift"]["angle_deg"])
+        assert abs(one["change"][place]) == one["shift"]["contrast"] == max(map(abs, one["change"]))
+    assert len(practice["warnings"]) == 1
+    assert results(studied("paper"))["practice"]["warnings"] == []
+
+
+def test_what_must_be_known_of_a_material_stands_with_its_numbers(studied: Studies) -> None:
+    material = results(studied("as published"))["material"]
+    assert material["mode"] == "as-published"
+    assert all("as published" in text for text in material["warnings"])
+    uncertain = results(studied("uncertain"))["material"]
+    assert (uncertain["u_index"], uncertain["u_absorption_per_mm"]) == (0.02, 0.002)
+    paper = results(studied("paper"))["material"]
+    assert (paper["mode"], paper["u_absorption_per_mm"], paper["warnings"]) == (None, None, [])

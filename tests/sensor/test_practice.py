@@ -1,15 +1,18 @@
 """What a sensor's neighbours show: a chip, a decentre, another index, space, and where the light goes."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.sensor import Practice, Sensor, study
-from solen.sensor.practice import budget, practice
+from solen.sensor.budget import budget
+from solen.sensor.practice import practice
 from solen.spec import Design, loads, template, with_values
 from tests.scene.rayfile_support import lambertian, zemax
 
@@ -83,14 +86,75 @@ def test_the_index_is_off_and_the_lens_is_not() -> None:
     assert low.response.contrast[low.response.at(-1.0)] == pytest.approx(same.contrast[0], abs=1e-9)
 
 
-def test_a_known_uncertainty_of_the_index_is_taken_as_well(tmp_path: Any) -> None:
-    resin = 'schema = 1\nname = "one"\nsource = "a test"\n\n[index]\nkind = "number"\nn = 1.44\nu_n = 0.003\n'
-    (tmp_path / "one.toml").write_text(resin, encoding="utf-8")
-    sensor = Sensor.of(design(material__resin="one.toml").in_folder(tmp_path))
+def resin_of(folder: Path, u_n: float) -> Sensor:
+    """The 860 nm example in a resin of 1.44 ± u_n, with a chip of its own."""
+    resin = f'schema = 1\nname = "one"\nsource = "a test"\n\n[index]\nkind = "number"\nn = 1.44\nu_n = {u_n}\n'
+    (folder / "one.toml").write_text(resin, encoding="utf-8")
+    return Sensor.of(design(material__resin="one.toml", emitter__width_mm=0.2).in_folder(folder))
+
+
+def test_a_known_uncertainty_of_the_index_is_what_it_is_off_by(tmp_path: Path) -> None:
+    sensor = resin_of(tmp_path, 0.003)
     off = practice(sensor, sensor.power()).index
     assert off is not None
-    assert [(one.step, one.known) for one in off] == [(-0.01, False), (-0.003, True), (0.003, True), (0.01, False)]
-    assert [one.index for one in off] == pytest.approx([1.43, 1.437, 1.443, 1.45])
+    assert [(one.step, one.known) for one in off] == [(-0.003, True), (0.003, True)]
+    assert [one.index for one in off] == pytest.approx([1.437, 1.443])
+
+
+@pytest.mark.parametrize("u_n", [0.003, 0.01, 0.04])
+def test_the_largest_change_is_that_of_the_whole_curve(u_n: float, tmp_path: Path) -> None:
+    """Against sweeps every eighth of a degree, which find the largest change to within 5 %."""
+    sensor = resin_of(tmp_path, u_n)
+    found = practice(sensor, sensor.power([-3.0, -2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0]))
+    moved = found.index_shift
+    assert moved is not None
+    angles = [step / 8 for step in range(-16, 1)]
+    here = sensor.power(angles).contrast
+    true = {}
+    for step in (-u_n, u_n):
+        other = replace(sensor, material=replace(sensor.material, index=1.44 + step))
+        true[step] = np.abs(other.power(angles).contrast - here)
+    largest = max(float(change.max()) for change in true.values())
+    assert 0.88 * largest < moved.contrast < largest + 2 * moved.u
+    at = {step: float(np.interp(moved.angle_deg, angles, change)) for step, change in true.items()}
+    assert moved.contrast == pytest.approx(max(at.values()), abs=0.05 * largest)
+    assert found.index is not None
+    assert all(one.response.angle_deg.tolist() == one.base.angle_deg.tolist() for one in found.index)
+
+
+def test_a_response_that_is_the_same_on_both_sides_is_compared_on_one() -> None:
+    same, moved = paper().index, found(emitter__offset_mm=0.02).index
+    assert same is not None
+    assert moved is not None
+    assert max(same[0].response.angle_deg) == 0.0
+    assert (min(moved[0].response.angle_deg), max(moved[0].response.angle_deg)) == (-3.0, 3.0)
+
+
+def test_the_chip_moves_the_response_of_the_point() -> None:
+    moved = paper().chip_shift
+    assert moved is not None
+    point = Sensor.of(design()).power([moved.angle_deg])
+    assert moved.contrast == pytest.approx(abs(contrast(paper(), moved.angle_deg) - float(point.contrast[0])))
+    assert moved.contrast > 0.5
+
+
+@pytest.mark.parametrize(("u_n", "warned"), [(0.003, False), (0.02, True)])
+def test_a_response_that_moves_much_is_warned_of(u_n: float, warned: bool, tmp_path: Path) -> None:
+    sensor = resin_of(tmp_path, u_n)
+    found = practice(sensor, sensor.power())
+    assert bool(found.warnings) == warned
+    assert paper().warnings == ()  # of an index without uncertainty nothing is known to be off
+    if warned:
+        assert f"± {u_n}" in found.warnings[0]
+        assert found.index_shift is not None
+        assert f"{found.index_shift.contrast:.2g} in contrast" in found.warnings[0]
+
+
+def test_without_light_nothing_moves() -> None:
+    dark = found(material__absorption_per_mm=1000.0)
+    assert dark.index is not None
+    assert [one.shift for one in dark.index] == [None, None]
+    assert (dark.index_shift, dark.chip_shift, dark.warnings) == (None, None, ())
 
 
 def test_dispersion_is_moved_at_all_wavelengths() -> None:

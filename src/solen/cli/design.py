@@ -52,9 +52,10 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
         as_json,
         lambda: [
             f"{found['name']}: a valid sensor at all {found['angles']} angles",
-            *listing({"index": found["material"]["index"]} | found["lens"] | found["body"]),
+            *listing(_material(found["material"]) | found["lens"] | found["body"]),
+            *_focus_lines(found["lens"]),
             f"faces: {', '.join(found['body']['faces'])}",
-            *_warnings(found),
+            *_warning_lines(found),
         ],
     )
 
@@ -77,7 +78,7 @@ def lens(
     from solen.pipeline import design as pipeline
 
     found = pipeline.lens(file, set_ or (), csv, tolerance_mm)
-    show(found, as_json, lambda: listing(found))
+    show(found, as_json, lambda: [*listing(found), *_focus_lines(found), *_warning_lines(found)])
 
 
 @app.command(sort_key=5)
@@ -242,11 +243,11 @@ def _trace_lines(found: dict[str, Any]) -> list[str]:
         lines.append(f"the tolerance was not reached: {found['why']}")
     if found["undefined_at_mm"]:
         lines.append(f"  {found['undefined']} rays met an inconsistent interface, at {found['undefined_at_mm'][0]} mm")
-    return lines + _warnings(found) + [f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found]
-
-
-def _warnings(found: dict[str, Any]) -> list[str]:
-    return [f"note: {warning}" for warning in found["warnings"]]
+    return [
+        *lines,
+        *_warning_lines(found),
+        *(f"{kind}: {found[kind]}" for kind in ("figure", "netcdf") if kind in found),
+    ]
 
 
 def _scene_lines(found: dict[str, Any]) -> list[str]:
@@ -270,7 +271,7 @@ def _convergence_lines(found: dict[str, Any]) -> list[str]:
     for series in found["series"]:
         rows = zip(series["rays"], series["error"], series["u"], strict=True)
         lines += [f"  {series['method']:8} {rays:8} rays  error {short(e)}  u {short(u)}" for rays, e, u in rows]
-    return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
+    return [*lines, *_warning_lines(found), *([f"figure: {found['figure']}"] if "figure" in found else [])]
 
 
 def _sensitivity_lines(found: dict[str, Any]) -> list[str]:
@@ -287,19 +288,41 @@ def _sensitivity_lines(found: dict[str, Any]) -> list[str]:
             continue
         slopes = "".join(f"  {_slope(row[name])}" for name in ("right", "left", "contrast"))
         lines.append(f"{start}{slopes}  {short(row['u_contrast']):>9}")
-    return lines + [f"left out: {key}: {why}" for key, why in found["skipped"].items()]
+    return [*lines, *(f"left out: {key}: {why}" for key, why in found["skipped"].items()), *_warning_lines(found)]
 
 
 def _slope(value: float | None) -> str:
     return f"{'none' if value is None else f'{value:+.6g}':>12}"
 
 
+def _material(found: dict[str, Any]) -> dict[str, Any]:
+    """Numbers of a material that a line each is spent on."""
+    return {name: found[name] for name in ("index", "u_index", "mode") if name == "index" or found[name] is not None}
+
+
+def _focus_lines(found: dict[str, Any]) -> list[str]:
+    """Foci in materials whose index is off by its standard uncertainty."""
+    return [
+        f"  index {one['index']:.6g} (off by its uncertainty, {one['step']:+.2g}): near the axis "
+        f"{text(one['paraxial_focus_mm'])} mm, smallest spot {text(one['best_focus_mm'])} mm"
+        for one in found.get("focus_by_index", ())
+        if one["is_u_index"]
+    ]
+
+
+def _warning_lines(*parts: dict[str, Any]) -> list[str]:
+    return [f"warning: {one}" for part in parts for one in part["warnings"]]
+
+
 def _run_lines(found: dict[str, Any]) -> list[str]:
-    lines = [f"{found['name']}: index {found['material']['index']:.6g} at {found['material']['wavelength_nm']:g} nm"]
+    material = found["material"]
+    u = "" if material["u_index"] is None else f" ± {material['u_index']:.2g}"
+    lines = [f"{found['name']}: index {material['index']:.6g}{u} at {material['wavelength_nm']:g} nm"]
     for name, one in found["summary"].items():
         ends = f"{text(one['contrast_from'])} at {one['from_deg']:g} deg to {text(one['contrast_to'])}"
         lines.append(f"  {name:8} contrast {ends} at {one['to_deg']:g} deg, received {one['received_share']:.4f}")
-    return [*lines, *_practice_lines(found["practice"]), f"report: {found['report']}"]
+    parts = [part for part in (material, found["practice"]) if part is not None]
+    return [*lines, *_practice_lines(found["practice"]), *_warning_lines(*parts), f"report: {found['report']}"]
 
 
 def _practice_lines(found: dict[str, Any] | None) -> list[str]:
@@ -314,4 +337,9 @@ def _practice_lines(found: dict[str, Any] | None) -> list[str]:
     if shift is not None:
         moved = f"{shift['shift_deg']:+.3f} ± {shift['u_deg']:.1g} deg"
         lines.append(f"  {'null':8} moves by {moved} for {shift['step_mm']:g} mm of the emitter towards +x")
+    if found["index_shift"] is not None:
+        what = "its uncertainty" if found["index_is_u"] else f"{found['index_step']:g} of index"
+        beside = "" if found["chip_shift"] is None else f"; the chip alone by {found['chip_shift']['contrast']:.3f}"
+        moved = f"{found['index_shift']['contrast']:.3f} at {found['index_shift']['angle_deg']:g} deg"
+        lines.append(f"  {'index':8} {what} moves the contrast by up to {moved}{beside}")
     return lines

@@ -151,7 +151,7 @@ class Body:
         """What stands beside the body is not in it."""
         import shapely
 
-        solid = _solid(rings)
+        solid = filled(rings)
         for face in self.apart:
             line = shapely.LineString(face.curve.flattened(1e-4))
             if solid.intersects(line):
@@ -189,10 +189,11 @@ def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> NDArray[np.float
 
 def material(body: Body, tolerance_mm: float) -> "shapely.geometry.base.BaseGeometry":
     """Area that a body fills, as a shapely geometry within ``tolerance_mm``: holes left out."""
-    return _solid([polyline(outline, tolerance_mm) for outline in body.outlines])
+    return filled([polyline(outline, tolerance_mm) for outline in body.outlines])
 
 
-def _solid(rings: list[NDArray[np.float64]]) -> "shapely.geometry.base.BaseGeometry":
+def filled(rings: list[NDArray[np.float64]]) -> "shapely.geometry.base.BaseGeometry":
+    """Area within an odd number of closed polylines, as a shapely geometry."""
     import shapely
 
     solid: shapely.geometry.base.BaseGeometry = shapely.Polygon(rings[0])

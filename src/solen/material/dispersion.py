@@ -2,10 +2,11 @@
 
 The idea: an index is a number, a table, or a formula with a few parameters. Where a covariance of the parameters is
 known, the index carries the standard uncertainty that follows by linear propagation, u² = J Σ Jᵀ, with J the exact
-derivatives by the parameters. Outside the range that the data were measured in nothing is guessed.
+derivatives by the parameters. Outside the range that the data were measured in nothing is guessed. An index also says
+how it was found, its `mode`, and what must be known of it: one as published, which no reflectance went into, has to.
 
 The interface: `Dispersion.index` and `Dispersion.u_index` at a wavelength in nm; the leaves are `Constant`,
-`Tabulated`, `Cauchy` and `Sellmeier`, by their ``kind`` in `KINDS`.
+`Tabulated`, `Cauchy` and `Sellmeier`, by their ``kind`` in `KINDS`, and `Unknown` for a resin without an index.
 """
 
 import math
@@ -19,15 +20,20 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.spec.strict import NotNegative, Number, Positive, Strict, refused
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, nearest, refused
 from solen.units import um_from_nm
 
 Covariance = tuple[tuple[Number, ...], ...]
 
+MODES = ("measured", "absorptance", "lossless", "as-published", "refractometer", "literature")
+"""How an index was found: from R and T, from T and absorptance, from T alone, from T and absorbance taken for
+absorptance, at a refractometer or ellipsometer, in the literature."""
+AS_PUBLISHED = "as-published"
+
 _ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances
 
 
-def _refuse_covariance(covariance: Covariance | None, parameters: int) -> None:
+def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
     """Raise unless a covariance is square of that size, symmetric and without negative eigenvalue."""
     if covariance is None:
         return
@@ -58,11 +64,25 @@ class Dispersion(Strict, ABC):
     """A refractive index that depends on wavelength."""
 
     table: ClassVar[str] = "index"
+    kind: str
     error: ClassVar[type[SolenError]] = DataError
 
     valid_nm: tuple[Positive, Positive] | None = Field(
         None, description="Wavelengths from and to which the index holds, in nm."
     )
+    mode: str = Field("", description=f"How it was found: {', '.join(MODES)}.")
+    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+
+    @model_validator(mode="after")
+    def _says_how_it_was_found(self) -> Self:
+        if self.mode and self.mode not in MODES:
+            near = nearest(self.mode, MODES)
+            limit = f"must be one of {', '.join(MODES)}"
+            raise refused("mode", limit, value=self.mode, remedy=f"did you mean {near}?" if near else "")
+        if self.mode == AS_PUBLISHED and not self.warnings:
+            remedy = 'add e.g. warnings = ["no reflectance went into this index"]'
+            raise refused("warnings", f'missing: mode = "{AS_PUBLISHED}" needs one', remedy=remedy)
+        return self
 
     @model_validator(mode="after")
     def _range_ascends(self) -> Self:
@@ -129,6 +149,25 @@ class Dispersion(Strict, ABC):
         """Variance of the index, or None where none is known."""
 
 
+class Unknown(Dispersion):
+    """No index at all: of a resin of which other things are known."""
+
+    kind: Literal["unknown"] = "unknown"
+
+    def _refuse_outside(self, wavelength_nm: float) -> None:
+        limit, remedy = "the resin has none", "add [index], as solen resin build --index does"
+        raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
+
+    def _data_range_nm(self) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def _index(self, wavelength_nm: float) -> float:
+        raise NotImplementedError
+
+    def _variance(self, wavelength_nm: float) -> float | None:
+        raise NotImplementedError
+
+
 class Constant(Dispersion):
     """One number for all wavelengths (of `valid_nm`)."""
 
@@ -153,6 +192,9 @@ class Tabulated(Dispersion):
     wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")
     n: tuple[Number, ...] = Field(min_length=2, description="the index at each wavelength.")
     covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
+    u_n: tuple[NotNegative, ...] | None = Field(
+        None, description="Standard uncertainty of each n, taken as wholly correlated; in place of covariance."
+    )
 
     @model_validator(mode="after")
     def _table_is_sound(self) -> Self:
@@ -166,7 +208,11 @@ class Tabulated(Dispersion):
         low, high = self._data_range_nm()
         if self.valid_nm is not None and not low <= self.valid_nm[0] < self.valid_nm[1] <= high:
             raise refused("valid_nm", f"must lie within the table, {low:g} to {high:g}", value=list(self.valid_nm))
-        _refuse_covariance(self.covariance, len(self.n))
+        refuse_covariance(self.covariance, len(self.n))
+        if self.u_n is not None and self.covariance is not None:
+            raise refused("u_n", "has no meaning beside covariance", remedy="keep one of the two")
+        if self.u_n is not None and len(self.u_n) != len(self.n):
+            raise refused("u_n", f"must have {len(self.n)} entries, one per wavelength", value=len(self.u_n))
         return self
 
     def _data_range_nm(self) -> tuple[float, float]:
@@ -183,7 +229,10 @@ class Tabulated(Dispersion):
         return sum(w * n for w, n in zip(self._weights(wavelength_nm), self.n, strict=True) if w)
 
     def _variance(self, wavelength_nm: float) -> float | None:
-        return _propagated(self.covariance, self._weights(wavelength_nm))
+        weights = self._weights(wavelength_nm)
+        if self.u_n is not None:
+            return sum(w * u for w, u in zip(weights, self.u_n, strict=True)) ** 2
+        return _propagated(self.covariance, weights)
 
 
 class Cauchy(Dispersion):
@@ -197,7 +246,7 @@ class Cauchy(Dispersion):
 
     @model_validator(mode="after")
     def _covariance_is_sound(self) -> Self:
-        _refuse_covariance(self.covariance, 3)
+        refuse_covariance(self.covariance, 3)
         return self
 
     def _data_range_nm(self) -> tuple[float, float]:
@@ -226,7 +275,7 @@ class Sellmeier(Dispersion):
     def _terms_are_sound(self) -> Self:
         if len(self.B) != len(self.C_um2):
             raise refused("C_um2", f"must have {len(self.B)} entries, one per B", value=len(self.C_um2))
-        _refuse_covariance(self.covariance, 2 * len(self.B))
+        refuse_covariance(self.covariance, 2 * len(self.B))
         return self
 
     def _data_range_nm(self) -> tuple[float, float]:

@@ -1,52 +1,158 @@
 """Resins: files that say what a material's index and loss are, a small library of them, and what a design uses.
 
-The idea: a resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, an ``[index]``
-of one of the kinds of `solen.material.dispersion`, and optionally a ``[loss]``. A design names a resin of the library
-or a file; the index is evaluated at its emitter's wavelength.
+The idea: a resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for
+each thing that is known of it: an ``[index]`` of one of the kinds of `solen.material.dispersion`, a ``[loss]``, a
+``[cure]``, a ``[stiffness]``, a ``[[formulation]]`` by weight and the ``[[sources]]`` that these were found from. A
+design names a resin of the library or a file; the index is evaluated at its emitter's wavelength, and whoever uses an
+index that is no measurement is told so.
 
-The interface: `load_resin`, `library`, `library_resin`; `optical` gives the numbers of a design's material.
+The interface: `load_resin`, `library`, `library_resin`; `dumps_resin` writes a file; `optical` gives the numbers of a
+design's material.
 """
 
+# ruff: noqa: N815  units keep their case
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
-from pydantic import Field, field_validator
+import tomli_w
+from pydantic import Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
 from solen.files import read_text
-from solen.material.dispersion import KINDS, Dispersion
+from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
 from solen.spec import Design
 from solen.spec.shelf import Shelf
-from solen.spec.strict import Migrations, NotNegative, Strict, Text, migrated, nearest, parse_toml, refused, told_of
+from solen.spec.strict import (
+    Document,
+    Migrations,
+    NotNegative,
+    Number,
+    Positive,
+    Strict,
+    Text,
+    migrated,
+    nearest,
+    parse_toml,
+    refused,
+    told_of,
+)
 
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+LOSS_APART_NM = 20.0
+"""How far a wavelength may be from that of a loss before it is warned of."""
+WHOLE, OFF_WHOLE = 100.0, 0.1
+"""What the parts of a formulation add up to, and how far the rounding of their percentages may leave it."""
 
 _SHELF = Shelf(files("solen.material") / "library", "resin")
 
+Interval = tuple[Number, Number]
+
+
+class LossOf(Strict):
+    """Loss of guides that were built in one orientation."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    orientation: Text = Field(description="the build orientation.")
+    absorption_per_mm: NotNegative = Field(description="absorption of power per mm, base e.")
+    u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    interval95_per_mm: Interval | None = Field(None, description="Its 95 % interval.")
+
 
 class Loss(Strict):
-    """What a resin takes from the light."""
+    """What a resin takes from the light, at one wavelength."""
 
     table: ClassVar[str] = "loss"
     error: ClassVar[type[SolenError]] = DataError
 
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm, base e.")
+    u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    interval95_per_mm: Interval | None = Field(None, description="Its 95 % interval.")
+    wavelength_nm: Positive | None = Field(None, description="Wavelength that it was measured at, in nm.")
+    orientation: str = Field("", description="Build orientation that it is for; empty for all.")
+    by_orientation: tuple[LossOf, ...] = Field((), description="Each orientation by itself.")
+    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+
+
+class Cure(Strict):
+    """Jacobs' working curve: cure depth = Dp ln(E/Ec)."""
+
+    table: ClassVar[str] = "cure"
+    error: ClassVar[type[SolenError]] = DataError
+
+    Dp_um: Positive = Field(description="penetration depth in µm.")
+    Ec_mJ_per_cm2: Positive = Field(description="critical exposure in mJ/cm².")
+    covariance: Covariance | None = Field(None, description="Covariance of (Dp_um, Ec_mJ_per_cm2).")
+    interval95_Dp_um: Interval | None = Field(None, description="95 % interval of Dp.")
+    interval95_Ec_mJ_per_cm2: Interval | None = Field(None, description="95 % interval of Ec.")
+    wavelength_nm: Positive | None = Field(None, description="Wavelength of the exposure in nm.")
+    irradiance_mW_per_cm2: Positive | None = Field(None, description="Irradiance of the exposure in mW/cm².")
+    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+
+    @model_validator(mode="after")
+    def _covariance_is_sound(self) -> Self:
+        refuse_covariance(self.covariance, 2)
+        return self
+
+
+class Stiffness(Strict):
+    """Young's modulus over a stated strain, and the model that the whole curve was fitted with."""
+
+    table: ClassVar[str] = "stiffness"
+    error: ClassVar[type[SolenError]] = DataError
+
+    modulus_MPa: Positive = Field(description="modulus in MPa.")
+    u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    interval95_MPa: Interval | None = Field(None, description="Its 95 % interval.")
+    strain_range: Interval | None = Field(None, description="Strains from and to which it holds.")
+    test: str = Field("", description="How it was loaded: compression, tension.")
+    model: str = Field("", description="Hyperelastic model of the whole curve.")
+    parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
+    u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
+    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+
+
+class Part(Strict):
+    """A component of a formulation."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    component: Text = Field(description="the component's name.")
+    wt_percent: Positive = Field(description="its share of the whole mixture, in percent by weight.")
+
+
+class Source(Strict):
+    """A file that something was found from."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    of: Text = Field(description="the table that was found from it.")
+    file: str = Field("", description="Name of the file.")
+    sha256: str = Field("", description="Checksum of its bytes.")
+    format: str = Field("", description="What it was read as.")
+    instrument: str = Field("", description="As the file states it.")
+    date: str = Field("", description="As the file states it.")
+    simulated: bool = Field(False, description="Whether its numbers were computed rather than measured.")
 
 
 class Resin(Strict):
-    """A material: its index against wavelength, its loss, and where the numbers come from."""
+    """A material: its index against wavelength, its loss, how it cures and gives, and where the numbers come from."""
 
     error: ClassVar[type[SolenError]] = DataError
 
     name: Text = Field(description="the resin's name, one line.")
     source: str = Field("", description="Where the numbers come from.")
     notes: str = Field("", description="Anything worth knowing.")
-    index: Dispersion = Field(description="a table [index] with its kind.")
+    index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
     loss: Loss = Field(default_factory=Loss, description="What it takes from the light.")
+    cure: Cure | None = Field(None, description="How it cures.")
+    stiffness: Stiffness | None = Field(None, description="How it gives.")
+    formulation: tuple[Part, ...] = Field((), description="What it is mixed of.")
+    sources: tuple[Source, ...] = Field((), description="The files that it was found from.")
 
     @field_validator("index", mode="before")
     @classmethod
@@ -61,6 +167,39 @@ class Resin(Strict):
             near = nearest(str(value["kind"]), KINDS)
             raise refused("kind", kinds, value=value["kind"], remedy=f"did you mean {near}?" if near else "")
         return kind(**value)
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        tables = ("index", "loss", "cure", "stiffness", "formulation")
+        if not self.model_fields_set & {*tables}:
+            raise refused("", f"must have at least one of {', '.join(tables)}", remedy="add e.g. [index]")
+        if self.formulation:
+            _refuse_parts(self.formulation)
+        return self
+
+    def has(self, table: str) -> bool:
+        """Whether the resin states a table."""
+        return table in self.model_fields_set
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user of its index and its loss must know."""
+        simulated = [one.of for one in self.sources if one.simulated and one.of in {"index", "loss"}]
+        told = [f"{of}: from simulated data, not measured" for of in dict.fromkeys(simulated)]
+        tables = {"index": self.index.warnings, "loss": self.loss.warnings}
+        return (*told, *(f"{name}: {text}" for name, texts in tables.items() for text in texts))
+
+
+def _refuse_parts(parts: tuple[Part, ...]) -> None:
+    """Raise unless the parts of a formulation have each a name of its own and make a whole."""
+    names = [part.component for part in parts]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise refused("formulation", "each component stands once", value=twice, remedy="add its shares up")
+    total = sum(part.wt_percent for part in parts)
+    if abs(total - WHOLE) > OFF_WHOLE:
+        limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g}"
+        raise refused("formulation", limit, value=f"{total:g} %", remedy="see solen resin mix")
 
 
 @dataclass(frozen=True)
@@ -77,6 +216,10 @@ class Optical:
         Where the numbers come from, in words.
     dispersion
         Index by wavelength, for light of several; None where a single number is all that is known.
+    u_absorption_per_mm
+        Standard uncertainty of the absorption, None where unknown.
+    warnings
+        What must be known of these numbers, a sentence each.
     """
 
     index: float
@@ -84,6 +227,13 @@ class Optical:
     absorption_per_mm: float
     source: str
     dispersion: Dispersion | None = field(default=None, compare=False, repr=False)
+    u_absorption_per_mm: float | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def mode(self) -> str:
+        """How its index was found; empty where that is not stated."""
+        return "" if self.dispersion is None else self.dispersion.mode
 
 
 def _resin(text: str, what: str) -> Resin:
@@ -103,6 +253,22 @@ def load_resin(path: Path | str) -> Resin:
     """
     path = Path(path)
     return _resin(read_text(path, DataError), str(path))
+
+
+def dumps_resin(resin: Resin, comment: str = "") -> str:
+    """TOML text of a resin, defaults omitted; ``comment`` is its first line. `load_resin` gives the resin back."""
+    tables: Document = {"schema": RESIN_SCHEMA}
+    for key in Resin.model_fields:
+        value = getattr(resin, key)
+        if key not in resin.model_fields_set or value is None:
+            continue
+        if isinstance(value, tuple):
+            tables[key] = [one.model_dump(exclude_defaults=True) for one in value]
+        elif isinstance(value, Dispersion):
+            tables[key] = {"kind": value.kind} | value.model_dump(exclude_defaults=True)
+        else:
+            tables[key] = value.model_dump(exclude_defaults=True) if isinstance(value, Strict) else value
+    return "".join([f"# {comment}\n" if comment else "", tomli_w.dumps(tables)])
 
 
 def library() -> tuple[str, ...]:
@@ -129,11 +295,33 @@ def optical(design: Design) -> Optical:
     if material.resin is None:
         assert material.index is not None  # noqa: S101  the table gives exactly one of the two
         return Optical(material.index, None, material.absorption_per_mm, "the design's material.index")
-    path = design.resin_file
-    resin = library_resin(material.resin) if path is None else load_resin(path)
+    resin = resin_of(material.resin, design.resin_file)
     wavelength_nm = light_of(design).wavelength_nm
     with told_of(f"resin {resin.name}"):
         index, u_index = resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm)
     stated = material.states_absorption
-    absorption_per_mm = material.absorption_per_mm if stated else resin.loss.absorption_per_mm
-    return Optical(index, u_index, absorption_per_mm, ": ".join(filter(None, (resin.name, resin.source))), resin.index)
+    return Optical(
+        index,
+        u_index,
+        material.absorption_per_mm if stated else resin.loss.absorption_per_mm,
+        ": ".join(filter(None, (resin.name, resin.source))),
+        resin.index,
+        None if stated else resin.loss.u_absorption_per_mm,
+        (*resin.warnings, *([] if stated else loss_apart(resin.loss, wavelength_nm))),
+    )
+
+
+def resin_of(name: str, path: Path | None) -> Resin:
+    """Resin of a file, or of the library by its name where there is none."""
+    return library_resin(name) if path is None else load_resin(path)
+
+
+def loss_apart(loss: Loss, wavelength_nm: float) -> list[str]:
+    """Warning where a loss was measured more than `LOSS_APART_NM` from a wavelength."""
+    if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= LOSS_APART_NM:
+        return []
+    apart_nm = abs(loss.wavelength_nm - wavelength_nm)
+    return [
+        f"loss: measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's {wavelength_nm:g} nm; "
+        "absorption changes with wavelength"
+    ]

@@ -101,6 +101,9 @@ class Datasheet(Strict):
     half_angle_deg: Quantity | None = Field(None, description="Angle from the axis at which it is half as strong.")
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
+    package_depth_mm: Quantity | None = Field(
+        None, description="Depth of the package, from its window to its contacts."
+    )
 
 
 class EmitterPart(Datasheet):

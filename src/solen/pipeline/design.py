@@ -56,9 +56,9 @@ def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:
         "name": design.name,
         "angles": len(design.motion.angles_deg()),
         "material": numbers.material_numbers(sensor),
-        "lens": numbers.lens_numbers(sensor.cut, sensor.material.index),
+        "lens": numbers.lens_numbers(sensor.cut, sensor.material),
         "body": numbers.body_numbers(sensor),
-        "warnings": list(idle_keys(sensor)),
+        "warnings": [*sensor.material.warnings, *idle_keys(sensor)],
     }
 
 
@@ -70,7 +70,7 @@ def lens(
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit="must be finite and at least 1e-9 mm")
     sensor = Sensor.of(open_design(path, assignments))
     sensor.body()
-    found = numbers.lens_numbers(sensor.lens, sensor.material.index)
+    found = numbers.lens_numbers(sensor.lens, sensor.material)
     if table is not None:
         points = sensor.lens.front.flattened(tolerance_mm)
         text = io.StringIO()
@@ -79,7 +79,7 @@ def lens(
         writer.writerows([round(float(x), 14), round(float(z), 14)] for x, z in points)
         files.write_text(table, text.getvalue())
         found |= {"profile": str(table), "profile_points": len(points), "profile_tolerance_mm": tolerance_mm}
-    return found
+    return found | {"warnings": list(sensor.material.warnings)}
 
 
 def trace_design(
@@ -134,7 +134,8 @@ def convergence_of(
     _check_angle(angle_deg)
     check_figure(figure)
     design = with_values(open_design(path, assignments), {"trace.mode": mode})
-    found = convergence(Sensor.of(design).scene(angle_deg), design.trace.mode)
+    sensor = Sensor.of(design)
+    found = convergence(sensor.scene(angle_deg), design.trace.mode)
     if figure is not None:
         from solen.report import canvas, figures
 
@@ -152,6 +153,7 @@ def convergence_of(
             "detectors": {name: reference.detectors[name].power for name in sorted(reference.detectors)},
         },
         "series": [_series(series) for series in found.series],
+        "warnings": list(sensor.material.warnings),
     } | ({"figure": str(figure)} if figure else {})
 
 
@@ -173,6 +175,7 @@ def sensitivity(
         "angle_deg": angle_deg,
         "sensitivities": [_sensitivity(row) for row in rows],
         "skipped": skipped,
+        "warnings": list(sensor.material.warnings),
     }
 
 
@@ -226,9 +229,9 @@ def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
         "name": sensor.design.name,
         "angle_deg": angle_deg,
         "lens": sensor.design.lens.shape,
-        "warnings": list(idle_keys(sensor, result.mode)),
         **numbers.trace_numbers(result, in_space=scene.extrusion is not None),
         "detectors": {name: numbers.detected_numbers(result.detectors[name], faces[name]) for name in sorted(faces)},
+        "warnings": [*sensor.material.warnings, *idle_keys(sensor, result.mode)],
     }
     if result.legs is not None:
         found["paths"] = [

@@ -1,8 +1,12 @@
 """Recordings: what instruments export, read into one type with units and provenance.
 
-`solen.recording.model` holds the type.
+`read` takes a file; `solen.recording.model` holds the type; `spectra` gives its traces with their wavelengths, `stated`
+a parameter of a test machine's export as a number.
 """
 
 from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.reader import read
+from solen.recording.spectrum import Spectrum, spectra
+from solen.recording.testxpert import stated
 
-__all__ = ["Channel", "Provenance", "Recording"]
+__all__ = ["Channel", "Provenance", "Recording", "Spectrum", "read", "spectra", "stated"]

@@ -4,7 +4,8 @@ The idea: a spectrum, a compression test, a working curve and a bench's voltages
 numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; whoever uses a channel asks
 for it in the unit it needs. What the file was is never lost: its name, checksum, format, instrument and date go along.
 
-The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Channel.to` a unit.
+The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Recording.label` for columns of
+words, `Channel.to` a unit.
 """
 
 import difflib
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DataError
+from solen.recording.words import plain
 from solen.units import factor
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +41,8 @@ class Channel:
         Name of the channel that it runs along; empty for an axis itself and for columns side by side.
     note
         What a reader must know: a scan that was interrupted, a detector at its limit.
+    metadata
+        What the file says about this channel alone, by its own words: bandwidth, time of the scan.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Channel:
     values: FloatArray
     axis: str = ""
     note: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
 
     def to(self, unit: str) -> FloatArray:
         """Values in another unit; `DataError` where the channel's is not one that can be taken there."""
@@ -92,10 +97,22 @@ class Provenance:
 
 @dataclass(frozen=True)
 class Recording:
-    """Channels that were recorded together, in the order of the file, and their provenance."""
+    """Channels that were recorded together, in the order of the file, and their provenance.
+
+    Attributes
+    ----------
+    channels
+        The columns of numbers.
+    provenance
+        Where they come from.
+    texts
+        The columns of words, and those of numbers that name their rows (replicate, orientation), by the name of each:
+        a text for each row, empty where the file holds none.
+    """
 
     channels: tuple[Channel, ...]
     provenance: Provenance
+    texts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -114,9 +131,9 @@ class Recording:
     def find(self, *names: str) -> Channel | None:
         """First channel called by, or being the quantity of, one of these names; case and spaces do not matter."""
         for name in names:
-            wanted = _plain(name)
+            wanted = plain(name)
             for channel in self.channels:
-                if wanted in {_plain(channel.name), _plain(channel.quantity)}:
+                if wanted in {plain(channel.name), plain(channel.quantity)}:
                     return channel
         return None
 
@@ -129,13 +146,22 @@ class Recording:
             raise DataError(self.provenance.file or "recording", limit=limit, remedy=remedy)
         return found
 
+    def label(self, *names: str) -> tuple[str, ...] | None:
+        """First column of words called by one of these names, as `find` reads them; None where there is none."""
+        for name in names:
+            for column, texts in self.texts.items():
+                if plain(name) == plain(column):
+                    return texts
+        return None
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader of the numbers must know, a sentence for each channel that has a note."""
+        return [f"{channel.name}: {channel.note}" for channel in self.channels if channel.note]
+
     def axis_of(self, channel: Channel) -> Channel:
         """Channel that another runs along."""
         return self.channel(channel.axis)
-
-
-def _plain(name: str) -> str:
-    return " ".join(name.replace("_", " ").casefold().split())
 
 
 def _listed(names: tuple[str, ...], most: int = 12) -> str:

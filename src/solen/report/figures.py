@@ -3,7 +3,7 @@
 Right is blue and left is orange, in every figure; grey is light that neither receiver gets.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -18,9 +18,10 @@ from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.lens import OvalLens
 from solen.plane import along
-from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SPACE, STYLE
+from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SOFT, SPACE, STYLE
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, Practice, Sensor
+from solen.sensor.off_index import steps
 from solen.trace import Convergence, Mode, Path, Trace, trace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
@@ -33,6 +34,8 @@ METHODS = {
 SHOWN_RAYS = 100
 """Rays drawn in a picture at most: more make it a blot."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
+SHOWN_STEPS = 3.0
+"""How many times its uncertainty the index is varied in a figure of the focus."""
 
 
 def profile_figure(lens: OvalLens) -> Figure:
@@ -85,6 +88,38 @@ def practice_figure(found: Practice) -> Figure:
         index_axes.set(xlabel="angle (deg)", ylabel="change of the contrast by another index")
         if found.index:
             index_axes.legend(fontsize=8)
+        if found.chip_shift is not None:
+            beside = f"beside it, a chip {found.extent.width_mm:g} mm wide changes that of a point by up to"
+            index_axes.set_title(f"{beside} {found.chip_shift.contrast:.2f}", fontsize=8)
+    return figure
+
+
+def focus_figure(sensor: Sensor) -> Figure:
+    """Where the lens focuses against the index of the material, with the index's uncertainty as a band.
+
+    Without one, the band is that of the step which is compared instead.
+    """
+    lens, material = sensor.lens, sensor.material
+    if not isinstance(lens, OvalLens):
+        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit="has no focus")
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.2, 3.2), layout="constrained")
+        axes = figure.add_subplot()
+        half, stated = max(abs(step) for step, _ in steps(material)), bool(material.u_index)
+        indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
+        band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
+        axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)
+        lines: tuple[tuple[str, Callable[[float], float | None], str], ...] = (
+            ("rays near the axis", lens.paraxial_focus_mm, LOWER),
+            ("smallest spot", lens.best_focus_mm, INK),
+            ("edge rays", lens.marginal_focus_mm, HIGHER),
+        )
+        for name, at, colour in lines:
+            axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
+        axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
+        axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
+        axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
+        axes.legend(fontsize=8)
     return figure
 
 
@@ -178,6 +213,10 @@ def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], t
     return (low[0], low[1]), (high[0], high[1])
 
 
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values, NaN where they are not above 0."""
     return np.where(values > 0.0, values, np.nan)
@@ -219,11 +258,8 @@ def _draw_chip(axes: Axes, found: Practice) -> None:
 
 def _draw_indices(axes: Axes, found: Practice) -> None:
     for one in found.index or ():
-        if found.chip is None:
-            continue
-        same = found.chip.part([found.chip.at(angle) for angle in one.response.angle_deg])
-        change = one.response.contrast - same.contrast
-        colour, style = LOWER if one.step < 0.0 else HIGHER, "s:" if one.known else "o-"
+        change = one.response.contrast - one.base.contrast
+        colour, style = LOWER if one.step < 0.0 else HIGHER, "s-" if one.known else "o-"
         name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.known else "")
         axes.plot(one.response.angle_deg, change, style, color=colour, ms=3.5, lw=1.6, label=name)
 

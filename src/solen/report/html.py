@@ -14,6 +14,7 @@ from solen.lens import OvalLens
 from solen.report.canvas import svg
 from solen.report.figures import (
     SHOWN_RAYS,
+    focus_figure,
     practice_figure,
     profile_figure,
     rays_figure,
@@ -22,11 +23,11 @@ from solen.report.figures import (
 )
 from solen.report.practical import budget_rows, off_index_rows
 from solen.report.results import results, summary
-from solen.report.words import findings, headline
+from solen.report.words import findings, headline, warnings
 from solen.sensor import Case, Study
 from solen.spec import dumps
 
-FIGURES = ("lens-profile", "response", "practice", "rays", "rays-at-the-lens", "rays-without-lens")
+FIGURES = ("lens-profile", "response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
 """Names of all figures that a study may have."""
 
 
@@ -39,6 +40,8 @@ def figures(study: Study) -> dict[str, str]:
     drawn = {"response": response_figure(study.lens, study.flat)}
     if study.practice is not None and study.practice.chip is not None:
         drawn["practice"] = practice_figure(study.practice)
+    if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
+        drawn["focus"] = focus_figure(case.sensor)
     if isinstance(case.sensor.cut, OvalLens):
         drawn["lens-profile"] = profile_figure(case.sensor.cut)
     views = [sensor_view(case.sensor, angle, rays) for angle in angles]
@@ -68,6 +71,7 @@ def html(study: Study, drawn: dict[str, str]) -> str:
         design=dumps(study.design),
         budget=budget_rows(study),
         off=off_index_rows(study),
+        warnings=warnings(study),
         rays=study.design.emitter.rays,
         version=solen.__version__,
         python=platform.python_version(),

@@ -11,7 +11,7 @@ import numpy as np
 from solen.lens import OvalLens
 from solen.report.results import received_share
 from solen.sensor import Extent, InSpace, Practice, Response, Study
-from solen.sensor.practice import NEAR_DEG
+from solen.sensor.off_index import NEAR_DEG
 
 SHOWN_SHARE = 5e-4
 """Share of the light from which on it is told of in a sentence."""
@@ -31,11 +31,20 @@ PARTS = {
 """Parts of the budget in words."""
 
 
+class OffIndexRow(NamedTuple):
+    """An index of the material in words, the contrasts that it makes, and where rays near the axis and all focus."""
+
+    text: str
+    contrasts: list[float | None]
+    foci: list[float | None]
+
+
 class OffIndexRows(NamedTuple):
-    """Contrast at some angles for each index of the material."""
+    """Contrast at some angles, and foci in mm by their names, for each index of the material."""
 
     angles: list[float]
-    rows: list[tuple[str, list[float | None]]]
+    foci: list[str]
+    rows: list[OffIndexRow]
 
 
 def budget_rows(study: Study) -> list[tuple[str, float]]:
@@ -49,20 +58,29 @@ def budget_rows(study: Study) -> list[tuple[str, float]]:
 
 
 def off_index_rows(study: Study) -> OffIndexRows:
-    """Contrast with the chip by the index of the material, at the ends and near the middle."""
+    """Contrast with the chip at the ends and near the middle, and foci of the lens, by the index of the material."""
     found = study.practice
-    if found is None or found.chip is None or not found.index:
-        return OffIndexRows([], [])
-    first, last = (float(found.chip.angle_deg[i]) for i in (0, -1))
-    inner = [near for near in (-NEAR_DEG, NEAR_DEG) if first < near < last]
-    angles = sorted({first, *inner, last})
+    if found is None or not found.index:
+        return OffIndexRows([], [], [])
+    base = found.index[0].base
+    there = base.angle_deg.tolist()
+    angles = sorted({there[0], *(near for near in (-NEAR_DEG, NEAR_DEG) if near in there), there[-1]} - {0.0})
     index = study.case.sensor.material.index
-    rows = [(index, f"{index:.6g} (this design)", found.chip)]
+    told = [(index, f"{index:.6g} (this design)", base)]
     for one in found.index:
         note = " (its standard uncertainty)" if one.known else ""
-        rows.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
-    rows.sort(key=lambda row: row[0])
-    return OffIndexRows(angles, [(text, [contrast_at(response, a) for a in angles]) for _, text, response in rows])
+        told.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
+    told.sort(key=lambda row: row[0])
+    lens = study.case.sensor.cut
+    oval = lens if isinstance(lens, OvalLens) else None
+    rows = [
+        OffIndexRow(text, [contrast_at(response, a) for a in angles], _foci(oval, at)) for at, text, response in told
+    ]
+    return OffIndexRows(angles, ["focus near the axis (mm)", "smallest spot (mm)"] if oval else [], rows)
+
+
+def _foci(lens: OvalLens | None, index: float) -> list[float | None]:
+    return [] if lens is None else [lens.paraxial_focus_mm(index), lens.best_focus_mm(index)]
 
 
 def contrast_at(response: Response, angle_deg: float) -> float | None:
@@ -105,17 +123,30 @@ def null_words(found: Practice) -> str:
 
 def off_index_words(study: Study) -> str:
     """What an index that is off does to the response; empty without light."""
-    angles, rows = off_index_rows(study)
+    angles, _, rows = off_index_rows(study)
     found = study.practice
-    if found is None or not rows or any(value is None for _, values in rows for value in values):
+    if found is None or not rows or any(value is None for row in rows for value in row.contrasts):
         return ""
     shown = [i for i, angle in enumerate(angles) if angle <= 0.0] or [0]
     told = []
     for i in shown:
-        values = _listed([f"{_signed(values[i])} for {text.split()[0].rstrip(':')}" for text, values in rows])
+        values = _listed([f"{_signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
         told.append(f"at {angles[i]:+g}° the contrast is {values}")
     fixed = " and the lens stays as it is cut" if isinstance(study.case.sensor.cut, OvalLens) else ""
-    return f"With {_chip(found.extent)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    text = f"With {_chip(found.extent)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    return " ".join(filter(None, (text, _shift_words(found))))
+
+
+def _shift_words(found: Practice) -> str:
+    """How far the index and the chip move the response."""
+    moved, chip = found.index_shift, found.chip_shift
+    if moved is None:
+        return ""
+    text = f"Over the motion the contrast moves by at most {moved.contrast:.3f} (at {moved.angle_deg:+.3g}°)"
+    if chip is None:
+        return f"{text}."
+    name = _chip(found.extent)
+    return f"{text}; {name} alone moves it from a point's by up to {chip.contrast:.3f} (at {chip.angle_deg:+.3g}°)."
 
 
 def budget_words(study: Study) -> str:

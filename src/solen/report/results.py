@@ -15,7 +15,9 @@ from typing import Any
 import solen
 from solen.geometry import arm_angle_deg
 from solen.lens import Lens, OvalLens
-from solen.sensor import Case, InSpace, NullShift, Practice, Response, Sensor, Study
+from solen.material import Optical
+from solen.sensor import Case, InSpace, NullShift, OffIndex, Practice, Response, Sensor, Shift, Study
+from solen.sensor.off_index import steps
 from solen.spec import dumps
 from solen.trace import Detected, Path, Trace
 
@@ -31,7 +33,7 @@ def results(study: Study) -> dict[str, Any]:
         "name": study.design.name,
         "design": {key: value for key, value in tomllib.loads(dumps(study.design)).items() if key != "schema"},
         "material": material_numbers(study.case.sensor),
-        "lens": lens_numbers(study.case.sensor.cut, study.case.sensor.material.index),
+        "lens": lens_numbers(study.case.sensor.cut, study.case.sensor.material),
         "body": body_numbers(study.case.sensor),
         "no_lens_refused": study.flat_refused,
         "summary": {name: summary(case) for name, case in study.cases.items()},
@@ -47,13 +49,16 @@ def material_numbers(sensor: Sensor) -> dict[str, Any]:
         "wavelength_nm": sensor.light.wavelength_nm,
         "index": material.index,
         "u_index": material.u_index,
+        "mode": material.mode or None,
         "absorption_per_mm": material.absorption_per_mm,
+        "u_absorption_per_mm": material.u_absorption_per_mm,
         "source": material.source,
+        "warnings": list(material.warnings),
     }
 
 
-def lens_numbers(lens: Lens | None, index: float) -> dict[str, Any]:
-    """What a lens is and does in a material of ``index``; of a drawn one, None, only that."""
+def lens_numbers(lens: Lens | None, material: Optical) -> dict[str, Any]:
+    """What a lens is and does in a material; of a drawn one, None, only that."""
     if lens is None:
         return {"shape": "drawn"}
     common = {
@@ -68,7 +73,7 @@ def lens_numbers(lens: Lens | None, index: float) -> dict[str, Any]:
         "shape": "cartesian-oval",
         **common,
         "design_index": lens.design_index,
-        "material_index": index,
+        "material_index": material.index,
         "focus_mm": lens.focus_mm,
         "vertex_radius_mm": lens.vertex_radius_mm,
         "edge_slope": float(lens.slope(lens.half_width_mm)),
@@ -78,7 +83,19 @@ def lens_numbers(lens: Lens | None, index: float) -> dict[str, Any]:
         "na_object": lens.na_object,
         "na_image": lens.na_image,
         "magnification": lens.magnification,
+        **foci(lens, material.index),
+        "focus_by_index": [
+            {"step": step, "index": material.index + step, "is_u_index": stated, **foci(lens, material.index + step)}
+            for step, stated in steps(material)
+        ],
+    }
+
+
+def foci(lens: OvalLens, index: float) -> dict[str, float | None]:
+    """Where a lens focuses in a material of ``index``: rays near the axis, all at best, and those at the edge."""
+    return {
         "paraxial_focus_mm": lens.paraxial_focus_mm(index),
+        "best_focus_mm": lens.best_focus_mm(index),
         "marginal_focus_mm": lens.marginal_focus_mm(index),
     }
 
@@ -248,12 +265,8 @@ def practice_numbers(found: Practice) -> dict[str, Any]:
         "point": None if found.point is None else _response(found.point),
         "chip": None if found.chip is None else _response(found.chip),
         "null_shift": None if found.null is None else _null_shift(found.null),
-        "index": None
-        if found.index is None
-        else [
-            {"step": one.step, "index": one.index, "is_u_index": one.known, **_response(one.response)}
-            for one in found.index
-        ],
+        "index": None if found.index is None else [_off_index(one) for one in found.index],
+        **_shifts(found),
         "budget": None if found.budget is None else dataclasses.asdict(found.budget),
         "in_space": None if found.in_space is None else _in_space(found.in_space),
         "skipped": found.skipped,
@@ -267,6 +280,9 @@ def practice_summary(found: Practice) -> dict[str, Any]:
         "emitter": dataclasses.asdict(found.extent),
         "chip": None if chip is None else _ends(chip),
         "null_shift": None if found.null is None else _null_shift(found.null),
+        **_shifts(found),
+        "index_step": abs(found.index[0].step) if found.index else None,
+        "index_is_u": any(one.known for one in found.index or ()),
         "skipped": found.skipped,
     }
 
@@ -288,6 +304,31 @@ def _ends(response: Response) -> dict[str, float | None]:
 
 def _null_shift(found: NullShift) -> dict[str, float]:
     return {**dataclasses.asdict(found), "shift_deg": found.shift_deg}
+
+
+def _off_index(found: OffIndex) -> dict[str, Any]:
+    change = found.response.contrast - found.base.contrast
+    return {
+        "step": found.step,
+        "index": found.index,
+        "is_u_index": found.known,
+        **_response(found.response),
+        "change": [number(value) for value in change],
+        "shift": _shift(found.shift),
+    }
+
+
+def _shifts(found: Practice) -> dict[str, Any]:
+    """How far the index and the chip move the response, and what follows."""
+    return {
+        "index_shift": _shift(found.index_shift),
+        "chip_shift": _shift(found.chip_shift),
+        "warnings": list(found.warnings),
+    }
+
+
+def _shift(found: Shift | None) -> dict[str, float] | None:
+    return None if found is None else dataclasses.asdict(found)
 
 
 def _in_space(found: InSpace) -> dict[str, Any]:

@@ -4,10 +4,12 @@ Every sentence is computed from the study; none is printed when the study does n
 """
 
 from solen.lens import OvalLens
+from solen.material import Optical
 from solen.report.practical import budget_words, chip_words, null_words, off_index_words, space_words
 from solen.report.results import summary
 from solen.sensor import SATURATED, Case, Study
-from solen.sensor.practice import CHIP_MM, INDEX_STEP
+from solen.sensor.off_index import steps
+from solen.sensor.practice import CHIP_MM
 
 
 def findings(study: Study) -> list[tuple[str, str]]:
@@ -23,6 +25,12 @@ def findings(study: Study) -> list[tuple[str, str]]:
         ("Not in these numbers", _limits(study)),
     ]
     return [(heading, text) for heading, text in told if text]
+
+
+def warnings(study: Study) -> list[str]:
+    """What must be known before anything else: of the material's numbers, and of what they do to the response."""
+    found = [*study.case.sensor.material.warnings, *(study.practice.warnings if study.practice else ())]
+    return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in found]
 
 
 def headline(study: Study) -> str:
@@ -109,23 +117,28 @@ def _alignment(study: Study) -> str:
 
 def _index(study: Study) -> str:
     """Where another index puts the focus, and what it does to the response."""
-    lens, index = study.case.sensor.cut, study.case.sensor.material.index
-    focus = _focuses(lens, index) if isinstance(lens, OvalLens) else ""
-    return " ".join(filter(None, (focus, off_index_words(study))))
+    lens, material = study.case.sensor.cut, study.case.sensor.material
+    known = f"The index is {material.index:.6g} ± {material.u_index:.2g} (standard)." if material.u_index else ""
+    focus = _focuses(lens, material) if isinstance(lens, OvalLens) else ""
+    return " ".join(filter(None, (known, focus, off_index_words(study))))
 
 
-def _focuses(lens: OvalLens, index: float) -> str:
+def _focuses(lens: OvalLens, material: Optical) -> str:
+    """Where the lens focuses in the material it is made of, and in one whose index is off."""
+    index = material.index
     if abs(index - lens.design_index) > 1e-9:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return (
             f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
             f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
         )
-    low, high = (lens.paraxial_focus_mm(index + step) for step in (-INDEX_STEP, INDEX_STEP))
-    return (
-        f"If the print's index were {INDEX_STEP} lower, rays near the axis would cross it {_focus(low)}; "
-        f"{INDEX_STEP} higher, {_focus(high)}."
-    )
+    told = []
+    for step, _ in steps(material):
+        if step != 0.0:
+            near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
+            off = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
+            told.append(f"{off}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
+    return f"If the print's index were {'; '.join(told)}."
 
 
 def _limits(study: Study) -> str:

@@ -6,9 +6,11 @@ angles of a sweep; a :class:`Study` is all of it, counted and in power, with the
 compares with those of a real chip, in space, moved and in another index.
 """
 
+from solen.sensor.budget import Budget
 from solen.sensor.idle import idle_keys
-from solen.sensor.practice import Budget, Extent, InSpace, NullShift, OffIndex, Practice, practice
-from solen.sensor.response import SATURATED, Response, Sensitivity
+from solen.sensor.off_index import OffIndex
+from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
+from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import CHIP_TOLERANCE, OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
 from solen.sensor.study import Case, Study, study
 
@@ -28,6 +30,7 @@ __all__ = [
     "Response",
     "Sensitivity",
     "Sensor",
+    "Shift",
     "Study",
     "TraceOptions",
     "idle_keys",

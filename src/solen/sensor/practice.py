@@ -9,41 +9,31 @@ left out and `Practice.skipped` says why.
 The interface: `practice` of a sensor and its response, which returns a `Practice`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from solen.errors import SolenError
-from solen.material import Optical, Tabulated
 from solen.parts import Light
-from solen.scene import Scene
-from solen.sensor.response import Response, contrast
-from solen.sensor.sensor import CHIP_TOLERANCE, Progress, Sensor
+from solen.sensor.budget import Budget, budget
+from solen.sensor.off_index import NEAR_DEG, STANDARD_ERROR, Angles, OffIndex, off_indices, swept
+from solen.sensor.response import Response, Shift, contrast, shift
+from solen.sensor.sensor import Progress, Sensor
 from solen.spec import with_values
-from solen.trace import Trace, integrate, trace
-from solen.trace.adaptive import why_not
 
 CHIP_MM = 0.2
 """Width and height of a small LED chip, where the design states none."""
 DECENTRE_MM = 0.01
 """How far the emitter is moved."""
-INDEX_STEP = 0.01
-"""How far off an index can easily be: a reflectance good to 0.001 gives it to 0.008."""
-NEAR_DEG = 1.0
-"""Angle at which an index that is off is looked at, beside the ends."""
-STANDARD_ERROR = 1e-3
-"""To what standard error of a receiver's power rays in space and scattered light are sampled here."""
 MOST_ANGLES, FEW_ANGLES = 13, 3
-"""Angles at most: of a response, and of one with another index or in the other dimension."""
-BUDGET_RAYS = 2**17
-"""Rays of the budget where it cannot be integrated."""
-OPAQUE_PER_MM = 1e6
+"""Angles at most: of a response, and of one in the other dimension."""
+MOVED = 0.05
+"""From what change of the contrast on the uncertainty of the index is warned of: a fortieth of its whole range."""
 SETTLED_DEG, MOST_STEPS = 1e-4, 8
 """When a balance point is found, and after how many steps the search ends."""
 
-Angles = Sequence[float]
 T = TypeVar("T")
 
 
@@ -69,57 +59,6 @@ class NullShift:
     def shift_deg(self) -> float:
         """How far it moves."""
         return self.moved_deg - self.null_deg
-
-
-@dataclass(frozen=True)
-class OffIndex:
-    """Response with the chip where the material's index is off by ``step`` and the lens stays as it is cut.
-
-    ``known`` says that the step is the standard uncertainty of the index.
-    """
-
-    step: float
-    index: float
-    known: bool
-    response: Response
-
-
-@dataclass(frozen=True)
-class Budget:
-    """Where the emitter's own power goes at rest, as shares that add up to 1 within ``u``; no light from around.
-
-    Attributes
-    ----------
-    right, left
-        At the receivers.
-    beside
-        Meets nothing: it passes beside the lens and the body.
-    above_below
-        Passes above or below them, in space.
-    reflected
-        Is reflected by the body and never enters it.
-    leaked
-        Leaves it through top or bottom, in space.
-    escaped
-        Leaves it elsewhere.
-    absorbed
-        In the material, at walls and at the backs of receivers.
-    truncated
-        Was followed no further.
-    u
-        What a share may be off by.
-    """
-
-    right: float
-    left: float
-    beside: float
-    above_below: float
-    reflected: float
-    leaked: float
-    escaped: float
-    absorbed: float
-    truncated: float
-    u: float
 
 
 @dataclass(frozen=True)
@@ -149,7 +88,7 @@ class Practice:
     """What `practice` found; None is what ``skipped`` gives a reason for, by the same name.
 
     ``point`` and ``chip`` are in the design's own dimension, and so are ``null`` and ``index``, which are with the
-    chip.
+    chip. ``chip_shift`` is how far the chip moves the response of the point at most.
     """
 
     extent: Extent
@@ -160,6 +99,24 @@ class Practice:
     budget: Budget | None
     in_space: InSpace | None
     skipped: dict[str, str]
+    chip_shift: Shift | None = None
+
+    @property
+    def index_shift(self) -> Shift | None:
+        """How far another index moves the response at most; None without light."""
+        found = [one.shift for one in self.index or () if one.shift is not None]
+        return max(found, key=lambda one: one.contrast, default=None)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before printing."""
+        moved = self.index_shift
+        if moved is None or not self.index or not self.index[0].known or moved.contrast < MOVED:
+            return ()
+        return (
+            f"the index is known to ± {abs(self.index[0].step):.2g} only: within that the response moves by up to "
+            f"{moved.contrast:.2g} in contrast, at {moved.angle_deg:+.3g}°",
+        )
 
 
 class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
@@ -197,10 +154,11 @@ def practice(sensor: Sensor, own: Response, progress: Progress | None = None) ->
         point=point,
         chip=chip,
         null=part("null", lambda: found.null(chip), 0.4),
-        index=part("index", found.index, 0.7),
+        index=part("index", lambda: found.index(chip), 0.7),
         budget=part("budget", found.budget, 0.75),
         in_space=part("in_space", found.in_space, 1.0),
         skipped=skipped,
+        chip_shift=found.chip_shift(point, chip),
     )
 
 
@@ -245,7 +203,14 @@ class _Neighbours:
             return self.own
         if self.light.width_mm == 0.0:
             raise _NoMeaning("the emitter's width is drawn")
-        return _swept(self._with({"emitter.width_mm": 0.0, "emitter.height_mm": 0.0}), self.angles)
+        return swept(self._point, self.angles)
+
+    @property
+    def _point(self) -> Sensor:
+        """The sensor with a point in the chip's place."""
+        if self.extent.kind == "comparison":
+            return self.sensor
+        return self._with({"emitter.width_mm": 0.0, "emitter.height_mm": 0.0})
 
     @property
     def real(self) -> Sensor:
@@ -256,7 +221,12 @@ class _Neighbours:
 
     def chip(self) -> Response:
         known = None if self.extent.kind == "comparison" else self.own
-        return _swept(self.real, self.angles, known)
+        return swept(self.real, self.angles, known)
+
+    def chip_shift(self, point: Response | None, chip: Response | None) -> Shift | None:
+        if point is None or chip is None:
+            return None
+        return shift(chip, swept(self._point, chip.angle_deg.tolist(), point))
 
     def null(self, chip: Response | None) -> NullShift:
         null = None if chip is None else chip.null_deg()
@@ -269,18 +239,11 @@ class _Neighbours:
         there, u_there = _null(moved, here, slope)
         return NullShift(DECENTRE_MM, here, there, u_here + u_there)
 
-    def index(self) -> tuple[OffIndex, ...]:
-        material, angles = self.real.material, self._near(self._some(FEW_ANGLES))
-        u = material.u_index
-        steps = [(-INDEX_STEP, False), (INDEX_STEP, False)]
-        if u is not None and u > 0.0:
-            steps = [one for one in steps if abs(abs(one[0]) - u) > 1e-9] + [(-u, True), (u, True)]
-        steps = [(step, known) for step, known in sorted(steps) if material.index + step >= 1.0]
-        found = []
-        for step, known in steps:
-            off = replace(self.real, material=_off(material, step, self.light))
-            found.append(OffIndex(step, off.material.index, known, _swept(off, angles)))
-        return tuple(found)
+    def index(self, chip: Response | None) -> tuple[OffIndex, ...]:
+        if chip is None:
+            raise _NoMeaning("the response with the chip is not known")
+        known = chip if self.extent.kind == "comparison" else chip.joined(self.own)
+        return off_indices(self.real, known, self._near([float(known.angle_deg[0]), float(known.angle_deg[-1])]))
 
     def budget(self) -> Budget:
         return budget(self.sensor)
@@ -302,73 +265,12 @@ class _Neighbours:
             replaced,
             light.cone_deg,
             space.design.body.thickness_mm,
-            _swept(plane, self._some(FEW_ANGLES), known.get("2d")),
-            _swept(space, self.angles, known.get("extruded")),
+            swept(plane, self._some(FEW_ANGLES), known.get("2d")),
+            swept(space, self.angles, known.get("extruded")),
         )
 
     def _with(self, values: dict[str, Any]) -> Sensor:
         return _with(self.sensor, values)
-
-
-def budget(sensor: Sensor) -> Budget:
-    """Where the light of a sensor's emitter goes at rest.
-
-    Three traces tell it: of the scene as it is; with all its faces black, which leaves only what meets nothing; and
-    with a body in which light goes nowhere, which leaves that and what never enters.
-    """
-    scene = sensor.scene(0.0)
-    scene = replace(scene, sources=scene.sources[:1])
-    whole, u = _settled(scene)
-    black, u_black = _settled(_black(scene))
-    opaque, u_opaque = _settled(_opaque(scene))
-    right, left = (whole.detectors[name].power for name in ("right", "left"))
-    beside = black.ledger.escaped - black.missed
-    reflected = max(0.0, opaque.ledger.escaped - black.ledger.escaped)
-    return Budget(
-        right=right,
-        left=left,
-        beside=beside,
-        above_below=black.missed,
-        reflected=reflected,
-        leaked=whole.leaked,
-        escaped=max(0.0, whole.ledger.escaped - black.ledger.escaped - reflected - whole.leaked),
-        absorbed=whole.ledger.absorbed,
-        truncated=whole.ledger.truncated,
-        u=u + u_black + u_opaque,
-    )
-
-
-def _black(scene: Scene) -> Scene:
-    """The scene with faces that take all light."""
-    return replace(
-        scene,
-        interfaces=tuple(
-            replace(one, behaviour="absorbing", receiver=None, surface=None, height_mm=None) for one in scene.interfaces
-        ),
-    )
-
-
-def _opaque(scene: Scene) -> Scene:
-    """The scene with a body that takes all light that enters it."""
-    regions = tuple(
-        replace(one, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if one.name == "body" else one
-        for one in scene.regions
-    )
-    return replace(scene, regions=regions)
-
-
-def _settled(scene: Scene) -> tuple[Trace, float]:
-    """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
-    if not why_not(scene):
-        found = integrate(scene, "power", CHIP_TOLERANCE)
-        if found.reached:
-            return found, CHIP_TOLERANCE
-    made_of_points = all(source.emission() is not None for source in scene.sources)
-    many = scene
-    if made_of_points:  # a file has the rays that it has
-        many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
-    found = trace(many, "power", sampling="sobol" if made_of_points else "fan")
-    return found, float(0.5 / np.sqrt(found.rays))  # no share's standard error is larger
 
 
 def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
@@ -385,29 +287,6 @@ def _spread(angles: Angles, most: int) -> Angles:
     """So many of the angles at most, evenly, both ends included."""
     places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
     return [angles[i] for i in places.tolist()]
-
-
-def _swept(sensor: Sensor, angles: Angles, known: Response | None = None) -> Response:
-    """Response at angles; what is known of it is not traced again."""
-    if known is None:
-        return sensor.power(angles, standard_error=STANDARD_ERROR)
-    there = set(known.angle_deg.tolist())
-    old = known.part([known.at(angle) for angle in angles if angle in there])
-    missing = [angle for angle in angles if angle not in there]
-    return old.joined(sensor.power(missing, standard_error=STANDARD_ERROR)) if missing else old
-
-
-def _off(material: Optical, step: float, light: Light) -> Optical:
-    """The material with its index off by a step, at all wavelengths of a light."""
-    dispersion = material.dispersion
-    if dispersion is None or not light.spectrum:
-        return replace(material, index=material.index + step, dispersion=None)
-    lines = sorted({light.wavelength_nm, *(nm for nm, _ in light.spectrum)})
-    values = [dispersion.index(nm) + step for nm in lines]
-    if len(lines) == 1:
-        lines, values = [*lines, lines[0] + 1.0], [*values, values[0]]
-    moved = Tabulated(kind="table", wavelength_nm=tuple(lines), n=tuple(values))
-    return replace(material, index=material.index + step, dispersion=moved)
 
 
 def _slope_per_deg(response: Response, null_deg: float) -> float:

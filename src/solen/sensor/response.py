@@ -14,6 +14,15 @@ SATURATED = 0.95
 
 
 @dataclass(frozen=True)
+class Shift:
+    """Largest distance of one contrast over the angles from another, where it is, and what it may be off by there."""
+
+    contrast: float
+    angle_deg: float
+    u: float
+
+
+@dataclass(frozen=True)
 class Response:
     """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
 
@@ -39,6 +48,13 @@ class Response:
         total = self.right + self.left
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(total > 0, (self.right - self.left) / total, np.nan))
+
+    @property
+    def u_contrast(self) -> NDArray[np.float64]:
+        """Uncertainty of the contrast, from that of both powers; NaN where no light arrives."""
+        total = self.right + self.left
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.where(total > 0, 2.0 * self.u / total, np.nan))
 
     def part(self, places: Sequence[int]) -> "Response":
         """The same at some of the angles, by their places."""
@@ -138,3 +154,18 @@ def steepness(one: Sensitivity) -> float:
 def contrast(right: float, left: float) -> float | None:
     """(R − L)/(R + L), None where no light arrives."""
     return (right - left) / (right + left) if right + left > 0.0 else None
+
+
+def shift(one: Response, other: Response) -> Shift | None:
+    """How far the contrast of one response lies from that of another at most, over the angles that both have.
+
+    None where no light arrives at any of them.
+    """
+    common = sorted(set(one.angle_deg.tolist()) & set(other.angle_deg.tolist()))
+    here, there = (each.part([each.at(angle) for angle in common]) for each in (one, other))
+    change = np.abs(here.contrast - there.contrast)
+    if not np.isfinite(change).any():
+        return None
+    place = int(np.nanargmax(change))
+    u = float(here.u_contrast[place] + there.u_contrast[place])
+    return Shift(float(change[place]), common[place], u)

@@ -16,6 +16,7 @@ from solen.spec.design import (
     Receivers,
     Trace,
 )
+from solen.spec.fabricate import Fabricate
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 from solen.spec.wall import Wall
@@ -27,6 +28,7 @@ __all__ = [
     "Body",
     "Design",
     "Emitter",
+    "Fabricate",
     "Lens",
     "Material",
     "Motion",

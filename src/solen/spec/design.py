@@ -5,8 +5,8 @@ names carry units, and the defaults are the paper's sensor at 860 nm, so that a 
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
 The interface: `Design` and its tables `Material`, `Emitter`, `Ambient`, `Lens`, `Body`, `Wall`, `Receivers`, `Motion`,
-`Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names. What
-several tables say together is checked by `solen.spec.together`.
+`Trace`, `Fabricate`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design
+names. What several tables say together is checked by `solen.spec.together`.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
 
+from solen.spec.fabricate import Fabricate
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
 from solen.spec.together import check_together
 from solen.spec.wall import Wall
@@ -385,6 +386,7 @@ class Design(Strict):
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
+    fabricate: Fabricate = Field(default_factory=Fabricate, description="Seats for the electronics in what is printed.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
 
@@ -412,6 +414,12 @@ class Design(Strict):
         return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
 
     @property
+    def receiver_file(self) -> Path | None:
+        """Path of the part file of the receiver that pockets are made for, or None where it is one of the library."""
+        name = self.fabricate.receiver_part
+        return self.file_of(name) if names_file(name) else None
+
+    @property
     def files(self) -> dict[str, Path]:
         """Paths of the files that the design names, by the key that names each."""
         found = {
@@ -420,6 +428,7 @@ class Design(Strict):
             "emitter.pattern_file": self.file_of(self.emitter.pattern_file),
             "emitter.ray_file": self.file_of(self.emitter.ray_file),
             "body.file": self.outline_file,
+            "fabricate.receiver_part": self.receiver_file,
         }
         return {key: path for key, path in found.items() if path is not None}
 

@@ -27,6 +27,9 @@ def check_together(design: "Design") -> None:
     _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
+    if design.fabricate.pockets and design.receivers.coupling == "air-gap":
+        limit = 'has no meaning with receivers.coupling = "air-gap": a pocket seats a receiver on the body'
+        raise refused("fabricate.pockets", limit, value=True, remedy="leave one of them out")
     if bends:
         _check_bend(design)
     elif not outline:

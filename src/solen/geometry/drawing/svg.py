@@ -3,7 +3,8 @@
 A name is looked for in an element's Inkscape label, its class and its id, unless the id is one that programs make up
 (``path12``), and then in those of the groups round it. Paths (all commands), lines, polylines, polygons, rectangles,
 circles and ellipses are understood, with groups, transforms and clones. Lines, circular arcs and Bézier pieces are
-taken exactly; an ellipse becomes a spline within `SHAPE_TOLERANCE_MM`. y, which points down there, becomes −z.
+taken exactly, Bézier pieces of a path that go on smoothly as one spline; an ellipse becomes a spline within
+`SHAPE_TOLERANCE_MM`. y, which points down there, becomes −z.
 """
 
 import math
@@ -30,7 +31,7 @@ from solen.geometry.drawing.model import (
 from solen.geometry.drawing.path import NUMBER, Piece, held, path_pieces
 from solen.geometry.drawing.shapes import beziers, ellipse
 from solen.geometry.drawing.transform import Affine
-from solen.plane import Point
+from solen.plane import Point, cross, dot, minus
 
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
@@ -44,6 +45,8 @@ LENGTH_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6,
 PIXEL_MM = 25.4 / 96
 """A user unit of a drawing without a view box."""
 MOST_CLONES = 16
+SMOOTH = 1e-3
+"""Radians below which Bézier pieces of a path go on smoothly: what programs write as a smooth node is off by less."""
 
 
 def read_svg(path: Path, units: str | None) -> Drawing:
@@ -137,16 +140,40 @@ class _Reader:
         elif is_named(name, EMITTER) and len(placed) == 1 and len(placed[0].points) == 2:
             self._lamps.append(Lamp(placed[0].points[0], placed[0].points[1]))
         else:
-            curves = (_curve(piece) for piece in placed)
+            curves = (_curve(run) for run in _runs(placed))
             self._strokes += [Stroke(name, curve, what) for curve in curves if curve is not None]
 
 
-def _curve(piece: Piece) -> Curve | None:
-    """Curve of a piece, None where it has no length."""
+def _curve(run: list[Piece]) -> Curve | None:
+    """Curve of Bézier pieces that go on smoothly, or of one piece of another kind; None where it has no length."""
+    piece = run[0]
     if piece.sweep is None:
-        return beziers([piece.points])
+        return beziers([piece.points for piece in run])
     center, u, v = piece.points
     return ellipse(center, u, v, piece.start, piece.sweep)
+
+
+def _runs(pieces: list[Piece]) -> list[list[Piece]]:
+    """Pieces of a path in runs of which each is one curve: curved Bézier pieces as long as they go on smoothly."""
+    runs: list[list[Piece]] = []
+    for piece in pieces:
+        if runs and _goes_on(runs[-1][-1], piece):
+            runs[-1].append(piece)
+        else:
+            runs.append([piece])
+    return runs
+
+
+def _goes_on(before: Piece, after: Piece) -> bool:
+    if before.sweep is not None or after.sweep is not None or min(len(before.points), len(after.points)) < 3:
+        return False
+    arrives, leaves = minus(before.points[-1], before.points[-2]), minus(after.points[1], after.points[0])
+    turn = math.atan2(abs(cross(arrives, leaves)), dot(arrives, leaves))
+    return (
+        before.points[-1] == after.points[0]
+        and 0.0 not in (math.hypot(*arrives), math.hypot(*leaves))
+        and turn < SMOOTH
+    )
 
 
 def _pieces(element: ET.Element, where: str) -> list[Piece]:

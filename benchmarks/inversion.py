@@ -1,0 +1,85 @@
+"""How many wavelengths of R and T become n and k per second, beside the formulas as printed, at fifty digits.
+
+Run with ``python benchmarks/inversion.py``. All in one run, so that the ratios hold on any machine; each figure is the
+best of several runs. The last row is a map: 10⁵ wavelengths of 10³ spectra in one call.
+"""
+
+import os
+import platform
+import time
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+
+import solen
+from solen.material.index import Length, forward, invert, invert_many, measured, reading, reference, slopes
+
+POINTS, ROWS, REFERENCE_POINTS, SPECTRA, REPEATS = 100_000, 20, 500, 1000, 3
+THICKNESS_UM = 50.0
+
+
+def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest of several runs, s."""
+    times = []
+    for _ in range(repeats):
+        begun = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def main() -> None:
+    """Print the table."""
+    rng = np.random.default_rng(0)
+    nm = np.linspace(400.0, 900.0, POINTS)
+    n, k = rng.uniform(1.4, 1.6, (ROWS, POINTS)), rng.uniform(0.0, 1e-3, (ROWS, POINTS))
+    r, t = forward(n, k, THICKNESS_UM, nm)
+    few = [tuple(map(float, row)) for row in zip(r[0], t[0], nm, strict=True)][:: POINTS // REFERENCE_POINTS]
+    layer = Length(THICKNESS_UM, 0.5)
+    print(
+        f"solen {solen.__version__}, numpy {np.__version__}, Python {platform.python_version()}, {os.cpu_count()} cores"
+    )
+
+    def printed() -> None:
+        for one_r, one_t, one_nm in few:
+            reference.index(one_r, one_t, THICKNESS_UM, one_nm)
+
+    plain = len(few) / best_s(printed)
+    rows = [
+        ("reference, fifty digits", plain),
+        ("invert", r.size / best_s(lambda: invert(r, t, THICKNESS_UM, nm))),
+        ("invert_many", r.size / best_s(lambda: invert_many(r, t, THICKNESS_UM, nm))),
+        ("slopes", r.size / best_s(lambda: slopes(r, t, THICKNESS_UM, nm))),
+        (
+            "measured: u, masks, bounds",
+            POINTS / best_s(lambda: measured(nm, reading(t[0], 1e-3), reading(r[0], 1e-3), layer)),
+        ),
+    ]
+    print(f"{'what':28} {'inversions/s':>14} {'of the reference':>18}")
+    for what, speed in rows:
+        print(f"{what:28} {speed:14.3g} {speed / plain:18.0f}")
+    a_map(nm)
+
+
+def a_map(nm: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    """Time and memory of a map; R differs from wavelength to wavelength and T from spectrum to spectrum."""
+    r, _ = forward(np.linspace(1.45, 1.55, POINTS), 0.0, THICKNESS_UM, nm)
+    t = np.linspace(0.5, 0.9, SPECTRA)[:, None]
+    out = np.zeros((SPECTRA, POINTS)), np.zeros((SPECTRA, POINTS))
+    for one in out:
+        one += 1.0  # memory that was never touched costs more than the inversion does
+    seconds = best_s(lambda: invert_many(r[None, :], t, THICKNESS_UM, nm, out))
+    tracemalloc.start()
+    invert_many(r[None, :], t, THICKNESS_UM, nm, out)
+    extra = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    print(
+        f"{POINTS} wavelengths x {SPECTRA} spectra: {seconds:.1f} s, {out[0].size / seconds:.3g} inversions/s, ",
+        end="",
+    )
+    print(f"{extra / 1e6:.0f} MB beside the results")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,43 @@
+"""From a body to what is made: the solid with its seats, as meshes, as a STEP file, as drawings.
+
+`sensor_part` makes the `Part` of a design, exact and without any file: prisms of curves, less cuts. `mesh_of` makes
+triangles of it within a tolerance. Each format is a function from these to bytes: `as_stl`, `as_threemf` and `as_glb`
+of a mesh, `as_step` of a part, `as_dxf`, `as_svg` and `as_comsol` of a body. `Label` is what each file says of itself.
+"""
+
+from solen.fabricate.bspline import Bspline, primitives
+from solen.fabricate.comsol import as_comsol
+from solen.fabricate.dxf import as_dxf, check_writer
+from solen.fabricate.label import Label, label_of
+from solen.fabricate.measures import area_mm2, perimeter_mm
+from solen.fabricate.mesh import Mesh, mesh_of
+from solen.fabricate.meshfiles import as_glb, as_stl, as_threemf
+from solen.fabricate.part import Cut, Part, Prism, sensor_prism
+from solen.fabricate.seats import sensor_part
+from solen.fabricate.step import as_step, check_kernel
+from solen.fabricate.svg import as_svg
+
+__all__ = [
+    "Bspline",
+    "Cut",
+    "Label",
+    "Mesh",
+    "Part",
+    "Prism",
+    "area_mm2",
+    "as_comsol",
+    "as_dxf",
+    "as_glb",
+    "as_step",
+    "as_stl",
+    "as_svg",
+    "as_threemf",
+    "check_kernel",
+    "check_writer",
+    "label_of",
+    "mesh_of",
+    "perimeter_mm",
+    "primitives",
+    "sensor_part",
+    "sensor_prism",
+]

@@ -1,0 +1,106 @@
+"""DXF drawings of a body by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, a layer for each face.
+
+The layers have the faces' names, so that `solen.geometry.drawing` reads the body back; the emitter is a point (a chip a
+line) on the layer ``emitter``, the pivot of the motion a point on the layer ``pivot``. Custom properties of the header
+say what it is. X is x, Y is z.
+"""
+
+import io
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from solen.curve import Arc, Segment
+from solen.errors import OutputError
+from solen.fabricate.bspline import Bspline, primitives
+from solen.fabricate.label import Label
+from solen.geometry import Body, Pose
+from solen.plane import along, heading, right_of
+
+VERSION = "R2010"
+MILLIMETRES = 4
+"""What $INSUNITS calls mm."""
+FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
+"""Characters that the name of a layer cannot have."""
+
+
+def check_writer() -> None:
+    """`OutputError` where ezdxf is not installed."""
+    try:
+        import ezdxf  # noqa: F401
+    except ModuleNotFoundError:
+        limit, remedy = "writing DXF needs ezdxf, which is not installed", 'pip install "solen[dxf]"'
+        raise OutputError("--dxf", limit=limit, remedy=remedy) from None
+
+
+def as_dxf(body: Body, label: Label) -> bytes:
+    """DXF file of a body; `OutputError` where ezdxf is not installed."""
+    check_writer()
+    from ezdxf.filemanagement import new
+
+    with _no_dates():
+        document = new(VERSION, units=MILLIMETRES)
+        properties = {"Design": label.name, "Written by": label.lines[1], "Design SHA-256": label.sha256}
+        for key, value in (properties | {"About": label.about}).items():
+            document.header.custom_vars.append(key, value)
+        space = document.modelspace()
+        for face in (*body.all_faces, *body.apart):
+            for piece in primitives(face.curve):
+                _draw(space, piece, layer_of(face.name))
+        _mark(space, body)
+        text = io.StringIO()
+        document.write(text)
+    return text.getvalue().encode(document.output_encoding, "dxfreplace")
+
+
+def layer_of(name: str) -> str:
+    """Name of a face as that of a layer."""
+    return FORBIDDEN.sub("-", name)
+
+
+def _draw(space: Any, piece: Segment | Arc | Bspline, layer: str) -> None:
+    on = {"layer": layer}
+    if isinstance(piece, Segment):
+        space.add_line(piece.a, piece.b, dxfattribs=on)
+    elif isinstance(piece, Arc) and abs(piece.sweep_deg) >= 360.0:
+        space.add_circle(piece.center, piece.radius_mm, dxfattribs=on)
+    elif isinstance(piece, Arc):
+        ends = sorted((piece.start_deg, piece.start_deg + piece.sweep_deg))
+        space.add_arc(piece.center, piece.radius_mm, *ends, dxfattribs=on)
+    else:
+        spline = space.add_spline(degree=piece.degree, dxfattribs=on)
+        spline.control_points = [(x, z, 0.0) for x, z in piece.points]
+        spline.knots = piece.knot_vector.tolist()
+
+
+def _mark(space: Any, body: Body) -> None:
+    """Emitter and pivot, each on its layer."""
+    ends = emitter_line(body.emitter)
+    if math.dist(*ends) > 0.0:
+        space.add_line(*ends, dxfattribs={"layer": "emitter"})
+    else:
+        space.add_point(body.emitter.point, dxfattribs={"layer": "emitter"})
+    if "stem-base" in body.marks:
+        space.add_point(body.marks["stem-base"], dxfattribs={"layer": "pivot"})
+
+
+def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Ends of an emitter as wide as its chip; the same point twice for a point."""
+    across = right_of(heading(emitter.axis_deg))
+    return along(emitter.point, across, -0.5 * emitter.width_mm), along(emitter.point, across, 0.5 * emitter.width_mm)
+
+
+@contextmanager
+def _no_dates() -> Iterator[None]:
+    """Have ezdxf leave out date and random names, so that the same design gives the same file."""
+    import ezdxf
+
+    options = ezdxf.options  # type: ignore[attr-defined]  # it is public, and not listed as exported
+    before = options.write_fixed_meta_data_for_testing
+    options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        options.write_fixed_meta_data_for_testing = before

@@ -1,0 +1,155 @@
+"""A part as triangles: closed, every edge shared by two of them, outside told by the order of the corners.
+
+Outlines are followed by points of the exact curves, joined by straight lines that leave them by no more than a stated
+tolerance; top and bottom are triangulated, and cuts made, by manifold3d. Points nearer to one another than the 32 bits
+of an STL can tell apart are made one beforehand, so every format holds the same closed surface.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError, SpecError
+from solen.fabricate.part import Part, Prism
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FINEST_MM, COARSEST_MM = 1e-4, 1.0
+"""Least and greatest tolerance of a mesh."""
+WELD_MM = 1e-5
+"""Points nearer than this become one; far from the origin, `WELD_ULPS` times the spacing of 32-bit numbers there."""
+WELD_ULPS = 8.0
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles of a closed surface, which leaves the exact solid by at most ``tolerance_mm``.
+
+    ``vertices`` (N, 3) are in mm, ``triangles`` (M, 3) their numbers, counter-clockwise as seen from outside.
+    """
+
+    vertices: Floats
+    triangles: Ints
+    tolerance_mm: float
+
+    @cached_property
+    def volume_mm3(self) -> float:
+        """Volume enclosed: the sum over triangles of the tetrahedra that they make with the middle of the mesh."""
+        a, b, c = (self.vertices - self.vertices.mean(axis=0))[self.triangles.T]
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def normals(self) -> Floats:
+        """Outward unit normals (M, 3)."""
+        a, b, c = self.vertices[self.triangles.T]
+        normal = np.cross(b - a, c - a)
+        return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Extent along X, Y and Z."""
+        x, y, z = np.ptp(self.vertices, axis=0).tolist()
+        return (x, y, z)
+
+    def open_edges(self) -> int:
+        """Number of edges that are not shared by exactly two triangles that agree on what is outside; 0 if closed."""
+        edges = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+        counts = Counter(map(tuple, edges.tolist()))
+        return sum(n != 1 or counts[b, a] != 1 for (a, b), n in counts.items())
+
+
+def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
+    """Mesh of a part that leaves its exact walls by at most ``tolerance_mm``; top and bottom are exact.
+
+    Raises
+    ------
+    SpecError
+        Where the tolerance is out of range, or so coarse that outlines would cross.
+    """
+    weld_mm = _weld_mm(part)
+    finest_mm = max(FINEST_MM, 2.0 * weld_mm)
+    if not finest_mm <= tolerance_mm <= COARSEST_MM:
+        limit = f"must be from {finest_mm:g} to {COARSEST_MM:g} mm for this part"
+        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit)
+    solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
+    for cut in part.cuts:
+        solid -= _manifold(cut.tool, tolerance_mm, weld_mm)
+    found = solid.simplify(weld_mm).to_mesh64()
+    mesh = Mesh(np.array(found.vert_properties[:, :3]), np.array(found.tri_verts, dtype=np.int64), tolerance_mm)
+    if not len(mesh.triangles) or mesh.open_edges():
+        raise DesignError(part.name, value="its mesh is not closed", limit=f"within {tolerance_mm:g} mm")
+    return mesh
+
+
+def _weld_mm(part: Part) -> float:
+    farthest = max(float(np.abs(prism.rings(COARSEST_MM)[0]).max()) for prism in part.prisms)
+    return max(WELD_MM, WELD_ULPS * float(np.spacing(np.float32(farthest))))
+
+
+def _joined(solids: "list[Manifold]") -> "Manifold":
+    first, *others = solids
+    for other in others:
+        first += other
+    return first
+
+
+def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
+    """Solid of a prism as manifold3d holds it."""
+    from manifold3d import Error, Manifold, Mesh64
+
+    rings = [_welded(ring, weld_mm) for ring in prism.rings(tolerance_mm - weld_mm)]
+    _check_apart(prism, rings, tolerance_mm)
+    vertices, triangles = _prism_surface(rings, prism.from_mm, prism.to_mm)
+    solid = Manifold(Mesh64(vertices, triangles.astype(np.uint64)))
+    if solid.status() != Error.NoError:
+        raise DesignError(prism.name, value=solid.status().name, limit="its surface is not closed")
+    return solid
+
+
+def _welded(ring: Floats, weld_mm: float) -> Floats:
+    """Corners (N, 2) of a closed polyline without those too near to the one kept before."""
+    corners = ring[:-1]
+    kept = [0]
+    for i in range(1, len(corners)):
+        if np.hypot(*(corners[i] - corners[kept[-1]])) > weld_mm:
+            kept.append(i)
+    while len(kept) > 1 and np.hypot(*(corners[kept[-1]] - corners[0])) <= weld_mm:
+        kept.pop()
+    return corners[kept]
+
+
+def _check_apart(prism: Prism, rings: list[Floats], tolerance_mm: float) -> None:
+    """`SpecError` where polylines so coarse cross themselves or one another, though the curves do not."""
+    import shapely
+
+    solids = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]
+    simple = len(solids) == len(rings) and all(solid.is_valid for solid in solids)
+    if not simple or any(a.exterior.intersects(b.exterior) for a, b in combinations(solids, 2)):
+        limit = f"is too coarse for the outlines of {prism.name}, which would cross"
+        raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it smaller")
+
+
+def _prism_surface(rings: list[Floats], from_mm: float, to_mm: float) -> tuple[Floats, Ints]:
+    """Closed surface of a prism: the corners below and then above, two triangles for each side, the two ends."""
+    from manifold3d import triangulate
+
+    corners = np.vstack(rings)
+    count = len(corners)
+    cap = np.asarray(triangulate(rings), dtype=np.int64)
+    here = np.arange(count)
+    starts = np.cumsum([0, *(len(ring) for ring in rings)])
+    following = here + 1
+    following[starts[1:] - 1] = starts[:-1]
+    low = np.column_stack([here, following, following + count])
+    high = np.column_stack([here, following + count, here + count])
+    vertices = np.vstack([np.column_stack([corners, np.full(count, height)]) for height in (from_mm, to_mm)])
+    return vertices, np.vstack([cap[:, ::-1], cap + count, low, high])

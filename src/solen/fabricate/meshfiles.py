@@ -1,0 +1,121 @@
+"""Meshes as files: STL, 3MF and GLB, each written whole from its specification.
+
+- STL (binary): 32-bit numbers, no unit of its own; the 80 bytes before the triangles say mm and what it is.
+- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata says what it is.
+- GLB (Khronos Group, glTF 2.0): glTF is in metres with Y up, so a node scales the mm and stands the part up;
+  ``extras`` say what it is.
+
+Nothing in them depends on when they are written.
+"""
+
+import io
+import json
+import struct
+import zipfile
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from solen.fabricate.label import WRITER, Label, ascii_of
+from solen.fabricate.mesh import Mesh
+
+STL_HEADER = 80
+TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+MODEL = "3D/3dmodel.model"
+TYPES = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n'
+    '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
+    '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>\n'
+)
+RELATIONS = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n'
+    '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+    f'<Relationship Id="rel0" Target="/{MODEL}" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
+    "</Relationships>\n"
+)
+NO_DATE = (1980, 1, 1, 0, 0, 0)
+MM_IN_M = 1e-3
+STANDING = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
+"""Quaternion x, y, z, w that turns Z up into glTF's Y up."""
+FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
+"""Numbers that glTF gives to its types and buffers."""
+
+
+def as_stl(mesh: Mesh, label: Label) -> bytes:
+    """Binary STL of a mesh, in mm."""
+    head = f"{WRITER}; mm; {ascii_of(label.name, 30)}; sha256 {label.sha256[:16]}"
+    triangles = np.zeros(len(mesh.triangles), TRIANGLE)
+    triangles["normal"] = mesh.normals
+    triangles["corners"] = mesh.vertices[mesh.triangles]
+    return head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(triangles)) + triangles.tobytes()
+
+
+def as_threemf(mesh: Mesh, label: Label) -> bytes:
+    """3MF of a mesh."""
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in (("[Content_Types].xml", TYPES), ("_rels/.rels", RELATIONS), (MODEL, _model(mesh, label))):
+            entry = zipfile.ZipInfo(name, NO_DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, text.encode())
+    return data.getvalue()
+
+
+def _model(mesh: Mesh, label: Label) -> str:
+    """The XML that holds a 3MF's mesh; numbers to a hundredth of a nanometre."""
+    about = {"Title": label.name, "Application": WRITER, "Description": "; ".join(label.lines[2:])}
+    vertices = (f'<vertex x="{x:.8f}" y="{y:.8f}" z="{z:.8f}"/>' for x, y, z in (mesh.vertices.round(8) + 0.0).tolist())
+    triangles = (f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in mesh.triangles.tolist())
+    return "\n".join(
+        (
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">',
+            *(f"<metadata name={quoteattr(key)}>{escape(text)}</metadata>" for key, text in about.items()),
+            f'<resources><object id="1" type="model" name={quoteattr(label.name)}><mesh>',
+            "<vertices>",
+            *vertices,
+            "</vertices>",
+            "<triangles>",
+            *triangles,
+            "</triangles>",
+            '</mesh></object></resources><build><item objectid="1"/></build>',
+            "</model>\n",
+        )
+    )
+
+
+def as_glb(mesh: Mesh, label: Label) -> bytes:
+    """Binary glTF of a mesh: its numbers are mm, the node that holds it makes metres of them."""
+    places = mesh.vertices.astype("<f4")
+    corners = mesh.triangles.astype("<u4")
+    binary = places.tobytes() + corners.tobytes()
+    extent = {"min": places.min(axis=0).tolist(), "max": places.max(axis=0).tolist()}
+    about = {"name": label.name, "sha256": label.sha256, "about": label.about, "unit_of_mesh": "mm"}
+    document = {
+        "asset": {"version": "2.0", "generator": WRITER, "extras": about},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": label.name, "scale": [MM_IN_M] * 3, "rotation": STANDING}],
+        "meshes": [
+            {"name": label.name, "primitives": [{"attributes": {"POSITION": 0}, "indices": 1}], "extras": about}
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": FLOAT, "count": len(places), "type": "VEC3"} | extent,
+            {"bufferView": 1, "componentType": UNSIGNED, "count": corners.size, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": places.nbytes, "target": VERTICES},
+            {"buffer": 0, "byteOffset": places.nbytes, "byteLength": corners.nbytes, "target": INDICES},
+        ],
+        "buffers": [{"byteLength": len(binary)}],
+    }
+    text = json.dumps(document, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = _chunk(b"JSON", text) + _chunk(b"BIN\0", binary)
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack("<I4s", len(data), kind) + data

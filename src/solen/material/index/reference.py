@@ -1,0 +1,39 @@
+"""The slab and its inverse at fifty digits, one wavelength at a time: the formulas as they are printed, read aloud.
+
+Nothing here is arranged for speed or against rounding; with fifty digits it need not be. `solen.material.index.slab`
+and `solen.material.index.inversion` are tested against it.
+"""
+
+from decimal import Decimal, localcontext
+
+DIGITS = 50
+PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899862803")
+
+Number = Decimal | float
+
+
+def slab(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> tuple[Decimal, Decimal]:
+    """R and T of a slab of n and k, summed over all passes."""
+    with localcontext(prec=DIGITS):
+        n, k, h, wavelength = Decimal(n), Decimal(k), 1000 * Decimal(thickness_um), Decimal(wavelength_nm)
+        face = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
+        tau = (-4 * PI * k * h / wavelength).exp()
+        transmittance = (1 - face) ** 2 * tau / (1 - face**2 * tau**2)
+        return face + face * tau * transmittance, transmittance
+
+
+def index(
+    reflectance: Number, transmittance: Number, thickness_um: Number, wavelength_nm: Number
+) -> tuple[Decimal, Decimal]:
+    """Index and extinction of a slab of R and T: R_F, k, n as Nichelatti (2002) and the paper print them.
+
+    `ArithmeticError` where a logarithm or a root has no value.
+    """
+    with localcontext(prec=DIGITS):
+        r, t = Decimal(reflectance), Decimal(transmittance)
+        h, wavelength = 1000 * Decimal(thickness_um), Decimal(wavelength_nm)
+        b = 2 + t**2 - (1 - r) ** 2
+        face = (b - (b**2 - 4 * r * (2 - r)).sqrt()) / (2 * (2 - r))
+        k = wavelength / (4 * PI * h) * (face * t / (r - face)).ln()
+        n = (1 + face) / (1 - face) + (4 * face / (1 - face) ** 2 - k**2).sqrt()
+        return n, k

@@ -1,0 +1,121 @@
+"""The result of every route: index and extinction against wavelength, with uncertainty, bounds and masks."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.material.index import masks
+from solen.material.index.masks import Codes, Why
+from solen.material.index.reading import Combined, Length
+from solen.material.index.slab import FloatArray
+
+UNRESOLVED = (Why.SMALL, Why.NEGATIVE)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values with their uncertainty, shape (n,) each: NaN where masked, or where no uncertainty is known.
+
+    Attributes
+    ----------
+    value
+        Best value.
+    u, u_random, u_common
+        Standard uncertainty (68.27 %) and its parts, u² = u_random² + u_common².
+    u95
+        Half-width of the 95 % interval.
+    common
+        As in `solen.material.index.reading.Combined`, shape (parts, n).
+    why
+        Codes of `solen.material.index.masks.Why`; what is masked as not resolved keeps its uncertainty.
+    """
+
+    value: FloatArray
+    u: FloatArray
+    u_random: FloatArray
+    u_common: FloatArray
+    u95: FloatArray
+    common: FloatArray
+    why: Codes
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Where the value is not masked."""
+        return np.asarray(self.why == Why.FINE)
+
+    @property
+    def without_u(self) -> "Estimate":
+        """The same values, and no uncertainty claimed."""
+        nothing = np.full(self.value.shape, np.nan)
+        none = np.empty((0, nothing.size))
+        return replace(self, u=nothing, u_random=nothing, u_common=nothing, u95=nothing, common=none)
+
+
+@dataclass(frozen=True)
+class IndexSpectrum:
+    """Index and extinction against wavelength; arrays of shape (n,).
+
+    Attributes
+    ----------
+    mode
+        Name of the route.
+    measurement
+        Whether n follows from what was measured.
+    wavelength_nm
+        As given.
+    n, k
+        Refractive index and extinction coefficient.
+    k_low95, k_high95
+        95 % bounds that know k ≥ 0; they stand where k is masked as not resolved. NaN for a bound that there is not.
+    correlation
+        Between the errors of n and k.
+    lossless
+        The index that T alone gives when k = 0 is assumed.
+    reflectance, transmittance
+        What was inverted, unmasked; the reflectance of the lossless route is 1 − T.
+    thickness
+        Of the layer; None where the route needs none.
+    warnings
+        What cannot be concluded, in sentences with numbers.
+    """
+
+    mode: str
+    measurement: bool
+    wavelength_nm: FloatArray
+    n: Estimate
+    k: Estimate
+    k_low95: FloatArray
+    k_high95: FloatArray
+    correlation: FloatArray
+    lossless: Estimate
+    reflectance: FloatArray
+    transmittance: FloatArray
+    thickness: Length | None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def reason(self) -> tuple[str | None, ...]:
+        """Why n or k is masked at each wavelength, in words; None where neither is."""
+        return masks.told(self.n.why, self.k.why)
+
+
+def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
+    """Values and uncertainties, masked."""
+    gone = ~np.isin(why, (Why.FINE, *UNRESOLVED))
+    common = np.where(gone, np.nan, u.common)
+    return Estimate(
+        value=np.where(why == Why.FINE, value, np.nan),
+        u=np.where(gone, np.nan, u.u),
+        u_random=np.where(gone, np.nan, u.u_random),
+        u_common=np.sqrt((common**2).sum(axis=0)),
+        u95=np.where(gone, np.nan, u.bound(0.95)),
+        common=common,
+        why=why,
+    )
+
+
+def nothing(why: Codes) -> Estimate:
+    """An estimate of which nothing is known, for a reason."""
+    none = np.full(why.shape, np.nan)
+    return Estimate(none, none, none, none, none, np.empty((0, why.size)), why)

@@ -1,0 +1,108 @@
+"""Readings of power as levels in dB, and loss in the units that others take it in.
+
+The idea: only ratios of powers count, so a reading in mW, in volts or in counts serves as well as another, as long as
+it is proportional to the light: what it shows in the dark is taken off first.
+
+The interface: `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+DB_PER_NEPER = 10.0 / math.log(10.0)
+"""dB in a factor e of power."""
+MM_PER_CM = 10.0
+CM_PER_UM = 1e-4
+LOGARITHMIC = ("dBm", "dB")
+_FULL = {"1": 1.0, "%": 100.0, "dB": 0.0}  # all that was launched, where readings are shares of it
+_SHOWN = 3
+
+
+def absorption_per_mm(loss_dB_per_cm: float) -> float:
+    """Absorption of power per mm, base e, of a loss in dB/cm."""
+    return loss_dB_per_cm / DB_PER_NEPER / MM_PER_CM
+
+
+def smallest_loss_dB_per_cm(thickness_um: float, u_T: float) -> float:
+    """Loss in dB/cm that takes ``u_T``, a share of the light, on the way through a layer: less cannot be seen there.
+
+    0.1 % over 25 µm is 0.4 per cm or 1.7 dB/cm.
+    """
+    if not (0.0 < thickness_um < math.inf and 0.0 < u_T < 1.0):
+        limit = "thickness is above 0 µm and u(T) between 0 and 1"
+        raise DataError("smallest loss", value=f"{thickness_um:g} µm, {u_T:g}", limit=limit)
+    return -10.0 * math.log10(1.0 - u_T) / (thickness_um * CM_PER_UM)
+
+
+def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> FloatArray:
+    """Readings as levels in dB, up to a constant.
+
+    Parameters
+    ----------
+    readings
+        Shape (n,).
+    unit
+        ``dBm`` or ``dB`` where they are logarithms; anything else is taken as proportional to power.
+    dark
+        Reading without light, in the same unit. Where every reading is below it, the receiver pulls its voltage down
+        as it gets brighter, and the signal is the drop.
+
+    Raises
+    ------
+    DataError
+        Where a signal is not above 0.
+    """
+    values = np.asarray(readings, float)
+    if unit not in LOGARITHMIC:
+        signal = values - (dark or 0.0)
+    elif dark is None:
+        return values.copy()
+    else:
+        signal = 10.0 ** (values / 10.0) - 10.0 ** (dark / 10.0)
+    if pulls_down(values, unit, dark):
+        signal = -signal
+    bad = np.flatnonzero(~(signal > 0.0))
+    if len(bad):
+        raise _no_light(values, bad, unit, dark)
+    return 10.0 * np.log10(signal)
+
+
+def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
+    """Whether readings say that light lowers them: all are below the dark one."""
+    return dark is not None and unit not in LOGARITHMIC and bool(np.all(np.asarray(readings, float) < dark))
+
+
+def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
+    """Level of what was launched, as `levels_dB` counts; None where the readings do not tell.
+
+    Parameters
+    ----------
+    unit, readings
+        As in `levels_dB`. A pure number, a percentage and dB are shares of what was launched, unless one is above it.
+    launched
+        What was launched, in that unit.
+    """
+    if launched is None:
+        launched = _FULL.get(unit)
+        if launched is None or float(np.max(np.asarray(readings, float))) > launched:
+            return None
+    if unit in LOGARITHMIC:
+        return launched
+    if not launched > 0.0:
+        raise DataError("launched power", value=launched, limit=f"must be above 0 {unit}")
+    return 10.0 * math.log10(launched)
+
+
+def _no_light(
+    values: FloatArray, bad: np.ndarray[tuple[int], np.dtype[np.intp]], unit: str, dark: float | None
+) -> DataError:
+    shown = ", ".join(f"{values[i]:g} {unit} (reading {i + 1})" for i in bad[:_SHOWN])
+    more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
+    over = "be above 0" if dark is None else f"all be above, or all below, the dark reading {dark:g} {unit}"
+    remedy = "take these rows out, state the dark reading (--dark), or the unit if they are logarithms (--unit dBm)"
+    return DataError("power", value=shown + more, limit=f"must {over}: without light there is no level", remedy=remedy)

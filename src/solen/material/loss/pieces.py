@@ -1,0 +1,150 @@
+"""Pieces of guide: what an interval counts as one, and the straight lines through some of them.
+
+The idea: a guide at a length is one piece, however often it was read. Lines differ in what their slope is common to:
+`Table.common` has one for all pieces and a start for each orientation, `Table.apart` one for each orientation. A guide
+that was cut to several lengths brings a start and a slope of its own, as random effects.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.loss.levels import MM_PER_CM
+from solen.material.regression import LinearFit, fitted, shared
+from solen.recording.model import FloatArray
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A guide at a length.
+
+    Attributes
+    ----------
+    guide, orientation
+        As the table calls them.
+    length_mm, level_dB
+        Level: mean of its readings.
+    readings
+        How many.
+    """
+
+    guide: str
+    orientation: str
+    length_mm: float
+    level_dB: float
+    readings: int
+
+    @property
+    def name(self) -> str:
+        """What to call it."""
+        where = f", {self.orientation}" if self.orientation else ""
+        return f"guide {self.guide} ({self.length_mm:g} mm{where})"
+
+
+def pieces_of(
+    length_mm: FloatArray, level_dB: FloatArray, guide: Sequence[str], orientation: Sequence[str]
+) -> tuple[tuple[Piece, ...], float | None]:
+    """Readings averaged piece by piece, and the standard deviation of readings about their piece (None: none repeats).
+
+    Raises
+    ------
+    DataError
+        Where a length is not above 0 or a level no number.
+    """
+    for name, values, good in (("length", length_mm, length_mm > 0.0), ("level", level_dB, np.isfinite(level_dB))):
+        bad = np.flatnonzero(~(good & np.isfinite(values)))
+        if len(bad):
+            where = f"{values[bad[0]]:g} (reading {bad[0] + 1})"
+            limit = "must be above 0 mm" if name == "length" else "must be a number"
+            raise DataError(f"cut-back: {name}", value=where, limit=limit, remedy="correct or remove the row")
+    keys = list(zip(guide, orientation, length_mm.tolist(), strict=True))
+    order = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    number = np.array([order[key] for key in keys], np.intp)
+    counts = np.bincount(number, minlength=len(order))
+    means = np.bincount(number, weights=level_dB, minlength=len(order)) / counts
+    spare = len(keys) - len(order)
+    within = math.sqrt(float(np.sum((level_dB - means[number]) ** 2)) / spare) if spare else None
+    found = zip(order, means.tolist(), counts.tolist(), strict=True)
+    return tuple(Piece(name, way, mm, mean, count) for (name, way, mm), mean, count in found), within
+
+
+@dataclass(frozen=True)
+class Table:
+    """Pieces as arrays; a mask says which of them a line is for."""
+
+    pieces: tuple[Piece, ...]
+
+    @cached_property
+    def cm(self) -> FloatArray:
+        """Lengths in cm."""
+        return np.array([piece.length_mm for piece in self.pieces]) / MM_PER_CM
+
+    @cached_property
+    def level(self) -> FloatArray:
+        """Levels in dB."""
+        return np.array([piece.level_dB for piece in self.pieces])
+
+    @cached_property
+    def guide(self) -> list[tuple[str, str]]:
+        """Guides: those of one name in two orientations are two."""
+        return [(piece.orientation, piece.guide) for piece in self.pieces]
+
+    @cached_property
+    def way(self) -> NDArray[np.str_]:
+        """Orientations."""
+        return np.array([piece.orientation for piece in self.pieces])
+
+    def ways(self, keep: Mask) -> list[str]:
+        """Orientations of these pieces."""
+        return list(dict.fromkeys(self.way[keep].tolist()))
+
+    def lengths(self, keep: Mask) -> list[float]:
+        """Different lengths of these pieces in cm, ascending."""
+        return sorted(set(self.cm[keep].tolist()))
+
+    def sloped(self, keep: Mask) -> list[str]:
+        """Orientations with at least two lengths among these pieces."""
+        return [way for way in self.ways(keep) if len(self.lengths(keep & (self.way == way))) > 1]
+
+    def cut(self, keep: Mask) -> int:
+        """Number of guides among these pieces that were cut to several lengths."""
+        guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
+        return sum(guides.count(guide) > 1 for guide in set(guides))
+
+    def common(self, keep: Mask) -> FloatArray:
+        """Design of one slope: a start for each of `ways`, then the slope."""
+        return np.column_stack([self._starts(keep), -self.cm[keep]])
+
+    def apart(self, keep: Mask) -> FloatArray:
+        """Design of several slopes: a start for each of `ways`, then a slope for each of `sloped`."""
+        slopes = [-self.cm[keep] * (self.way[keep] == way) for way in self.sloped(keep)]
+        return np.column_stack([self._starts(keep), *slopes])
+
+    def fit(self, design: FloatArray, keep: Mask) -> LinearFit:
+        """Fit of a design to these pieces."""
+        guide = [self.guide[index] for index in np.flatnonzero(keep)]
+        of = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut(keep) > 1 else (None,)
+        effects = [effect for by in of if (effect := shared(guide, by)) is not None]
+        return fitted(design, self.level[keep], effects=effects)
+
+    def refuse_too_few(self) -> None:
+        """Raise where no slope with an uncertainty follows from all pieces."""
+        keep = np.ones(len(self.pieces), bool)
+        lengths = self.lengths(keep)
+        remedy = "measure guides of at least three lengths, several of each"
+        if not self.sloped(keep):
+            one = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else "one in each orientation"
+            raise DataError("cut-back: length", value=one, limit="one length has no slope", remedy=remedy)
+        if len(self.pieces) <= (numbers := len(self.ways(keep)) + 1):
+            limit = f"{numbers} numbers are sought, so no uncertainty follows; readings of one guide count once"
+            raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
+
+    def _starts(self, keep: Mask) -> FloatArray:
+        return np.column_stack([(self.way[keep] == way).astype(float) for way in self.ways(keep)])

@@ -1,0 +1,236 @@
+"""Mixing by weight: what to weigh in, what the balance's steps make of it, and what the mixture's index may be.
+
+The idea: "25 % of additive" has two readings. Of the whole mixture, 25 g of it go with 75 g of the base; on the resin,
+25 g of it go with 100 g of the base, which makes 20 % of the whole. `of_whole` and `on_base` are these readings, and
+both are shown. A balance weighs in steps: the masses are rounded to them, and what that does to the shares is stated.
+
+The index of a mixture is estimated by the rule of Lorentz and Lorenz, (n² − 1)/(n² + 2) = Σ φ (nᵢ² − 1)/(nᵢ² + 2), with
+volume fractions φ and volumes that add up (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70,
+1880). It is that of the liquid: curing shrinks it and raises its index, so it stands in for no measurement.
+
+The interface: `Component`, `of_whole`, `on_base`, `weighed`, each giving or taking a `Mixture`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+
+from solen.errors import SpecError
+from solen.spec.strict import nearest
+
+WHOLE = 100.0
+OFF_WHOLE = 0.1
+"""How far shares may be from 100 % together, in per cent: what their rounding leaves."""
+MOST_G, FINEST_G = 1e6, 1e-6
+
+
+@dataclass(frozen=True)
+class Component:
+    """A component: its share in per cent, and what is known of it; density in g/mL, index of the liquid."""
+
+    name: str
+    percent: float
+    density_g_per_mL: float | None = None  # noqa: N815  units keep their case
+    index: float | None = None
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A component of a mixture as it is weighed in.
+
+    Attributes
+    ----------
+    name
+        Of the component.
+    wt_percent
+        Share of the whole mixture that is meant.
+    phr
+        Grams for 100 g of the base, the first component.
+    exact_g, weighed_g
+        Mass that is meant, and the same in whole steps of the balance.
+    weighed_wt_percent
+        Share of the whole that the weighed masses make.
+    worst_wt_percent
+        How far the share may be off where each mass is off by half a step.
+    volume_mL, volume_percent
+        Of the weighed mass; None where a density that it takes is not known.
+    """
+
+    name: str
+    wt_percent: float
+    phr: float
+    exact_g: float
+    weighed_g: float
+    weighed_wt_percent: float
+    worst_wt_percent: float
+    volume_mL: float | None  # noqa: N815
+    volume_percent: float | None
+
+    @property
+    def error_wt_percent(self) -> float:
+        """How far the weighed masses leave the share from what is meant."""
+        return self.weighed_wt_percent - self.wt_percent
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Components in one reading of their percentages, and the liquid's index, None where it cannot be estimated."""
+
+    reading: str
+    components: tuple[Weighed, ...]
+    index_estimate: float | None
+
+    @property
+    def total_g(self) -> float:
+        """What is weighed in."""
+        return math.fsum(one.weighed_g for one in self.components)
+
+
+def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
+    """Components by their share of the whole mixture; `SpecError` where these are not all of it.
+
+    Shares that miss 100 % by rounding are scaled to it.
+    """
+    total = math.fsum(one.percent for one in components)
+    if abs(total - WHOLE) > OFF_WHOLE:
+        told = ", ".join(f"{one.name}:{one.percent / total * WHOLE:.4g}" for one in components)
+        limit = f"the shares must add up to {WHOLE:g} %, to within {OFF_WHOLE:g}"
+        raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"parts in this ratio are {told}")
+    return tuple(replace(one, percent=one.percent / total * WHOLE) for one in components)
+
+
+def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
+    """The same percentages of all but the first read as grams for 100 g of the first, as shares of the whole."""
+    base, *others = components
+    total = WHOLE + math.fsum(one.percent for one in others)
+    parts = (replace(base, percent=WHOLE), *others)
+    return tuple(replace(one, percent=one.percent / total * WHOLE) for one in parts)
+
+
+def check_components(components: Sequence[Component]) -> None:
+    """`SpecError` where components are not two or more, each once, with a share, a density and an index that can be."""
+    if len(components) < 2:
+        raise SpecError("mixture", value=len(components), limit="takes at least 2 components", remedy='as in "LA:25"')
+    names = [one.name for one in components]
+    for one in components:
+        if names.count(one.name) > 1:
+            raise SpecError(one.name, limit="is named twice", remedy="add its shares up")
+        if not 0.0 < one.percent <= WHOLE:
+            raise SpecError(f"share of {one.name}", value=one.percent, limit="must be above 0 and at most 100 %")
+        if one.density_g_per_mL is not None and not 0.0 < one.density_g_per_mL < 30.0:
+            limit = "must be above 0 and below 30 g/mL"
+            raise SpecError(f"density of {one.name}", value=one.density_g_per_mL, limit=limit)
+        if one.index is not None and not 1.0 <= one.index < 5.0:
+            raise SpecError(f"index of {one.name}", value=one.index, limit="must be at least 1 and below 5")
+
+
+def with_known(
+    components: Sequence[Component],
+    densities: dict[str, float],
+    indices: dict[str, float],
+) -> tuple[Component, ...]:
+    """Components with their densities in g/mL and indices by name; `SpecError` for a name that there is not."""
+    names = [one.name for one in components]
+    for what, known in (("density", densities), ("index", indices)):
+        for name in known:
+            if name not in names:
+                near = nearest(name, names)
+                remedy = f"did you mean {near}?" if near else f"there are {', '.join(names)}"
+                raise SpecError(f"{what} of {name}", limit="is no component of the mixture", remedy=remedy)
+    return tuple(
+        replace(one, density_g_per_mL=densities.get(one.name), index=indices.get(one.name)) for one in components
+    )
+
+
+def weighed(
+    components: Sequence[Component],
+    reading: str,
+    *,
+    total_g: float | None = None,
+    base_g: float | None = None,
+    resolution_g: float = 0.01,
+) -> Mixture:
+    """Masses of a mixture.
+
+    Parameters
+    ----------
+    components
+        By their share of the whole, the base first.
+    reading
+        What the percentages were read as.
+    total_g, base_g
+        Mass of the whole, or of the base that is there already; one of them.
+    resolution_g
+        Step of the balance.
+
+    Raises
+    ------
+    SpecError
+        Where a mass or the step is none, or the step is too coarse for a component.
+    """
+    _check_masses(total_g, base_g, resolution_g)
+    base = components[0]
+    whole_g = total_g if total_g is not None else (base_g or 0.0) / base.percent * WHOLE
+    exact = [one.percent / WHOLE * whole_g for one in components]
+    masses = [float(round(grams / resolution_g) * Decimal(repr(resolution_g))) for grams in exact]
+    if base_g is not None:
+        masses[0] = base_g
+    for one, grams, mass in zip(components, exact, masses, strict=True):
+        if mass <= 0.0:
+            limit = f"is less than half a step of the balance, {resolution_g:g} g"
+            raise SpecError(f"mass of {one.name}", value=f"{grams:g} g", limit=limit, remedy="mix more at once")
+    sum_g = math.fsum(masses)
+    volumes = [
+        None if one.density_g_per_mL is None else mass / one.density_g_per_mL
+        for one, mass in zip(components, masses, strict=True)
+    ]
+    known = [volume for volume in volumes if volume is not None]
+    sum_ml = math.fsum(known) if len(known) == len(volumes) else None
+    return Mixture(
+        reading,
+        tuple(
+            Weighed(
+                name=one.name,
+                wt_percent=one.percent,
+                phr=one.percent / base.percent * WHOLE,
+                exact_g=grams,
+                weighed_g=mass,
+                weighed_wt_percent=mass / sum_g * WHOLE,
+                worst_wt_percent=_worst(mass / sum_g, len(masses), resolution_g / sum_g),
+                volume_mL=volume,
+                volume_percent=None if volume is None or sum_ml is None else volume / sum_ml * WHOLE,
+            )
+            for one, grams, mass, volume in zip(components, exact, masses, volumes, strict=True)
+        ),
+        _index([one.index for one in components], volumes),
+    )
+
+
+def _worst(share: float, count: int, step: float) -> float:
+    """How far a share is off, in per cent, where each of so many masses is off by half a step, a share of the whole.
+
+    To first order: its own mass moves it by 1 − share, each other one by −share.
+    """
+    return WHOLE * 0.5 * step * ((1.0 - share) + (count - 1) * share)
+
+
+def _index(indices: Sequence[float | None], volumes: Sequence[float | None]) -> float | None:
+    """Index of the liquid mixture by Lorentz and Lorenz; None where one of the numbers is not known."""
+    pairs = [(n, v) for n, v in zip(indices, volumes, strict=True) if n is not None and v is not None]
+    if len(pairs) < len(indices):
+        return None
+    whole = math.fsum(volume for _, volume in pairs)
+    refraction = math.fsum(volume / whole * (n * n - 1.0) / (n * n + 2.0) for n, volume in pairs)
+    return math.sqrt((1.0 + 2.0 * refraction) / (1.0 - refraction))
+
+
+def _check_masses(total_g: float | None, base_g: float | None, resolution_g: float) -> None:
+    if (total_g is None) == (base_g is None):
+        raise SpecError("mass", limit="give that of the whole or that of the base", remedy="--total-g or --base-g")
+    name, mass_g = ("--total-g", total_g) if base_g is None else ("--base-g", base_g)
+    if mass_g is None or not 0.0 < mass_g <= MOST_G:
+        raise SpecError(name, value=mass_g, limit=f"must be above 0 and at most {MOST_G:g} g")
+    if not FINEST_G <= resolution_g <= mass_g:
+        limit = f"must be at least {FINEST_G:g} g and at most the mass"
+        raise SpecError("--resolution-g", value=resolution_g, limit=limit)

@@ -1,0 +1,335 @@
+"""Lines through few points, with honest intervals: what the cut-back and the working curve have in common.
+
+The idea: a loss and a working curve are straight lines once powers are in dB and doses are logarithms. What makes
+their intervals right or wrong is elsewhere: readings of one guide are not new guides, scatter may grow with what is
+measured in a way that is only guessed, there are few points, and one of them may be bad. So a fit here is a linear
+model y = X β + Σ Z u + e with random effects where there are groups, their variances by restricted maximum likelihood;
+or, where the weights are a guess, with a covariance from the residuals themselves. Intervals take t quantiles with the
+degrees of freedom that fit, which are n − p in the plain case. Bad points are found by Rosner's sequential test on
+deletion residuals at a stated rate of false alarms; whoever uses it names them.
+
+The interface: `fitted` gives a `LinearFit`; `bad_points` says which points a fit should do without; `t_quantile`,
+`t_tail` and `f_tail` are the quantiles and tails.
+"""
+
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import fdtrc, stdtr, stdtrit
+
+from solen.recording.model import FloatArray
+
+FALSE_ALARMS = 0.01
+"""How often `bad_points` names a point in data without a bad one."""
+LEAST_DF = 0.25
+"""Share of n − p that a covariance from residuals is granted as degrees of freedom at least (decision 0028)."""
+_SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
+_EXACT = 1e-10  # residuals below this share of the data are rounding
+
+
+@dataclass(frozen=True)
+class Components:
+    """Variances estimated one by one: how a covariance grows with each, (k, p, p), and their own covariance, (k, k)."""
+
+    gradients: FloatArray
+    variances: FloatArray
+
+    def df(self, contrast: FloatArray, variance: float) -> float:
+        """Degrees of freedom of a combination's variance (Satterthwaite, Biometrics Bulletin 2, 110, 1946)."""
+        slope = np.array([contrast @ gradient @ contrast for gradient in self.gradients])
+        spread = float(slope @ self.variances @ slope)
+        return 2.0 * variance**2 / spread if spread > 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class Sandwich:
+    """A covariance from the residuals: what takes y to β, (p, n), 1/(1 − h), (n,), and the residuals' own, (n, n)."""
+
+    rows: FloatArray
+    raised: FloatArray
+    residuals: FloatArray
+
+    def df(self, contrast: FloatArray, variance: float) -> float:  # noqa: ARG002
+        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002)."""
+        shares = (contrast @ self.rows) ** 2 * self.raised
+        expected = float(shares @ np.diag(self.residuals))
+        return expected**2 / float(shares @ self.residuals**2 @ shares)
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Result of `fitted`.
+
+    Attributes
+    ----------
+    parameters, covariance
+        β, shape (p,), and its covariance, (p, p).
+    sigma, effect_sigmas
+        Standard deviations of e at weight 1 and of each random effect; 0 for one that the data do not show.
+    error_df, least_df
+        n − p; and what degrees of freedom are never below.
+    residuals
+        y − X β, shape (n,).
+    deletion_t
+        Shape (n,): by how many of its standard errors, estimated without it, each point is off the fit of the others.
+    criterion
+        −2 ln of the restricted likelihood, up to a constant that depends on X alone.
+    known_by
+        How well the covariance is known.
+    """
+
+    parameters: FloatArray
+    covariance: FloatArray
+    sigma: float
+    effect_sigmas: tuple[float, ...]
+    error_df: int
+    least_df: float
+    residuals: FloatArray
+    deletion_t: FloatArray
+    criterion: float
+    known_by: Components | Sandwich
+
+    def df(self, contrast: ArrayLike) -> float:
+        """Degrees of freedom of a combination c·β."""
+        c = np.asarray(contrast, float)
+        variance = float(c @ self.covariance @ c)
+        found = self.known_by.df(c, variance) if variance > 0.0 else math.inf
+        return max(min(found, float(self.error_df)), self.least_df)
+
+    def u(self, contrast: ArrayLike) -> float:
+        """Standard uncertainty of c·β."""
+        c = np.asarray(contrast, float)
+        return math.sqrt(max(float(c @ self.covariance @ c), 0.0))
+
+    def interval(self, contrast: ArrayLike, level: float = 0.95) -> tuple[float, float]:
+        """Interval of c·β that covers it at that level."""
+        middle = float(np.asarray(contrast, float) @ self.parameters)
+        half = t_quantile(level, self.df(contrast)) * self.u(contrast)
+        return middle - half, middle + half
+
+
+def fitted(
+    design: ArrayLike,
+    y: ArrayLike,
+    *,
+    weights: ArrayLike | None = None,
+    effects: Sequence[FloatArray] = (),
+    guessed: bool = False,
+) -> LinearFit:
+    """Fit y = X β + Σ Z u + e.
+
+    Parameters
+    ----------
+    design
+        X, shape (n, p), of full rank, n > p.
+    y
+        Shape (n,).
+    weights
+        Shape (n,): one over the variance of e, up to a factor.
+    effects
+        Random effects, at most two: of each the covariance of its part of y, up to a factor, shape (n, n), as
+        `shared` gives it. One that does not raise the likelihood is left out, and so is one that X takes up whole.
+    guessed
+        The weights are a guess: take the covariance of β from the residuals (HC2: MacKinnon and White, Journal of
+        Econometrics 29, 305, 1985). Not with effects.
+    """
+    x, y = np.asarray(design, float), np.asarray(y, float)
+    each = np.ones(len(y)) if weights is None else 1.0 / np.asarray(weights, float)
+    best = _plain(x, y, each)
+    if guessed:
+        return _from_residuals(best, x, each)
+    if effects and best.sigma > 0.0:
+        own, best = np.diag(each), replace(best, effect_sigmas=(0.0,) * len(effects))
+        across = np.eye(len(y)) - x @ np.linalg.pinv(x)
+        seen = [number for number, part in enumerate(effects) if np.abs(across @ part).max() > _EXACT * part.max()]
+        for shown in [subset for count in (1, 2) for subset in combinations(seen, count)]:
+            variances = _likeliest(x, y, [own, *(effects[number] for number in shown)])
+            if variances.min() < _NOTHING * variances.sum():
+                continue
+            fit = _at(x, y, own, effects, dict(zip(shown, (variances[1:] / variances[0]).tolist(), strict=True)))
+            if fit.criterion < best.criterion - 1e-6:
+                best = fit
+    return best
+
+
+def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArray | None:
+    """Covariance, up to a factor, of an effect that the points of a group share; None where no group has two points.
+
+    ``of``, shape (n,), is what the effect is multiplied with, for a slope that each group has of its own.
+    """
+    number = ranks(groups)
+    same = (number[:, None] == number[None, :]).astype(float)
+    if same.sum() == len(number):
+        return None
+    return same if of is None else np.asarray(same * np.multiply.outer(np.asarray(of, float), np.asarray(of, float)))
+
+
+def bad_points(
+    fit: Callable[[NDArray[np.bool_]], LinearFit], points: int, most: int, false_alarms: float = FALSE_ALARMS
+) -> dict[int, float]:
+    """Points that do not belong to the rest, each with its deletion residual t, the worst first.
+
+    The worst point is taken away ``most`` times over; the last of these whose t is beyond its Bonferroni quantile
+    decides how many are named, so that one bad point does not hide another (Rosner, Technometrics 25, 165, 1983).
+
+    Parameters
+    ----------
+    fit
+        Fit of the points where a mask of shape (n,) is true.
+    points, most
+        Number of points, and of those that may be named.
+    false_alarms
+        How often any is named where all belong.
+    """
+    keep = np.ones(points, bool)
+    found: list[tuple[int, float]] = []
+    bad = 0
+    for _ in range(most):
+        here = fit(keep)
+        left = int(keep.sum())
+        worst = int(np.argmax(np.abs(here.deletion_t)))
+        t, df = float(here.deletion_t[worst]), here.error_df - 1
+        index = int(np.flatnonzero(keep)[worst])
+        found.append((index, t))
+        if df >= 1 and abs(t) > t_quantile(1.0 - false_alarms / left, df):
+            bad = len(found)
+        keep[index] = False
+    return dict(found[:bad])
+
+
+def t_quantile(level: float, df: float) -> float:
+    """Half width, in standard uncertainties, of the two-sided interval of that level."""
+    return float(stdtrit(df, 0.5 + level / 2.0))
+
+
+def t_tail(t: float, df: float) -> float:
+    """Two-sided probability that a larger t comes by chance."""
+    return float(2.0 * stdtr(df, -abs(t)))
+
+
+def f_tail(ratio: float, between: float, within: float) -> float:
+    """Probability of a larger ratio of variances by chance."""
+    return float(fdtrc(between, within, ratio))
+
+
+def chance(p: float) -> str:
+    """How often something comes by chance, in words."""
+    return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
+
+
+def ranks(labels: Sequence[Hashable]) -> NDArray[np.intp]:
+    """Number of each label, from 0 on, in the order of first appearance."""
+    seen: dict[Hashable, int] = {}
+    return np.array([seen.setdefault(label, len(seen)) for label in labels], np.intp)
+
+
+def _likeliest(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
+    """Variances of the parts by restricted maximum likelihood (Fisher scoring: Patterson and Thompson, 1971).
+
+    A part that the data do not show ends at a share of the others that is next to nothing.
+    """
+    variances = np.full(len(parts), max(float(np.var(y)), _TINY) / len(parts))
+    for _ in range(_SCORINGS):
+        inverse = np.linalg.inv(np.tensordot(variances, np.array(parts), 1))
+        hat = inverse @ x
+        projector = inverse - hat @ np.linalg.solve(x.T @ hat, hat.T)
+        pulled = projector @ y
+        pushed = [projector @ part for part in parts]
+        information = np.array([[np.sum(a * b.T) for b in pushed] for a in pushed])
+        better = np.linalg.lstsq(information, np.array([pulled @ part @ pulled for part in parts]))[0]
+        better = np.maximum(better, 0.1 * variances)
+        done = np.max(np.abs(better - variances)) < 1e-6 * better.sum() or better.min() < _NOTHING * better.sum()
+        variances = better
+        if done:
+            break
+    return variances
+
+
+def _plain(x: FloatArray, y: FloatArray, each: FloatArray) -> LinearFit:
+    """Fit without effects, from the variances of e: `_at` where its matrices are diagonal."""
+    n, p = x.shape
+    weighted = x / each[:, None]
+    unscaled = np.asarray(np.linalg.inv(x.T @ weighted), float)
+    hat = weighted @ unscaled
+    beta = hat.T @ y
+    residuals = y - x @ beta
+    pulled = residuals / each
+    squares, pulled = _exact(float(residuals @ pulled), float(y @ (y / each)), pulled)
+    df = n - p
+    variance = squares / df
+    logs = float(np.sum(np.log(each))) - np.linalg.slogdet(unscaled)[1]
+    return LinearFit(
+        parameters=beta,
+        covariance=variance * unscaled,
+        sigma=math.sqrt(variance),
+        effect_sigmas=(),
+        error_df=df,
+        least_df=0.0,
+        residuals=residuals,
+        deletion_t=_deletion_t(pulled, (1.0 - np.sum(hat * x, 1)) / each, squares, df),
+        criterion=float(df * math.log(variance) + logs) if variance > 0.0 else -math.inf,
+        known_by=Components(unscaled[None], np.array([[2.0 * variance**2 / df]])),
+    )
+
+
+def _at(
+    x: FloatArray, y: FloatArray, own: FloatArray, effects: Sequence[FloatArray], ratios: Mapping[int, float]
+) -> LinearFit:
+    """Fit at given ratios of the variances of some effects and of e."""
+    n, p = x.shape
+    parts = [own, *(effects[number] for number in ratios)]
+    shape = own + sum((ratio * effects[number] for number, ratio in ratios.items()), np.zeros_like(own))
+    inverse = np.linalg.inv(shape)
+    unscaled = np.linalg.inv(x.T @ inverse @ x)
+    hat = inverse @ x @ unscaled
+    beta = hat.T @ y
+    projector = inverse - hat @ x.T @ inverse  # P: its product with y is the weighted residual
+    pulled = projector @ y
+    df = n - p
+    squares, pulled = _exact(float(y @ pulled), float(y @ inverse @ y), pulled)
+    variance = squares / df
+    information = np.array([[0.5 * np.trace(projector @ a @ projector @ b) for b in parts] for a in parts])
+    logs = np.linalg.slogdet(shape)[1] - np.linalg.slogdet(unscaled)[1]
+    return LinearFit(
+        parameters=beta,
+        covariance=variance * unscaled,
+        sigma=math.sqrt(variance),
+        effect_sigmas=tuple(math.sqrt(ratios.get(number, 0.0) * variance) for number in range(len(effects))),
+        error_df=df,
+        least_df=0.0,
+        residuals=y - x @ beta,
+        deletion_t=_deletion_t(pulled, np.diag(projector), squares, df),
+        criterion=float(df * math.log(variance) + logs) if variance > 0.0 else -math.inf,
+        known_by=Components(
+            gradients=np.array([hat.T @ part @ hat for part in parts]),
+            variances=variance**2 * np.linalg.inv(information),
+        ),
+    )
+
+
+def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFit:
+    """The same fit with the covariance that its residuals show."""
+    weighted = x / each[:, None]
+    rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
+    left = np.eye(len(x)) - x @ rows
+    raised = 1.0 / np.maximum(np.diag(left), _EXACT)
+    covariance = (rows * (fit.residuals**2 * raised)) @ rows.T
+    known = Sandwich(rows, raised, (left * each) @ left.T)
+    return replace(fit, covariance=covariance, known_by=known, least_df=LEAST_DF * fit.error_df)
+
+
+def _exact(squares: float, size: float, pulled: FloatArray) -> tuple[float, FloatArray]:
+    """Sum of squares and weighted residuals, 0 where they are the rounding of data of that size."""
+    return (squares, pulled) if squares > _EXACT**2 * size else (0.0, np.zeros_like(pulled))
+
+
+def _deletion_t(pulled: FloatArray, diagonal: FloatArray, squares: float, df: int) -> FloatArray:
+    """Size of each point's residual against the fit of the others, in its standard errors."""
+    if squares == 0.0 or df < 2:
+        return np.zeros(len(pulled))
+    others = np.maximum(squares - pulled**2 / diagonal, 1e-12 * squares) / (df - 1)
+    return np.asarray(pulled / np.sqrt(diagonal * others))

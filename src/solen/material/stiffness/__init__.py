@@ -1,0 +1,74 @@
+"""Stiffness: from what a testing machine exports to a modulus and a hyperelastic model, each with its uncertainty.
+
+The idea: a force and a displacement become engineering stress and strain by the specimen's dimensions; a toe is
+compensated or said not to be; a line over a stated range is the modulus, and a model of all tests of a material
+together is what a finite-element program needs. What the numbers rest on, and what they cannot say, goes with them.
+
+The interface: `specimen_of` and `read_test` make a test; `evaluate` does what `find_toe`, `young`, `cycles_of` and
+`extremes` do each; `mean_modulus` is that of several specimens; `fit` and `choose` find a model, `cautions` what it
+cannot say.
+"""
+
+from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.columns import read_test
+from solen.material.stiffness.cycles import Cycle, Softening, cycles_of, loading_branch, softening
+from solen.material.stiffness.evaluation import Evaluated, MeanModulus, Settings, evaluate, mean_modulus, with_range
+from solen.material.stiffness.hyperelastic import Curve, Fit, choose, fit
+from solen.material.stiffness.loading import loading_curve, rereferenced
+from solen.material.stiffness.models import KINDS, Model, Ogden, Polynomial, model
+from solen.material.stiffness.modes import EQUIBIAXIAL, MODES, PLANAR, UNIAXIAL, Mode
+from solen.material.stiffness.modulus import Extremes, Young, default_range, extremes, ideal_ratio, secant, young
+from solen.material.stiffness.specimen import Dimensions, Specimen, held_ends, specimen_of
+from solen.material.stiffness.stability import StableRange, margin, stable_range
+from solen.material.stiffness.test import StressStrain, as_test
+from solen.material.stiffness.toe import Toe, find_toe
+
+__all__ = [
+    "EQUIBIAXIAL",
+    "KINDS",
+    "MODES",
+    "PLANAR",
+    "UNIAXIAL",
+    "Curve",
+    "Cycle",
+    "Dimensions",
+    "Evaluated",
+    "Extremes",
+    "Fit",
+    "MeanModulus",
+    "Mode",
+    "Model",
+    "Ogden",
+    "Polynomial",
+    "Settings",
+    "Softening",
+    "Specimen",
+    "StableRange",
+    "StressStrain",
+    "Toe",
+    "Young",
+    "as_test",
+    "cautions",
+    "choose",
+    "cycles_of",
+    "default_range",
+    "evaluate",
+    "extremes",
+    "find_toe",
+    "fit",
+    "held_ends",
+    "ideal_ratio",
+    "loading_branch",
+    "loading_curve",
+    "margin",
+    "mean_modulus",
+    "model",
+    "read_test",
+    "rereferenced",
+    "secant",
+    "softening",
+    "specimen_of",
+    "stable_range",
+    "with_range",
+    "young",
+]

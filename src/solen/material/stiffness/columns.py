@@ -1,0 +1,227 @@
+"""Which columns of a recording are stress and strain, and what a file says about how it was tested.
+
+The idea: the machine's own stress or strain is taken before one that is made of force and area, or of displacement and
+length, unless the user states the length. What the file says in words, a compression test, a preload, a width, is used
+and named; what it does not say is asked for.
+
+The interface: `read_test` makes a `StressStrain` of a recording.
+"""
+
+# ruff: noqa: N803  units keep their case
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.stiffness.specimen import Specimen
+from solen.material.stiffness.test import StressStrain, as_test, sense
+from solen.recording import Channel, Recording
+
+FloatArray = NDArray[np.float64]
+
+FORCE = ("force", "standard force", "load")
+DISPLACEMENT = ("displacement", "extension", "travel")
+CROSSHEAD = ("crosshead", "position")
+STRESS, TRUE_STRESS = ("stress", "engineering stress"), ("true stress",)
+STRAIN, STRETCH, TRUE_STRAIN = ("strain", "engineering strain"), ("stretch",), ("true strain",)
+_COMPRESSED = ("compress", "druckversuch", "stauch", "druckspannung", "druckprüf")
+_PULLED = (
+    "tensile",
+    "tension",
+    "zugversuch",
+    "dehnung",
+    "zugspannung",
+    "pull-to-failure",
+    "elongation",
+    "astm d412",
+    "astm d638",
+    "iso 527",
+    "iso 37",
+)
+
+
+@dataclass(frozen=True)
+class _Column:
+    """Stress or strain, what it is, whether it was made of force or displacement, and what to beware of."""
+
+    values: FloatArray
+    told: str
+    made: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+def read_test(
+    recording: Recording,
+    specimen: Specimen,
+    mode: str | None = None,
+    compliance_mm_per_N: float = 0.0,
+) -> StressStrain:
+    """Test of a recording.
+
+    Parameters
+    ----------
+    recording
+        With a force or stress and a displacement, strain or stretch.
+    specimen
+        Its dimensions, as far as they are known.
+    mode
+        One of `CHOICES`; None to take it from the signs and words of the file.
+    compliance_mm_per_N
+        Of machine and fixture: force times it is taken off the displacement.
+
+    Raises
+    ------
+    DataError
+        Where a column, unit or dimension is missing, a number is missing between others, or nothing was deformed.
+    """
+    stress = _stress(recording, specimen)
+    strain = _strain(recording, specimen)
+    if (removed := strain.made and compliance_mm_per_N > 0) and specimen.area_mm2 and specimen.length_mm:
+        given = compliance_mm_per_N * specimen.area_mm2 / specimen.length_mm * stress.values
+        strain = replace(strain, values=_without_compliance(strain.values, given))
+    name = recording.provenance.file or "test"
+    made = as_test(
+        strain.values,
+        stress.values,
+        specimen,
+        mode or _told_mode(recording, specimen),
+        name=name,
+        assumed=mode is None,
+    )
+    return replace(
+        made,
+        made_from=f"stress: {stress.told}; strain: {strain.told}",
+        area_used=stress.made,
+        from_displacement=strain.made,
+        compliance_removed=removed,
+        preload=_preload(recording.provenance.metadata),
+        warnings=(*made.warnings, *strain.warnings),
+    )
+
+
+def _stress(recording: Recording, specimen: Specimen) -> _Column:
+    """Engineering stress in MPa, by its own column or by force and area."""
+    stress = recording.find(*STRESS)
+    if stress is not None:
+        return _Column(stress.to("MPa"), stress.name)
+    force = _only(recording, FORCE)
+    if force is not None:
+        if specimen.area_mm2 is None:
+            remedy = "give --width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
+            raise DataError(f"{_file(recording)}: area of the specimen", limit="is not stated", remedy=remedy)
+        told = f"{force.name} / {specimen.area_mm2:.6g} mm²"
+        return _Column(force.to("N") / specimen.area_mm2, told, made=True)
+    true = recording.find(*TRUE_STRESS)
+    if true is not None:
+        return _Column(true.to("MPa") / (1 + _strain(recording, specimen).values), f"{true.name} / stretch")
+    remedy = f"its columns are {', '.join(recording.names[:12])}"
+    raise DataError(_file(recording), limit="has no column of force or stress", remedy=remedy)
+
+
+def _strain(recording: Recording, specimen: Specimen) -> _Column:
+    """Engineering strain.
+
+    A displacement over a length that the user states comes before the file's strain; a strain before a displacement.
+    """
+    stretch, strain, true = (recording.find(*names) for names in (STRETCH, STRAIN, TRUE_STRAIN))
+    travel, absolute = _travel(recording)
+    stated = stretch or strain or true
+    if travel is not None and specimen.length_mm is not None and (specimen.length_by_user or stated is None):
+        moved = travel.to("mm")
+        there = moved[np.isfinite(moved)]
+        zero = float(there[0]) if absolute and len(there) else 0.0
+        told = f"{travel.name}{' since the first point' if absolute else ''} / {specimen.length_mm:.6g} mm"
+        return _Column((moved - zero) / specimen.length_mm, told, made=True)
+    if strain is not None:
+        found = strain.to("1")
+        return _Column(found, strain.name, warnings=_other_length(recording, specimen, found, strain.name))
+    if stretch is not None:
+        return _Column(stretch.to("1") - 1, f"{stretch.name} - 1")
+    if true is not None:
+        return _Column(np.expm1(true.to("1")), f"exp({true.name}) - 1")
+    if travel is not None:
+        remedy = "give --length-mm (the gauge length, or the height that is compressed) or --cube-mm"
+        raise DataError(f"{_file(recording)}: length of the specimen", limit="is not stated", remedy=remedy)
+    remedy = f"its columns are {', '.join(recording.names[:12])}"
+    raise DataError(_file(recording), limit="has no column of displacement, strain or stretch", remedy=remedy)
+
+
+def _without_compliance(strain: FloatArray, given: FloatArray) -> FloatArray:
+    """Strain of the specimen alone: what the machine gave way, by the same length, is taken off along the loading."""
+    return strain - sense(strain) * sense(given) * given
+
+
+def _travel(recording: Recording) -> tuple[Channel | None, bool]:
+    """Displacement, and whether it is a position whose zero means nothing."""
+    moved = _only(recording, DISPLACEMENT)
+    if moved is not None:
+        return moved, False
+    return _only(recording, CROSSHEAD), True
+
+
+def _only(recording: Recording, names: tuple[str, ...]) -> Channel | None:
+    """Channel of these names; `DataError` where several channels are that quantity and none has the plain name."""
+    alike = [channel for channel in recording.channels if channel.quantity and channel.quantity == names[0]]
+    if len(alike) > 1 and len({_stem(channel.name) for channel in alike}) == 1:
+        listed = ", ".join(channel.name for channel in alike[:6])
+        remedy = "one specimen per file: leave the columns of one"
+        raise DataError(_file(recording), limit=f"has {len(alike)} columns of {names[0]}: {listed}", remedy=remedy)
+    return alike[0] if alike else recording.find(*names)
+
+
+def _stem(name: str) -> str:
+    return name.rsplit(" (", 1)[0]
+
+
+def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[str, ...]:
+    """Warning where the file's strain was made with another length than the file states."""
+    travel, absolute = _travel(recording)
+    if travel is None or absolute or specimen.length_mm is None:
+        return ()
+    moved = travel.to("mm")
+    both = np.isfinite(moved) & np.isfinite(strain)
+    at = int(np.argmax(np.where(both, np.abs(strain), 0)))
+    if not both.any() or strain[at] == 0 or moved[at] == 0:
+        return ()
+    implied = float(moved[at] / strain[at])
+    if abs(implied / specimen.length_mm - 1) < 0.01:
+        return ()
+    return (
+        f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} mm; "
+        "the file's strain is used as it stands (--length-mm divides the displacement instead)",
+    )
+
+
+def _told_mode(recording: Recording, specimen: Specimen) -> str | None:
+    """Mode by the words of a file or by a cube; None where nothing tells."""
+    if specimen.is_cube:
+        return "compression"
+    metadata = recording.provenance.metadata
+    words = " ".join((*recording.names, *metadata.keys(), *metadata.values())).casefold()
+    compressed = any(word in words for word in _COMPRESSED)
+    pulled = any(word in words for word in _PULLED)
+    if compressed == pulled:
+        return None
+    return "compression" if compressed else "tension"
+
+
+def _preload(metadata: Mapping[str, str]) -> str:
+    """Preload above zero that a file states, as it does so."""
+    for heading, text in metadata.items():
+        if any(word in heading.casefold() for word in ("vorkraft", "pre-load", "preload", "vorlast")):
+            digits = "".join(c if c.isdigit() or c in ".,-" else " " for c in text).replace(",", ".").split()
+            try:
+                size = float(digits[0]) if digits else math.nan
+            except ValueError:
+                continue
+            if size > 0:
+                return f"{heading} {text.strip()}"
+    return ""
+
+
+def _file(recording: Recording) -> str:
+    return recording.provenance.file or "recording"

@@ -1,0 +1,169 @@
+"""How much a fit really knows where neighbouring residuals resemble each other.
+
+The idea: a testing machine samples a smooth curve a hundred times a second. The residuals of a fit to it are not
+independent: the machine's filter and whatever the model misses make neighbours alike, and a plain least-squares
+uncertainty shrinks with the sampling rate, which is no knowledge. Residuals are taken as first-order autoregressive
+along each curve, V_ij = ρ^|i−j|, and V is carried through the estimator, so that n points count as about
+n(1 − ρ)/(1 + ρ) (Bayley & Hammersley 1946).
+
+Residuals of a fit are less correlated than the noise was, because the fit follows some of it. ρ is therefore the one
+at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the one found, where
+M = I − J(JᵀJ)⁻¹Jᵀ makes residuals of noise and S shifts by one.
+
+The interface: `scatter` of a linearised least-squares fit; `effective_points`; `log_likelihood` of residuals.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_HIGHEST = 0.995
+_NEGLIGIBLE = 1e-10  # singular value, of the largest, below which a direction is rounding
+_SINGULAR = 1e14  # condition beyond which an inverse has no correct digit
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What the residuals of a fit say about its parameters.
+
+    Attributes
+    ----------
+    covariance
+        Of the parameters, shape (p, p); None where the data do not determine them.
+    sigma
+        Standard deviation of a residual.
+    lag_one
+        Correlation ρ of neighbouring residuals.
+    effective_points
+        How many independent points the data are worth.
+    """
+
+    covariance: FloatArray | None
+    sigma: float
+    lag_one: float
+    effective_points: float
+
+
+def effective_points(points: int, lag_one: float) -> float:
+    """Independent points that ``points`` of that lag-one correlation are worth, at least one."""
+    return max(points * (1 - lag_one) / (1 + lag_one), 1.0)
+
+
+def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> Scatter:
+    """Covariance of least-squares parameters whose residuals are correlated along each curve.
+
+    Parameters
+    ----------
+    jacobians
+        One per curve, (points, p): derivatives of the weighted model by the parameters.
+    residuals
+        One per curve, (points,): weighted.
+    """
+    points = sum(len(r) for r in residuals)
+    power = sum(float(r @ r) for r in residuals)
+    basis = _basis(jacobians)
+    if points <= basis[0].shape[1]:
+        return Scatter(None, 0.0, 0.0, float(points))
+    lag_one = _lag_one(basis, residuals)
+    variance = power / max(points - _overlap(basis, lag_one), 1.0)
+    worth = effective_points(points, lag_one)
+    inverse = _inverse(_gram(jacobians, jacobians))
+    if inverse is None:
+        return Scatter(None, float(np.sqrt(variance)), lag_one, worth)
+    found = variance * inverse @ _gram(jacobians, [_smeared(j, lag_one) for j in jacobians]) @ inverse
+    return Scatter((found + found.T) / 2, float(np.sqrt(variance)), lag_one, worth)
+
+
+def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
+    """Largest log-likelihood, over their variance, of residuals that are autoregressive along each curve."""
+    points = sum(len(r) for r in residuals)
+    power = sum((1 - lag_one**2) * r[0] ** 2 + float(np.sum((r[1:] - lag_one * r[:-1]) ** 2)) for r in residuals)
+    if power <= 0:
+        return float("inf")
+    starts = len(residuals) / 2 * math.log(1 - lag_one**2)
+    return starts - points / 2 * (math.log(2 * math.pi * power / points) + 1)
+
+
+def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
+    """Orthonormal columns that span what the parameters can do, whether or not each of them is determined."""
+    stacked = np.vstack(jacobians)
+    size = np.linalg.norm(stacked, axis=0)
+    left, singular, _ = np.linalg.svd(stacked / np.where(size > 0, size, 1.0), full_matrices=False)
+    kept = left[:, singular > _NEGLIGIBLE * singular[0]]
+    return np.split(kept, np.cumsum([len(j) for j in jacobians])[:-1])
+
+
+def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> float:
+    """ρ whose expected correlation of the residuals is the one found, 0 to 0.995."""
+    from scipy.optimize import brentq
+
+    power = sum(float(r @ r) for r in residuals)
+    if power <= 0:
+        return 0.0
+    found = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
+    shifted = _gram(basis, [_shifted(q) for q in basis])
+
+    def excess(lag_one: float) -> float:
+        return _expected(basis, shifted, lag_one) - found
+
+    if excess(0.0) >= 0:
+        return 0.0
+    return _HIGHEST if excess(_HIGHEST) <= 0 else float(brentq(excess, 0.0, _HIGHEST, xtol=1e-6))
+
+
+def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:
+    """tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
+    points = sum(len(q) for q in basis)
+    smeared = [_smeared(q, lag_one) for q in basis]
+    through = _gram(basis, smeared)
+    both = _gram(basis, [_shifted(s) for s in smeared])
+    above = (points - len(basis)) * lag_one + float(np.sum(shifted * through.T) - 2 * np.trace(both))
+    return above / (points - float(np.trace(through)))
+
+
+def _overlap(basis: Sequence[FloatArray], lag_one: float) -> float:
+    """tr(Qᵀ V Q): how much of correlated noise the fit follows, in points."""
+    return float(np.trace(_gram(basis, [_smeared(q, lag_one) for q in basis])))
+
+
+def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
+    """Sum over curves of LᵀR."""
+    found = np.zeros((left[0].shape[1], right[0].shape[1]))
+    for one, other in zip(left, right, strict=True):
+        found += one.T @ other
+    return found
+
+
+def _shifted(columns: FloatArray) -> FloatArray:
+    """S times columns: half of the neighbour on each side."""
+    found = np.zeros_like(columns)
+    found[1:] += columns[:-1] / 2
+    found[:-1] += columns[1:] / 2
+    return found
+
+
+def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:
+    """V times columns, V_ij = ρ^|i−j|, in one sweep each way."""
+    from scipy.signal import lfilter
+
+    if lag_one == 0:
+        return columns
+    forward = lfilter([1.0], [1.0, -lag_one], columns, axis=0)
+    backward = lfilter([1.0], [1.0, -lag_one], columns[::-1], axis=0)[::-1]
+    return np.asarray(forward + backward - columns)
+
+
+def _inverse(normal: FloatArray) -> FloatArray | None:
+    """Inverse of a normal matrix, scaled against units that differ by orders; None where it has none."""
+    scale = np.sqrt(np.diag(normal))
+    if not np.isfinite(normal).all() or (scale == 0).any():
+        return None
+    scaled = normal / np.outer(scale, scale)
+    if np.linalg.cond(scaled) > _SINGULAR:
+        return None
+    return np.asarray(np.linalg.inv(scaled) / np.outer(scale, scale))

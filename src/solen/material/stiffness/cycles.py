@@ -1,0 +1,213 @@
+"""Loading, unloading, and what a cyclic test loses.
+
+The idea: a test is a sequence of branches between turning points of the strain. A swing counts as a branch once it
+exceeds a share of the whole range, so that noise does not. Each cycle, a loading and an unloading, takes in work,
+gives some back, and leaves a strain; rubbers lose most in the first one (Mullins softening; Diani, Fayolle & Gilormini
+2009), so first and last are compared. Cycles of one specimen are not replicates: they say how it changes, not how
+specimens differ.
+
+The interface: `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies, `softening`.
+"""
+
+# ruff: noqa: N815  units keep their case
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.stiffness.test import StressStrain
+
+FloatArray = NDArray[np.float64]
+
+SWING = 0.1
+"""Share of the strain's range that a reversal must exceed."""
+_UNLOADED = (0.01, 0.05)  # of the first cycle's peak stress
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One loading and the unloading after it.
+
+    Attributes
+    ----------
+    number
+        From 1.
+    start, peak, end
+        Rows of the test: first, turning point, last.
+    peak_strain, peak_stress_MPa
+        At the turning point and, of the stress, the largest of the cycle; as magnitudes.
+    stress_at_half_MPa
+        On loading, at half of the first cycle's peak strain; None where the cycle does not pass it.
+    work_in_mJ_per_mm3, work_out_mJ_per_mm3
+        Per volume before the test; None for what was not recorded (no unloading).
+    residual_strain
+        Where a line through the end of the unloading, from 5 to 1 % of the first peak stress, meets zero stress; None
+        where unloading was not recorded to 1 %.
+    """
+
+    number: int
+    start: int
+    peak: int
+    end: int
+    peak_strain: float
+    peak_stress_MPa: float
+    stress_at_half_MPa: float | None
+    work_in_mJ_per_mm3: float
+    work_out_mJ_per_mm3: float | None
+    residual_strain: float | None
+
+    @property
+    def dissipated_mJ_per_mm3(self) -> float | None:
+        """Hysteresis: the work that did not come back."""
+        return None if self.work_out_mJ_per_mm3 is None else self.work_in_mJ_per_mm3 - self.work_out_mJ_per_mm3
+
+    @property
+    def loss_fraction(self) -> float | None:
+        """Hysteresis over the work put in."""
+        lost = self.dissipated_mJ_per_mm3
+        return None if lost is None or self.work_in_mJ_per_mm3 <= 0 else lost / self.work_in_mJ_per_mm3
+
+
+@dataclass(frozen=True)
+class Softening:
+    """What the last cycle lacks, as fractions of the first: of the stress at peak and at half, of the work put in."""
+
+    cycles: int
+    peak_stress: float
+    stress_at_half: float | None
+    work_in: float
+
+
+def branches(strain: FloatArray, swing: float = SWING) -> list[tuple[int, int]]:
+    """Rows (first, last) of the branches between turning points, in their order.
+
+    Parameters
+    ----------
+    strain
+        Shape (n,); only its reversals matter.
+    swing
+        Share of the strain's range that a reversal must exceed to be one.
+    """
+    least = swing * float(np.ptp(strain))
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(strain))) != 0) + 1
+    rows = np.unique(np.concatenate([[0], turns, [len(strain) - 1]]))
+    kept, rising = [0], 0
+    for row in rows[1:]:
+        step = float(strain[row] - strain[kept[-1]])
+        if rising == 0:
+            if abs(step) > least:
+                kept.append(int(row))
+                rising = 1 if step > 0 else -1
+        elif step * rising > 0:
+            kept[-1] = int(row)
+        elif abs(step) > least:
+            kept.append(int(row))
+            rising = -rising
+    return list(pairwise(kept))
+
+
+def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
+    """Rows over which a test is loaded, in its first or last cycle; all rows of a test in both directions.
+
+    Raises
+    ------
+    DataError
+        Where it is never loaded: the strain only falls.
+    """
+    if test.loading == "both":
+        return slice(0, len(test.strain))
+    raised = test.sign * test.strain
+    loadings = [(first, last) for first, last in branches(raised) if raised[last] > raised[first]]
+    if not loadings:
+        limit = f"falls from {raised[0]:.4g} to {raised[-1]:.4g} and never rises"
+        remedy = "give the loading too, in the order it was recorded, or state --mode"
+        raise DataError("strain", limit=limit, remedy=remedy)
+    first, last = loadings[0] if cycle == "first" else loadings[-1]
+    return slice(first, last + 1)
+
+
+def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
+    """Cycles of a test, each a loading and the unloading after it, if any; none for a test in both directions."""
+    if test.loading == "both":
+        return ()
+    strain, stress = test.sign * test.strain, test.sign * test.stress_MPa
+    parts = branches(strain)
+    found: list[Cycle] = []
+    for at, (first, peak) in enumerate(parts):
+        if strain[peak] <= strain[first]:
+            continue
+        unloading = parts[at + 1] if at + 1 < len(parts) else None
+        found.append(_cycle(strain, stress, len(found) + 1, (first, peak), unloading, found[:1]))
+    return tuple(found)
+
+
+def softening(found: Sequence[Cycle]) -> Softening | None:
+    """Last cycle against the first; None where there is one only, or the last does not reach the first's strain."""
+    if len(found) < 2:
+        return None
+    first, last = found[0], found[-1]
+    if last.peak_strain < 0.95 * first.peak_strain:
+        return None
+    half = (first.stress_at_half_MPa, last.stress_at_half_MPa)
+    return Softening(
+        cycles=len(found),
+        peak_stress=1 - last.peak_stress_MPa / first.peak_stress_MPa,
+        stress_at_half=None if half[0] is None or half[1] is None or half[0] == 0 else 1 - half[1] / half[0],
+        work_in=1 - last.work_in_mJ_per_mm3 / first.work_in_mJ_per_mm3,
+    )
+
+
+def _cycle(
+    strain: FloatArray,
+    stress: FloatArray,
+    number: int,
+    loading: tuple[int, int],
+    unloading: tuple[int, int] | None,
+    before: Sequence[Cycle],
+) -> Cycle:
+    """A cycle of strain and stress as magnitudes; ``before`` holds the first one, unless this is it."""
+    start, peak = loading
+    up = slice(start, peak + 1)
+    largest = float(stress[up].max())
+    first_strain = before[0].peak_strain if before else float(strain[peak])
+    first_stress = before[0].peak_stress_MPa if before else largest
+    down = slice(unloading[0], unloading[1] + 1) if unloading else None
+    return Cycle(
+        number=number,
+        start=start,
+        peak=peak,
+        end=unloading[1] if unloading else peak,
+        peak_strain=float(strain[peak]),
+        peak_stress_MPa=largest,
+        stress_at_half_MPa=_crossing(strain[up], stress[up], first_strain / 2),
+        work_in_mJ_per_mm3=float(np.trapezoid(stress[up], strain[up])),
+        work_out_mJ_per_mm3=None if down is None else -float(np.trapezoid(stress[down], strain[down])),
+        residual_strain=None if down is None else _residual(strain[down], stress[down], first_stress),
+    )
+
+
+def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | None:
+    """Strain at which the last of an unloading meets zero stress."""
+    low, high = (share * peak for share in _UNLOADED)
+    end = np.flatnonzero(stress <= low)
+    if len(end) == 0:
+        return None
+    last = np.flatnonzero(stress[: end[0]] <= high)
+    if len(last) < 3 or float(np.ptp(stress[last])) == 0:
+        return _crossing(-stress, strain, -low)
+    slope, zero = np.polyfit(stress[last], strain[last], 1)
+    return float(zero) if slope > 0 else _crossing(-stress, strain, -low)
+
+
+def _crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:
+    """Value where ``rising`` first reaches a level from below, linear between rows; None where it does not."""
+    reached = np.flatnonzero(rising >= level)
+    if len(reached) == 0 or reached[0] == 0:
+        return None
+    at = int(reached[0])
+    share = (level - rising[at - 1]) / (rising[at] - rising[at - 1])
+    return float(values[at - 1] + share * (values[at] - values[at - 1]))

@@ -1,0 +1,315 @@
+"""Hyperelastic fits: one set of parameters for all tests of a material at once.
+
+The idea: a model that follows one kind of test says little about another, so all modes are fitted together. What is
+minimised is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: every newton counts alike) or
+w = 1/max(|P|, 2 % of the test's largest) (``relative``: every per cent does). Models linear in their parameters are
+solved at once. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
+moduli are linear, so a grid of powers is solved for them, the best starts are refined with the exact derivatives, and
+the best end is kept. Nothing is random.
+
+Models are compared by AICc (Hurvich & Tsai 1989), and among those that are stable over the measured stretches. Its
+likelihood is that of autoregressive residuals (`solen.material.stiffness.correlation`): with independent ones a curve
+sampled densely enough would always vote for the most parameters.
+
+The interface: `fit` for one model, `choose` among several fits of the same curves; `Curve` is a test.
+"""
+
+# ruff: noqa: N802, N815  units keep their case
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.stiffness.correlation import Scatter, log_likelihood, scatter
+from solen.material.stiffness.models import Model, Ogden, model
+from solen.material.stiffness.modes import MODES, Mode
+from solen.material.stiffness.stability import StableRange, stable_range
+
+FloatArray = NDArray[np.float64]
+
+WEIGHTINGS = ("absolute", "relative")
+_FLOOR = 0.02  # of the largest stress of a test: below it a relative error means nothing
+_POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
+_STEEPEST = 30.0  # bound of |α|
+_REFINED = 12  # starts that are refined
+_POLISHED = 3  # of them, to the end
+_STEPS = 400  # evaluations for each
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One test: engineering stress over stretch along a mode.
+
+    Attributes
+    ----------
+    mode
+        How the specimen is deformed.
+    stretch, stress_MPa
+        Shape (n,); compression is stretch below 1 with negative stress.
+    """
+
+    mode: Mode
+    stretch: FloatArray
+    stress_MPa: FloatArray
+
+
+@dataclass(frozen=True)
+class ModeQuality:
+    """How well a fit follows the tests of one mode: root mean square error in MPa and relative, R², range, points."""
+
+    mode: str
+    points: int
+    stretch_range: tuple[float, float]
+    rms_MPa: float
+    rms_relative: float
+    r_squared: float | None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One model fitted to all tests.
+
+    Attributes
+    ----------
+    model, parameters, scatter
+        The model, its parameters in the order of ``model.names``, and their covariance with what it rests on.
+    weighting, weighted_squares
+        How residuals were weighted, and the sum of their squares.
+    quality
+        Per mode.
+    stable
+        Stable stretches per mode, of all modes, measured or not.
+    stable_in_data
+        Whether the model is stable over the measured stretches of every measured mode.
+    aicc
+        Corrected Akaike criterion; None where there are too few points for it, or no residual.
+    """
+
+    model: Model
+    parameters: FloatArray
+    scatter: Scatter
+    weighting: str
+    weighted_squares: float
+    quality: tuple[ModeQuality, ...]
+    stable: dict[str, StableRange]
+    stable_in_data: bool
+    aicc: float | None
+
+    @property
+    def initial_modulus_MPa(self) -> float:
+        """Young's modulus at zero strain, E₀ = 3 μ₀."""
+        return 3 * self.model.shear_modulus_row(self.parameters)[0]
+
+    @property
+    def u_initial_modulus_MPa(self) -> float | None:
+        """Its standard uncertainty by the covariance of the parameters."""
+        if self.scatter.covariance is None:
+            return None
+        row = 3 * self.model.shear_modulus_row(self.parameters)[1]
+        return math.sqrt(max(float(row @ self.scatter.covariance @ row), 0.0))
+
+
+def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
+    """Fit one model to all curves.
+
+    Parameters
+    ----------
+    kind
+        One of `solen.material.stiffness.models.KINDS`.
+    curves
+        Tests, each along its mode.
+    weighting
+        ``absolute`` or ``relative``.
+
+    Raises
+    ------
+    DataError
+        Where the curves have fewer points than the model has parameters plus one, or a stretch is not above 0.
+    SpecError
+        Where there is no such model.
+    """
+    fitted = model(kind)
+    _check(curves, weighting, fitted)
+    weights = [_weights(curve, weighting) for curve in curves]
+    parameters = (
+        _fit_ogden(fitted, curves, weights) if isinstance(fitted, Ogden) else _fit_linear(fitted, curves, weights)
+    )
+    residuals = [
+        w * (fitted.stress(parameters, c.mode, c.stretch) - c.stress_MPa) for c, w in zip(curves, weights, strict=True)
+    ]
+    jacobians = [
+        w[:, None] * fitted.jacobian(parameters, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)
+    ]
+    quality = _quality(fitted, parameters, curves)
+    reached = (min(q.stretch_range[0] for q in quality), max(q.stretch_range[1] for q in quality))
+    stable = {name: stable_range(fitted, parameters, mode, reached) for name, mode in MODES.items()}
+    spread = scatter(jacobians, residuals)
+    return Fit(
+        model=fitted,
+        parameters=parameters,
+        scatter=spread,
+        weighting=weighting,
+        weighted_squares=sum(float(r @ r) for r in residuals),
+        quality=quality,
+        stable=stable,
+        stable_in_data=all(stable[q.mode].covers(*q.stretch_range) for q in quality),
+        aicc=_aicc(residuals, spread.lag_one, len(parameters)),
+    )
+
+
+def choose(fits: Sequence[Fit]) -> Fit | None:
+    """Fit of the lowest AICc among those stable over the data; None where none is stable."""
+    stable = [f for f in fits if f.stable_in_data]
+    judged = [f for f in stable if f.aicc is not None]
+    if judged:
+        return min(judged, key=lambda f: 0.0 if f.aicc is None else f.aicc)
+    return min(stable, key=lambda f: len(f.parameters)) if stable else None
+
+
+def _check(curves: Sequence[Curve], weighting: str, fitted: Model) -> None:
+    if weighting not in WEIGHTINGS:
+        raise DataError("weighting", value=weighting, limit=f"must be one of {', '.join(WEIGHTINGS)}")
+    points, needed = sum(len(curve.stretch) for curve in curves), len(fitted.names) + 1
+    if points < needed:
+        raise DataError(f"points for {fitted.kind}", value=points, limit=f"at least {needed}", remedy="measure more")
+    for curve in curves:
+        if not (np.isfinite(curve.stretch).all() and np.isfinite(curve.stress_MPa).all()):
+            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="leave out points without a number")
+        if (lowest := float(curve.stretch.min())) <= 0:
+            raise DataError("stretch", value=lowest, limit="must be above 0", remedy="check length and displacement")
+
+
+def _weights(curve: Curve, weighting: str) -> FloatArray:
+    size = np.abs(curve.stress_MPa)
+    if weighting == "absolute":
+        return np.ones_like(size)
+    largest = float(size.max())
+    if largest == 0:
+        raise DataError("stress", value=0, limit="is zero throughout a test", remedy="check the force column")
+    return 1 / np.maximum(size, _FLOOR * largest)
+
+
+def _fit_linear(fitted: Model, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
+    start = np.zeros(len(fitted.names))
+    rows = [w[:, None] * fitted.jacobian(start, c.mode, c.stretch) for c, w in zip(curves, weights, strict=True)]
+    wanted = [w * c.stress_MPa for c, w in zip(curves, weights, strict=True)]
+    return _solved(np.vstack(rows), np.concatenate(wanted))
+
+
+def _solved(rows: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Least squares with columns of one size: powers of the invariants differ by many orders."""
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    return np.asarray(np.linalg.lstsq(rows / size, wanted, rcond=None)[0] / size)
+
+
+def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
+    """Best end of the best starts; powers are kept within ±30 by α = 30 sin θ, so that the search itself is free."""
+    from scipy.optimize import leastsq
+
+    terms = _Terms.of(curves, weights)
+    order = fitted.order
+
+    def residual(searched: FloatArray) -> FloatArray:
+        return terms.basis(_STEEPEST * np.sin(searched[order:])) @ searched[:order] - terms.wanted
+
+    def jacobian(searched: FloatArray) -> FloatArray:
+        powers, slope = _STEEPEST * np.sin(searched[order:]), _STEEPEST * np.cos(searched[order:])
+        return np.hstack([terms.basis(powers), terms.by_power(powers) * searched[:order] * slope])
+
+    def ended(start: FloatArray, tolerance: float) -> tuple[float, FloatArray]:
+        found = leastsq(residual, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_STEPS, full_output=True)
+        return float(np.sum(residual(np.asarray(found[0])) ** 2)), np.asarray(found[0])
+
+    rough = [
+        ended(np.concatenate([moduli, np.arcsin(powers / _STEEPEST)]), 1e-5) for moduli, powers in _starts(terms, order)
+    ]
+    rough.sort(key=lambda each: each[0])
+    best = min((ended(end, 1e-14) for _, end in rough[:_POLISHED]), key=lambda each: each[0])[1]
+    return _ordered(fitted, np.concatenate([best[:order], _STEEPEST * np.sin(best[order:])]))
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """Ogden's terms at all points of all curves: weighted stress Σᵢ fᵢ exp(α lᵢ) at μ = 1, with lᵢ = ln λᵢ."""
+
+    factor: FloatArray
+    logarithm: FloatArray
+    wanted: FloatArray
+
+    @classmethod
+    def of(cls, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> "_Terms":
+        factors, logarithms = [], []
+        for curve, weight in zip(curves, weights, strict=True):
+            powers = np.array(curve.mode.powers)
+            factors.append(powers * (weight / curve.stretch / curve.mode.directions)[:, None])
+            logarithms.append(powers * np.log(curve.stretch)[:, None])
+        wanted = np.concatenate([w * c.stress_MPa for c, w in zip(curves, weights, strict=True)])
+        return cls(np.vstack(factors), np.vstack(logarithms), wanted)
+
+    def basis(self, powers: FloatArray) -> FloatArray:
+        """Stress of each term: (points, terms)."""
+        return np.asarray(np.einsum("ni,nit->nt", self.factor, np.exp(self.logarithm[:, :, None] * powers)))
+
+    def by_power(self, powers: FloatArray) -> FloatArray:
+        """Its derivative by the term's power."""
+        grown = np.exp(self.logarithm[:, :, None] * powers)
+        return np.asarray(np.einsum("ni,nit->nt", self.factor * self.logarithm, grown))
+
+
+def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Best of a grid of powers, each with the moduli that are best for it."""
+    powers = np.array(_POWERS)
+    basis = terms.basis(powers)
+    tried = []
+    for chosen in combinations(range(len(powers)), order):
+        rows = basis[:, chosen]
+        moduli = _solved(rows, terms.wanted)
+        tried.append((float(np.sum((rows @ moduli - terms.wanted) ** 2)), moduli, powers[list(chosen)]))
+    tried.sort(key=lambda each: each[0])
+    return [(moduli, alphas) for _, moduli, alphas in tried[:_REFINED]]
+
+
+def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
+    """The same sum with its terms by falling power, so that equal fits look equal."""
+    moduli, powers = fitted.split(parameters)
+    order = np.argsort(-powers)
+    return np.concatenate([moduli[order], powers[order]])
+
+
+def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> tuple[ModeQuality, ...]:
+    found = []
+    for name, mode in MODES.items():
+        ours = [curve for curve in curves if curve.mode.name == name]
+        if not ours:
+            continue
+        stretch = np.concatenate([curve.stretch for curve in ours])
+        stress = np.concatenate([curve.stress_MPa for curve in ours])
+        error = fitted.stress(parameters, mode, stretch) - stress
+        floored = np.maximum(np.abs(stress), _FLOOR * np.abs(stress).max())
+        spread = float(np.sum((stress - stress.mean()) ** 2))
+        found.append(
+            ModeQuality(
+                mode=name,
+                points=len(stretch),
+                stretch_range=(min(float(stretch.min()), 1.0), max(float(stretch.max()), 1.0)),
+                rms_MPa=float(np.sqrt(np.mean(error**2))),
+                rms_relative=float(np.sqrt(np.mean((error / floored) ** 2))),
+                r_squared=None if spread == 0 else 1 - float(error @ error) / spread,
+            )
+        )
+    return tuple(found)
+
+
+def _aicc(residuals: Sequence[FloatArray], lag_one: float, parameters: int) -> float | None:
+    """AICc with k = parameters, the variance and the correlation."""
+    points, k = sum(len(r) for r in residuals), parameters + 2
+    likelihood = log_likelihood(residuals, lag_one)
+    if points - k - 1 <= 0 or likelihood == float("inf"):
+        return None
+    return -2 * likelihood + 2 * k + 2 * k * (k + 1) / (points - k - 1)

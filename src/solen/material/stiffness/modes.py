@@ -1,0 +1,71 @@
+"""Homogeneous deformations of an incompressible specimen, each followed by one stretch λ.
+
+The idea: in every test of this kind the three principal stretches are powers of one of them, λᵢ = λ^cᵢ with Σ cᵢ = 0,
+because the volume stays. The engineering stress is what the energy per reference volume W gains along the way, divided
+by the number of directions that pull: P = (dW/dλ)/m. Compression is the uniaxial way below λ = 1.
+
+The interface: `MODES` by name, `Mode.principal` for the stretches, `Mode.slope_ratio` between the first slope of the
+engineering stress and Young's modulus.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One way to deform.
+
+    Attributes
+    ----------
+    name
+        ``uniaxial``, ``planar`` (pure shear) or ``equibiaxial``.
+    powers
+        cᵢ of λᵢ = λ^cᵢ.
+    directions
+        How many directions are pulled with the same stress.
+    """
+
+    name: str
+    powers: tuple[float, float, float]
+    directions: int
+
+    def principal(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The three principal stretches, each of the shape of ``stretch``."""
+        first, second, third = (stretch**power for power in self.powers)
+        return first, second, third
+
+    @property
+    def slope_ratio(self) -> float:
+        """First slope of engineering stress over stretch, as a multiple of Young's modulus.
+
+        From W ≈ μ Σ (ln λᵢ)² and E = 3μ: 2 Σ cᵢ²/(3 m): 1 uniaxial, 4/3 planar, 2 equibiaxial.
+        """
+        return 2 * sum(power**2 for power in self.powers) / (3 * self.directions)
+
+
+UNIAXIAL = Mode("uniaxial", (1.0, -0.5, -0.5), 1)
+PLANAR = Mode("planar", (1.0, 0.0, -1.0), 1)
+EQUIBIAXIAL = Mode("equibiaxial", (1.0, 1.0, -2.0), 2)
+MODES = {mode.name: mode for mode in (UNIAXIAL, PLANAR, EQUIBIAXIAL)}
+
+
+def mode_of(name: str) -> Mode:
+    """Mode of a name; tension and compression are both uniaxial.
+
+    Raises
+    ------
+    DataError
+        Where there is none of that name.
+    """
+    if name in {"tension", "compression"}:
+        return UNIAXIAL
+    if name not in MODES:
+        raise DataError("mode", value=name, limit=f"must be tension, compression, {', '.join(MODES)}")
+    return MODES[name]

@@ -1,0 +1,219 @@
+"""Young's modulus by regression over a stated range of strain, with what it is uncertain by; strength and break.
+
+The idea: the slope of engineering stress over engineering strain, of every recorded point of the loading branch from
+one strain to another, both included: that is how testing machines do it (ISO 527-1: 0.05 to 0.25 %). Its uncertainty is
+made of the scatter about the line, with correlated residuals counted for what they are worth, and of the specimen's
+dimensions. A planar or equibiaxial test has another first slope than Young's modulus (4/3 and 2 of it); that is
+divided out.
+
+Over a wide range a rubber's slope is not its modulus at zero strain: `ideal_ratio` says by how much an ideal one's
+differs.
+
+The interface: `young` over a range, `default_range` where none is stated, `secant`, `extremes`.
+"""
+
+# ruff: noqa: N815  units keep their case
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.stiffness.correlation import scatter
+from solen.material.stiffness.cycles import loading_branch
+from solen.material.stiffness.modes import Mode
+from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.toe import measure
+
+FloatArray = NDArray[np.float64]
+Range = tuple[float, float]
+
+_TENSION: tuple[Range, ...] = ((0.0005, 0.0025), (0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
+_COMPRESSION: tuple[Range, ...] = ((0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
+_ENOUGH, _FEWEST = 8, 3
+_RESOLVED = 0.02  # relative uncertainty above which a narrow range is given up for a wider one
+BREAK = 0.6
+"""Share of the largest force below which a specimen is broken."""
+
+
+@dataclass(frozen=True)
+class Young:
+    """A modulus and what it rests on.
+
+    Attributes
+    ----------
+    modulus_MPa, u_modulus_MPa
+        Young's modulus, and its standard uncertainty: scatter and, where known, dimensions.
+    u_scatter_MPa, u_dimensions_MPa
+        The two parts; None for dimensions of unknown uncertainty.
+    interval95_MPa
+        By Student's t of the effective degrees of freedom, and the normal for the dimensions.
+    strain_range
+        From and to, as magnitudes, both included.
+    points, effective_points, lag_one
+        Points in the range, what they are worth, and the correlation of neighbouring residuals.
+    r_squared, residual_MPa
+        Of the line: share of the variance, and the residuals' standard deviation.
+    intercept_MPa
+        Where it meets zero strain.
+    """
+
+    modulus_MPa: float
+    u_modulus_MPa: float
+    u_scatter_MPa: float
+    u_dimensions_MPa: float | None
+    interval95_MPa: tuple[float, float]
+    strain_range: Range
+    points: int
+    effective_points: float
+    lag_one: float
+    r_squared: float
+    residual_MPa: float
+    intercept_MPa: float
+
+
+@dataclass(frozen=True)
+class Extremes:
+    """Largest stress and where it was; the break, if the record holds one. Magnitudes."""
+
+    strength_MPa: float
+    strain_at_strength: float
+    strain_at_break: float | None
+    stress_at_break_MPa: float | None
+
+
+def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Young:
+    """Modulus over a range of strain, as fractions.
+
+    Parameters
+    ----------
+    test
+        Strains counted from where the range is.
+    strain_range
+        From and to, magnitudes, both included.
+    cycle
+        ``first`` or ``last``: whose loading branch.
+
+    Raises
+    ------
+    DataError
+        Where the range is none, or holds fewer than three points or no slope.
+    """
+    low, high = strain_range
+    if not 0 <= low < high < math.inf:
+        told = f"{100 * low:g} {100 * high:g}"
+        raise DataError("--strain-range-percent", value=told, limit="must be two numbers from 0 up, the lower first")
+    strain, stress = _in_range(test, strain_range, cycle)
+    if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
+        reached = 100 * float(np.abs(test.strain).max())
+        limit = f"holds {len(strain)} points of the loading, {_FEWEST} are needed; the test reaches {reached:.4g} %"
+        raise DataError(f"strain range {100 * low:g} to {100 * high:g} %", limit=limit, remedy="choose a wider one")
+    return _regression(test, strain, stress, strain_range)
+
+
+def default_range(test: StressStrain, cycle: str = "first") -> Range:
+    """Range of strain where none is stated.
+
+    In tension 0.05 to 0.25 %, as ISO 527-1, if it holds eight points and gives the modulus to 2 %; else, and in
+    compression, the first of 2 to 10 %, 5 to 25 % and 0 to 50 % that holds eight; else the first five points.
+    """
+    candidates = _COMPRESSION if test.loading == "compression" else _TENSION
+    for wanted in candidates:
+        strain, stress = _in_range(test, wanted, cycle)
+        if len(strain) < _ENOUGH or float(np.ptp(strain)) == 0 or float(np.ptp(strain)) < 0.5 * (wanted[1] - wanted[0]):
+            continue
+        found = _regression(test, strain, stress, wanted)
+        if wanted[1] > 0.01 or found.u_scatter_MPa < _RESOLVED * found.modulus_MPa:
+            return wanted
+    sizes = np.unique(np.abs(test.strain[loading_branch(test, cycle)]))
+    return 0.0, float(sizes[min(4, len(sizes) - 1)])
+
+
+def ideal_ratio(mode: Mode, sign: int, strain_range: Range) -> float:
+    """Slope of an ideal (neo-Hookean) rubber over a range of strain, over its slope at zero strain."""
+    ends = sign * np.array(strain_range)
+    low, high = measure(mode, ends)
+    return float((high - low) / (ends[1] - ends[0]) / mode.slope_ratio)
+
+
+def secant(test: StressStrain, strain: float, cycle: str = "first") -> float | None:
+    """Stress over strain in MPa at a strain (magnitude) while loading; None where the test does not reach it."""
+    rows = loading_branch(test, cycle)
+    size, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
+    reached = np.flatnonzero(size >= strain)
+    if strain <= 0 or len(reached) == 0:
+        return None
+    at = int(reached[0])
+    if at == 0 or size[at] == strain:
+        return float(stress[at] / strain) if size[at] == strain else None
+    share = (strain - size[at - 1]) / (size[at] - size[at - 1])
+    return float((stress[at - 1] + share * (stress[at] - stress[at - 1])) / strain)
+
+
+def extremes(test: StressStrain) -> Extremes:
+    """Largest stress, and the break: the first row after it whose stress is below 60 % of it.
+
+    A machine that stops the record there leaves it as its last row.
+    """
+    size, stress = test.sign * test.strain, test.sign * test.stress_MPa
+    at = int(np.argmax(stress))
+    broken = np.flatnonzero(stress[at:] < BREAK * stress[at])
+    unloads = loading_branch(test, "last").stop < len(stress) and np.ptp(size[at:]) > 0.1 * np.ptp(size)
+    row = at + int(broken[0]) if len(broken) and not unloads else None
+    return Extremes(
+        strength_MPa=float(stress[at]),
+        strain_at_strength=float(size[at]),
+        strain_at_break=None if row is None else float(size[row]),
+        stress_at_break_MPa=None if row is None else float(stress[row]),
+    )
+
+
+def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[FloatArray, FloatArray]:
+    """Strain and stress of the points of the loading branch in a range, on either side of zero where the test is."""
+    rows = loading_branch(test, cycle)
+    strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
+    size = np.abs(strain) if test.loading == "both" else strain
+    within = (size >= strain_range[0]) & (size <= strain_range[1])
+    return strain[within], stress[within]
+
+
+def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, strain_range: Range) -> Young:
+    from scipy.stats import t
+
+    rows = np.column_stack([np.ones_like(strain), strain])
+    centre = float(strain.mean())
+    slope = float((strain - centre) @ stress / ((strain - centre) @ (strain - centre)))
+    intercept = float(stress.mean() - slope * centre)
+    residuals = stress - intercept - slope * strain
+    found = scatter([rows], [residuals])
+    u_slope = 0.0 if found.covariance is None else math.sqrt(max(float(found.covariance[1, 1]), 0.0))
+    modulus, u_scatter = slope / test.mode.slope_ratio, u_slope / test.mode.slope_ratio
+    u_dimensions = _u_dimensions(test, modulus)
+    u_modulus = math.hypot(u_scatter, u_dimensions or 0.0)
+    wide = float(t.ppf(0.975, max(found.effective_points - 2, 1.0))) * u_scatter
+    half = math.hypot(wide, 1.959964 * (u_dimensions or 0.0))
+    spread = float(np.sum((stress - stress.mean()) ** 2))
+    return Young(
+        modulus_MPa=modulus,
+        u_modulus_MPa=u_modulus,
+        u_scatter_MPa=u_scatter,
+        u_dimensions_MPa=u_dimensions,
+        interval95_MPa=(modulus - half, modulus + half),
+        strain_range=strain_range,
+        points=len(strain),
+        effective_points=found.effective_points,
+        lag_one=found.lag_one,
+        r_squared=1 - float(residuals @ residuals) / spread if spread > 0 else 0.0,
+        residual_MPa=found.sigma,
+        intercept_MPa=intercept,
+    )
+
+
+def _u_dimensions(test: StressStrain, modulus: float) -> float | None:
+    """Part of the dimensions: of the area where force was divided by it, of the length where displacement was."""
+    parts = [test.specimen.u_area] if test.area_used else []
+    parts += [test.specimen.u_length] if test.from_displacement else []
+    known = [part for part in parts if part is not None]
+    return abs(modulus) * math.hypot(*known) if known else None

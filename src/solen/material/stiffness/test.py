@@ -1,0 +1,218 @@
+"""From what a testing machine records to engineering and true stress and strain.
+
+The idea: an engineering stress is force over the area before the test, an engineering strain displacement over the
+length before it; compression is negative in both, whatever the machine's sign. Where the file states stress or strain
+itself, that is taken as it is. True stress and strain follow from the volume being kept, λA = A₀: σ = Pλ, ε = ln λ, in
+all three modes. That is an assumption (rubbers: ν > 0.499; printed parts with voids less), and it says nothing about a
+specimen that barrels or necks.
+
+The interface: `as_test` makes a `StressStrain` of arrays, `solen.material.stiffness.columns` of a recording.
+"""
+
+# ruff: noqa: N802, N803, N815  units keep their case
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.material.stiffness.modes import MODES, Mode, mode_of
+from solen.material.stiffness.specimen import Specimen
+
+FloatArray = NDArray[np.float64]
+
+CHOICES = ("tension", "compression", *MODES)
+"""What a user can call a test; ``uniaxial`` takes both signs as they stand in the file."""
+_FEWEST = 5
+_BOTH = 0.05  # share of the range on the other side of zero that makes a test one in both directions
+_PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
+
+
+@dataclass(frozen=True)
+class StressStrain:
+    """One test, in the order it was recorded.
+
+    Attributes
+    ----------
+    mode
+        How the specimen is deformed.
+    loading
+        ``tension``, ``compression``, or ``both`` where a file holds both.
+    strain, stress_MPa
+        Engineering, shape (n,); compression is negative.
+    specimen
+        Its dimensions.
+    made_from
+        Which columns stress and strain are, or are made of.
+    area_used
+        Whether the stress is a force over the specimen's area.
+    from_displacement
+        Whether the strain is a displacement over a length, with slack and the machine's compliance in it.
+    compliance_removed
+        Whether the machine's has been taken off.
+    preload
+        What the file says about a preload at which strain was set to zero; empty where nothing.
+    notes, warnings
+        What was decided, and what to beware of, in plain sentences.
+    """
+
+    mode: Mode
+    loading: str
+    strain: FloatArray
+    stress_MPa: FloatArray
+    specimen: Specimen
+    made_from: str = ""
+    area_used: bool = False
+    from_displacement: bool = False
+    compliance_removed: bool = False
+    preload: str = ""
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def stretch(self) -> FloatArray:
+        """λ = 1 + strain."""
+        return 1 + self.strain
+
+    @property
+    def true_strain(self) -> FloatArray:
+        """Logarithmic strain, ln λ."""
+        return np.log(self.stretch)
+
+    @property
+    def true_stress_MPa(self) -> FloatArray:
+        """Cauchy stress Pλ of an incompressible specimen."""
+        return self.stress_MPa * self.stretch
+
+    @property
+    def sign(self) -> int:
+        """+1 where loading raises the strain, -1 in compression."""
+        return -1 if self.loading == "compression" else 1
+
+    def shifted(self, zero_strain: float) -> "StressStrain":
+        """The same test with strain counted from ``zero_strain`` (of the present count)."""
+        return replace(self, strain=self.strain - zero_strain)
+
+
+def as_test(
+    strain: FloatArray,
+    stress_MPa: FloatArray,
+    specimen: Specimen,
+    mode: str | None = None,
+    *,
+    name: str = "test",
+    assumed: bool = False,
+) -> StressStrain:
+    """Test of engineering strain and stress in MPa, of whatever sign, shape (n,) each.
+
+    Parameters
+    ----------
+    strain, stress_MPa, specimen
+        As above; NaN at the end of both is left out.
+    mode
+        One of `CHOICES`; None to take it from the signs.
+    name
+        What errors call it.
+    assumed
+        Whether the mode was not stated by the user: what cannot be known is then warned of.
+
+    Raises
+    ------
+    DataError
+        Where there is nothing to evaluate.
+    """
+    if mode is not None and mode not in CHOICES:
+        raise DataError("--mode", value=mode, limit=f"must be one of {', '.join(CHOICES)}")
+    strain, stress = _without_gaps(np.asarray(strain, dtype=float), np.asarray(stress_MPa, dtype=float), name)
+    loading, notes, warnings = _loading(strain, stress, mode, name, assumed)
+    if loading != "both":
+        wanted = -1 if loading == "compression" else 1
+        strain, stress = wanted * sense(strain) * strain, wanted * sense(stress) * stress
+    if (lowest := float(strain.min())) <= -1:
+        remedy = "check the length and the unit of the displacement or strain"
+        raise DataError(
+            f"{name}: strain", value=lowest, limit="must stay above -1, as no length is left there", remedy=remedy
+        )
+    if strain.max() > _PERCENT_BY_MISTAKE:
+        warnings = (
+            *warnings,
+            f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent",
+        )
+    return StressStrain(
+        mode=mode_of(mode or "uniaxial"),
+        loading=loading,
+        strain=strain,
+        stress_MPa=stress,
+        specimen=specimen,
+        notes=notes,
+        warnings=warnings,
+    )
+
+
+def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
+    """Both without what is missing at their end; `DataError` for gaps, too few points or nothing deformed."""
+    if strain.shape != stress.shape or strain.ndim != 1:
+        raise DataError(name, limit=f"strain and stress differ in length: {strain.shape} and {stress.shape}")
+    there = np.isfinite(strain) & np.isfinite(stress)
+    last = int(np.flatnonzero(there)[-1]) + 1 if there.any() else 0
+    strain, stress, there = strain[:last], stress[:last], there[:last]
+    if not there.all():
+        row = int(np.flatnonzero(~there)[0]) + 1
+        limit = f"has no number in {int((~there).sum())} of {last} rows, the first of them row {row}"
+        raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export again")
+    if last < _FEWEST:
+        raise DataError(
+            f"{name}: points", value=last, limit=f"at least {_FEWEST} are needed", remedy="export all of them"
+        )
+    for what, values in (("strain", strain), ("stress", stress)):
+        if float(np.ptp(values)) == 0:
+            remedy = "check that the right columns were taken, with enough digits"
+            raise DataError(f"{name}: {what}", value=float(values[0]), limit="is the same in every row", remedy=remedy)
+    return strain, stress
+
+
+def sense(values: FloatArray) -> int:
+    """Sign of the value furthest from zero."""
+    return -1 if values[int(np.argmax(np.abs(values)))] < 0 else 1
+
+
+def _two_sided(strain: FloatArray) -> bool:
+    return bool(min(-strain.min(), strain.max()) > _BOTH * np.ptp(strain))
+
+
+def _loading(
+    strain: FloatArray,
+    stress: FloatArray,
+    mode: str | None,
+    name: str,
+    assumed: bool,
+) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Direction of loading, what was decided, and what to beware of."""
+    if mode in {None, "uniaxial"} and _two_sided(strain):
+        return _both_ways(strain, stress, name)
+    exported = (sense(strain), sense(stress))
+    said = f"exported with {'positive' if exported[0] > 0 else 'negative'} strain and "
+    said += f"{'positive' if exported[1] > 0 else 'negative'} force"
+    if mode in {"tension", "compression"}:
+        return mode, (f"{mode}, {said}; compression is negative in the results",), ()
+    if mode in {"planar", "equibiaxial"}:
+        return "tension", (f"{mode} tension, {said}",), ()
+    if exported[0] != exported[1]:
+        limit = f"is {said}, which may be tension or compression"
+        raise DataError(name, limit=limit, remedy="state it: --mode tension or --mode compression")
+    if exported[0] < 0:
+        return "compression", (f"compression, by its signs: {said}",), ()
+    warnings: tuple[str, ...] = ()
+    if assumed:
+        warnings = (
+            "taken as tension: nothing in the file says so, and its signs are positive; --mode compression if not",
+        )
+    return "tension", (f"tension, by its signs: {said}",), warnings
+
+
+def _both_ways(strain: FloatArray, stress: FloatArray, name: str) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
+        remedy = "state --mode, or turn the sign of one column"
+        raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)
+    return "both", ("tension and compression in one file, by its signs",), ()

@@ -1,0 +1,140 @@
+"""Toe compensation: where a test really begins.
+
+The idea: before the platens touch, or while a strip's slack is taken up, displacement grows and force hardly does. That
+part is no property of the material and moves the strain's zero. The annexes of ASTM D695 and D638 draw the tangent to
+the first straight part, or to the steepest part after the toe, down to zero stress and count strains from there.
+
+A rubber has no straight part, so the tangent here is a neo-Hookean curve: stress is plotted over the neo-Hookean
+measure g = P/E of the strain, which is the strain itself where it is small, so that a plastic is treated as the annexes
+say. The loading branch is cut into equal steps of stress; the toe ends at the first step from which the slope no longer
+rises by more than 5 % a step. Through that step and the next a line is drawn to zero stress. The shift is made
+where it exceeds twice its uncertainty, which holds the scatter and what the first of the two steps alone would give;
+backwards only where the record begins under load.
+
+A slope that keeps rising cannot be told from a toe by anyone: then nothing is shifted, and it is said.
+
+The interface: `find_toe` of a test.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.material.stiffness.correlation import scatter
+from solen.material.stiffness.cycles import loading_branch
+from solen.material.stiffness.modes import Mode
+from solen.material.stiffness.test import StressStrain
+
+FloatArray = NDArray[np.float64]
+
+_STEPS = 40  # equal steps of stress that the loading branch is cut into
+_LOOKED = 20  # of them, how many may belong to the toe
+_RISE = 1.05
+_FEWEST = 4  # rows of a step
+_ROUNDS = 8
+_LEAST = 1e-5  # a shift of strain below it is not worth making
+
+
+@dataclass(frozen=True)
+class Toe:
+    """What was found at the beginning of a test.
+
+    Attributes
+    ----------
+    shift
+        Strain, of the test's sign, from which strains are counted; 0 where nothing is shifted.
+    u_shift
+        Its standard uncertainty; None where no line could be drawn.
+    end
+        Strain, counted from the shift, at which the toe ends: below it stresses are not the material's.
+    said
+        What was done, in a sentence.
+    """
+
+    shift: float
+    u_shift: float | None
+    end: float
+    said: str
+
+
+def find_toe(test: StressStrain) -> Toe:
+    """Toe of the first loading branch of a test in one direction."""
+    if test.loading == "both":
+        return Toe(0.0, None, 0.0, "no toe compensation: the file holds both directions")
+    rows = loading_branch(test)
+    strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
+    steps = _steps(stress)
+    if len(steps) < 4:
+        return Toe(0.0, None, 0.0, "no toe compensation: too few points while loading")
+    return _shifted(test, strain, stress, steps)
+
+
+def measure(mode: Mode, strain: FloatArray) -> FloatArray:
+    """Neo-Hookean engineering stress over Young's modulus at a strain; to first order, uniaxially, the strain."""
+    stretch = np.maximum(1 + strain, 1e-3)
+    return np.asarray(sum(2 * c * stretch ** (2 * c - 1) for c in mode.powers) / (6 * mode.directions))
+
+
+def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
+    """Toe by the line through the first step that is no toe; the measure depends on the shift, hence the rounds."""
+    shift, u_shift, slope = 0.0, 0.0, 0.0
+    at: int | None = None
+    for _ in range(_ROUNDS):
+        over = test.sign * measure(test.mode, test.sign * (strain - shift))
+        at = _end_of_toe(over, stress, steps)
+        if at is None:
+            return Toe(0.0, None, 0.0, "no toe compensation: the slope keeps rising, by a toe or by the material")
+        both = slice(steps[at].start, steps[at + 1].stop)
+        zero, u_zero, slope = _zero(over[both], stress[both])
+        curved = zero - _zero(over[steps[at]], stress[steps[at]])[0]  # what another choice of points would have given
+        change, u_shift = zero / test.mode.slope_ratio, float(np.hypot(u_zero, curved)) / test.mode.slope_ratio
+        shift += change
+        if abs(change) < 1e-9:
+            break
+    assert at is not None  # noqa: S101  the loop has run
+    at_zero = f"{100 * shift:.3g} ± {100 * u_shift:.1g} %"
+    if abs(shift) <= max(2 * u_shift, _LEAST) or stress[0] < -0.5 * shift * slope:
+        return Toe(0.0, u_shift, 0.0, f"no toe: the first tangent meets zero stress at {at_zero} strain")
+    end = max(float(strain[steps[at].start]) - shift, 0.0)
+    said = f"strain counted from {at_zero} of the file's, where the tangent after the toe meets zero stress"
+    return Toe(test.sign * shift, u_shift, end, said)
+
+
+def _steps(stress: FloatArray) -> list[slice]:
+    """Rows of equal steps of stress while loading, each of at least some rows."""
+    highest = np.maximum.accumulate(stress)
+    edges = np.searchsorted(highest, np.linspace(0, float(highest[-1]), _STEPS + 1)[1 : _LOOKED + 4])
+    found, start = [], 0
+    for edge in edges:
+        if edge - start >= _FEWEST:
+            found.append(slice(start, int(edge)))
+            start = int(edge)
+    return found
+
+
+def _end_of_toe(over: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
+    """First step whose slope is not exceeded by much in the next two; None where there is none."""
+    slopes = [_slope(over[rows], stress[rows]) for rows in steps]
+    for at, now in enumerate(slopes[:-2]):
+        if now > 0 and slopes[at + 1] <= _RISE * now and slopes[at + 2] <= _RISE**2 * now:
+            return at
+    return None
+
+
+def _slope(over: FloatArray, stress: FloatArray) -> float:
+    centred = over - over.mean()
+    spread = float(centred @ centred)
+    return float(centred @ stress) / spread if spread > 0 else 0.0
+
+
+def _zero(over: FloatArray, stress: FloatArray) -> tuple[float, float, float]:
+    """Where a line through points meets zero stress, its standard uncertainty, and the slope."""
+    rows = np.column_stack([np.ones_like(over), over])
+    start, slope = np.linalg.lstsq(rows, stress, rcond=None)[0]
+    found = scatter([rows], [stress - rows @ np.array([start, slope])])
+    zero = -start / slope
+    if found.covariance is None:
+        return float(zero), float("inf"), float(slope)
+    by = np.array([-1 / slope, start / slope**2])
+    return float(zero), float(np.sqrt(max(by @ found.covariance @ by, 0.0))), float(slope)

@@ -1,0 +1,216 @@
+"""Which way leads from chosen spectra to an index, and what was said of them: the options of `solen index`.
+
+The idea: the route follows from what was measured, and what cannot be told from a file, whether A is an absorbance and
+what the 100 % was taken on, is asked for. A reading that says nothing of the reflectance gives no measured index.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.errors import DataError, SpecError
+from solen.material.index import IndexSpectrum, Length, Reading, is_absorbance, reading, routes
+from solen.material.index.layered import lossless_on_substrate, measured_on_substrate
+from solen.material.index.routes import MODES
+from solen.pipeline.indexfit import FITS, LITERATURE
+from solen.pipeline.outputs import check_choice
+from solen.pipeline.substrate import BASELINES, SubstrateOptions
+from solen.pipeline.traces import Spectra
+
+BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
+ABSORBANCE_KINDS = (*BASES, "absorptance")
+_MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
+
+
+@dataclass(frozen=True)
+class IndexOptions:
+    """How `solen.pipeline.index.index` reads a file; None is what was not said.
+
+    Attributes
+    ----------
+    thickness_um, u_thickness_um
+        Of the layer.
+    u
+        Stated standard uncertainties of ``T``, ``R`` and ``A`` as typed: ``0.003`` or ``0.3%``.
+    chosen
+        Names of the traces of ``T``, ``R`` and ``A``.
+    absorbance_kind, mode, baseline
+        Of `ABSORBANCE_KINDS`, `solen.material.index.routes.MODES` and `BASELINES`.
+    bandwidth_nm
+        Of the monochromator.
+    led
+        Part of the library, or file of a part or of a spectrum.
+    at_nm
+        Wavelengths at which n is told, too.
+    sheet
+        Of a workbook.
+    substrate
+        What the layer lies on, where it does.
+    fit, terms
+        Formula that is laid through n, and of how many terms.
+    literature
+        Where the band of others' indices is from.
+    """
+
+    thickness_um: float | None = None
+    u_thickness_um: float | None = None
+    u: Mapping[str, str | None] = field(default_factory=dict)
+    chosen: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    absorbance_kind: str | None = None
+    mode: str | None = None
+    baseline: str | None = None
+    bandwidth_nm: float | None = None
+    led: str | None = None
+    at_nm: Sequence[float] = ()
+    sheet: str | None = None
+    substrate: SubstrateOptions = field(default_factory=SubstrateOptions)
+    fit: str | None = None
+    terms: int | None = None
+    literature: str = "table"
+
+    def check(self) -> None:
+        """`SpecError` for what cannot be, before anything is read."""
+        choices = {
+            "--mode": (self.mode, MODES),
+            "--baseline": (self.baseline, BASELINES),
+            "--absorbance-kind": (self.absorbance_kind, ABSORBANCE_KINDS),
+            "--fit": (self.fit, FITS),
+            "--literature": (self.literature, LITERATURE),
+        }
+        for name, (value, known) in choices.items():
+            if value is not None:
+                check_choice(name, value, known)
+        numbers = [("--thickness-um", self.thickness_um), ("--bandwidth-nm", self.bandwidth_nm)]
+        for name, number in [*numbers, *(("--at-nm", nm) for nm in self.at_nm)]:
+            if number is not None and not 0.0 < number < np.inf:
+                raise SpecError(name, value=number, limit="must be finite and above 0")
+        for kind in self.u:
+            self.u_of(kind)
+
+    @property
+    def thickness(self) -> Length:
+        """Thickness of the layer; `SpecError` where it was not stated."""
+        if self.thickness_um is None:
+            remedy = "measure it with a micrometer and state it; the lossless mode alone needs none"
+            raise SpecError("--thickness-um", limit="is missing", remedy=remedy)
+        return Length(self.thickness_um, self.u_thickness_um)
+
+    def u_of(self, kind: str) -> float | None:
+        """Stated uncertainty of ``T``, ``R`` or ``A`` as a fraction."""
+        text = self.u.get(kind)
+        if text is None:
+            return None
+        digits, percent, rest = text.strip().partition("%")
+        try:
+            value = float(digits) * (0.01 if percent else 1.0)
+        except ValueError:
+            value = np.nan
+        if rest or not 0.0 <= value <= _MOST_U:
+            limit = f"must be a fraction or a percentage, 0 to {_MOST_U:.0%}"
+            raise SpecError(f"--u-{kind}", value=text, limit=limit, remedy="write 0.003 or 0.3%")
+        return value
+
+
+def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
+    """Index by the route that was asked for, or else by the one that what was measured leads to.
+
+    Raises
+    ------
+    SpecError, DataError
+        Where something must be stated, or where what was measured gives no index by that route.
+    """
+    t = _transmittance(spectra, options)
+    mode = options.mode or _mode(spectra, options, t)
+    nm = spectra.wavelength_nm
+    if mode != "as-published" and (options.substrate.stated or options.baseline == "substrate"):
+        return _on_substrate(mode, spectra, t, options)
+    if mode == "lossless":
+        return routes.lossless(nm, t)
+    if mode == "as-published":
+        _check_published(spectra, options, t)
+        return routes.as_published(nm, t, options.thickness)
+    if mode == "measured":
+        if "R" not in spectra.rows:
+            raise routes.no_reflectance("T alone,", nm, t)
+        r = reading(spectra.rows["R"], options.u_of("R"), name="R")
+        return routes.measured(nm, t, r, options.thickness)
+    if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
+        remedy = "name its trace with --absorbance and state --absorbance-kind absorptance"
+        raise SpecError("--mode absorptance", limit="needs the absorptance, measured", remedy=remedy)
+    a = reading(spectra.rows["A"], options.u_of("A"), name="A")
+    return routes.absorptance(nm, t, a, options.thickness)
+
+
+def _on_substrate(mode: str, spectra: Spectra, t: Reading, options: IndexOptions) -> IndexSpectrum:
+    """Index of a layer that stays on its substrate: the formulas of a free-standing one know no substrate."""
+    if options.baseline is None:
+        limit = "must be stated with a substrate: air, or substrate where the 100 % was taken on the bare sheet"
+        raise SpecError("--baseline", limit=limit)
+    nm = spectra.wavelength_nm
+    setup = options.substrate.setup(nm, "substrate" if options.baseline == "substrate" else "air")
+    if mode == "lossless":
+        return lossless_on_substrate(nm, t, setup)
+    if mode == "absorptance":
+        limit, remedy = "is of a free-standing layer", "measure R on the substrate; or take --mode lossless"
+        raise SpecError("--mode absorptance", limit=limit, remedy=remedy)
+    if "R" not in spectra.rows:
+        raise routes.no_reflectance("T alone,", nm, t)
+    r = reading(spectra.rows["R"], options.u_of("R"), name="R")
+    return measured_on_substrate(nm, t, r, options.thickness, setup)
+
+
+def absorbance_warnings(spectra: Spectra, options: IndexOptions) -> list[str]:
+    """What an absorbance beside a transmittance says: nothing, or that one of them is of another baseline."""
+    base = BASES.get(options.absorbance_kind or "")
+    if base is None or not {"A", "T"} <= spectra.rows.keys():
+        return []
+    if is_absorbance(spectra.rows["A"].mean(axis=0), spectra.rows["T"].mean(axis=0), base):
+        return []
+    name, other = spectra.names["A"][0], spectra.names["T"][0]
+    return [f"{name} is not the absorbance of {other}: they have different baselines, or are of different samples"]
+
+
+def _mode(spectra: Spectra, options: IndexOptions, t: Reading) -> str:
+    """Route that what was measured leads to."""
+    if "R" in spectra.rows:
+        return "measured"
+    if "A" not in spectra.rows or "T" not in spectra.rows:
+        return "lossless"
+    if options.absorbance_kind in BASES:
+        raise routes.no_reflectance(f"an absorbance, −{options.absorbance_kind} T,", spectra.wavelength_nm, t)
+    if options.absorbance_kind is None:
+        raise _ask_kind(spectra)
+    return "absorptance"
+
+
+def _transmittance(spectra: Spectra, options: IndexOptions) -> Reading:
+    """Reading of T, from an absorbance where that is all there is."""
+    if "T" in spectra.rows:
+        return reading(spectra.rows["T"], options.u_of("T"), name="T")
+    if "A" not in spectra.rows:
+        raise DataError("transmittance", limit="is missing", remedy="an index needs T; name its trace: --transmittance")
+    if options.absorbance_kind is None:
+        raise _ask_kind(spectra)
+    if options.absorbance_kind == "absorptance":
+        raise DataError("transmittance", limit="is missing", remedy="of an absorptance alone no index follows")
+    base, u_a = BASES[options.absorbance_kind], options.u_of("A")
+    rows = np.exp(-base * spectra.rows["A"])
+    stated = options.u_of("T") if u_a is None else base * np.nan_to_num(rows.mean(axis=0)) * u_a
+    return reading(rows, stated, name="T")
+
+
+def _ask_kind(spectra: Spectra) -> SpecError:
+    limit = f"must be stated for {spectra.names['A'][0]}: {', '.join(ABSORBANCE_KINDS)}"
+    remedy = "a spectrophotometer exports log10, −log10 T; an absorptance is measured in an integrating sphere"
+    return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
+
+
+def _check_published(spectra: Spectra, options: IndexOptions, t: Reading) -> None:
+    """Raise where A was given and is not the absorbance that the published formula was fed with."""
+    if options.absorbance_kind not in {None, "log10"}:
+        limit = "is not what the as-published mode takes: there, A is log10"
+        raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
+    if "A" in spectra.rows and not is_absorbance(spectra.rows["A"].mean(axis=0), t.value):
+        limit = "is not −log10 T, which the as-published mode takes for A"
+        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="leave it out, or take another mode")

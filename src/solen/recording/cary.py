@@ -1,0 +1,236 @@
+"""Exports of Agilent's Cary spectrophotometers (WinUV), as the program wrote them or as Excel saved them again.
+
+The idea: two lines of header, the names of the traces in every second cell and below each its ``Wavelength (nm),%T``,
+then rows in which each trace has a wavelength and a value until it ends, an empty line, and what the program logged
+about each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A scan runs
+through its wavelengths in even steps, so one that jumps, repeats or leaves one out was damaged, whatever its numbers.
+
+The interface: `is_cary` tells by the header, `read` a `Grid`.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording import carylog, scan
+from solen.recording.grid import Grid
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.numbers import is_missing, is_number
+from solen.recording.table import unique
+
+MODES = {
+    "%t": ("transmittance", "%"),
+    "%r": ("reflectance", "%"),
+    "%a": ("absorptance", "%"),
+    "abs": ("absorbance", "1"),
+}
+"""Quantity and unit of the words that the program writes above the values; of others neither is known."""
+_SATURATED_ABS = 10.0
+_LIMITS = {"%": 1e4, "1": 12.0}
+"""No spectrophotometer shows a number beyond these: a lost decimal point does."""
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Trace:
+    """Columns of a trace, and the rows in which it has numbers."""
+
+    name: str
+    mode: str
+    column: int
+    rows: list[int]
+
+
+def is_cary(grid: Grid) -> int | None:
+    """Row of the names if a grid begins as such an export does, else None.
+
+    `DataError` where the header is that of several traces, and what stands above it are not their names.
+    """
+    filled = [row for row in range(min(len(grid.rows), 8)) if not grid.is_blank(row)]
+    for place, row in enumerate(filled):
+        traces = _pairs(grid.rows[row][: grid.width(row)])
+        if traces and place == 1 and not any(grid.rows[filled[0]][1::2]):
+            return filled[0]
+        if traces > 1:
+            if place == 1:
+                return filled[0]
+            limit = "is a header of traces, " + (
+                "without their names above" if place == 0 else "with more than names above"
+            )
+            raise grid.refused(row, None, limit, "restore the first line, the name of each above its Wavelength (nm)")
+    return None
+
+
+def read(grid: Grid, start: int) -> Recording:
+    """Recording of an export; `DataError` with the line and column of what is damaged.
+
+    ``start`` is the row of the names, as `is_cary` found it.
+    """
+    heads = _heads(grid, start)
+    body, after = _parted(grid, start + 2, len(heads))
+    traces = _traces(grid, heads, body)
+    mark = grid.mark(body, {column: grid.cells(column, body) for column in range(2 * len(heads))})
+    pairs = [(_numbers(grid, trace, 0, mark), _numbers(grid, trace, 1, mark)) for trace in traces]
+    for trace, (waves, values) in zip(traces, pairs, strict=True):
+        _check(grid, trace, waves, values)
+    scan.check_digits(grid, [(trace.column + 1, trace.rows) for trace in traces])
+    scan.check_alike(grid, [(trace.column, trace.rows, waves) for trace, (waves, _) in zip(traces, pairs, strict=True)])
+    logs = carylog.read([grid.rows[row] for row in after], [name for name, _ in heads], grid.separator)
+    return _recording(grid, traces, pairs, logs)
+
+
+def _pairs(cells: list[str]) -> int:
+    """How many traces a row of ``Wavelength (nm)`` and modes stands above; 0 where it is none, for the most part."""
+    pairs = list(zip(cells[::2], cells[1::2], strict=False))
+    known = sum(_is_wave(wave) and mode.casefold() in MODES for wave, mode in pairs)
+    alike = sum(_is_wave(wave) and _is_mode(mode) for wave, mode in pairs)
+    return len(pairs) if 2 * alike >= len(pairs) and (known or len(pairs) == 1) else 0
+
+
+def _is_wave(cell: str) -> bool:
+    return cell.casefold().replace(" ", "") in {"wavelength(nm)", "wavelengthnm", "wavelength", "wellenlänge(nm)"}
+
+
+def _is_mode(cell: str) -> bool:
+    return bool(cell) and not is_number(cell) and not _is_wave(cell)
+
+
+def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
+    """Name and mode of each trace."""
+    names, modes = grid.rows[start], grid.rows[start + 1]
+    count = grid.width(start + 1)
+    if count % 2:
+        raise grid.refused(start + 1, count - 1, "stands without its values' column")
+    for column in range(max(count, grid.width(start))):
+        name = names[column] if column < len(names) else ""
+        below = modes[column] if column < count else ""
+        if column % 2 and name:
+            raise grid.refused(start, column, "stands above values; names stand above the wavelengths")
+        if column % 2 == 0 and not name:
+            raise grid.refused(start, column if column < len(names) else None, "the name of a trace is missing")
+        if not (_is_mode(below) if column % 2 else _is_wave(below)):
+            wanted = "%T, %R, Abs or another mode" if column % 2 else "Wavelength (nm)"
+            raise grid.refused(start + 1, column if column < len(modes) else None, f"should be {wanted}")
+    return [(names[column], modes[column + 1]) for column in range(0, count, 2)]
+
+
+def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
+    """Rows of numbers, and rows of the log after them."""
+    end = next((row for row in range(first, len(grid.rows)) if grid.is_blank(row)), len(grid.rows))
+    body, after = list(range(first, end)), list(range(end, len(grid.rows)))
+    if not body:
+        raise grid.source.refused(grid.place(first - 1), "no numbers stand below the header", "export it again")
+    for row in after:
+        if len(grid.rows[row]) > 1 and all(map(is_number, grid.rows[row][:2])):
+            raise grid.refused(row, None, f"holds numbers after the empty line {grid.lines[end]}", "join the two parts")
+    inside = [line for line, _ in grid.remarks if grid.lines[body[0]] < line <= grid.lines[body[-1]]]
+    if inside:
+        raise grid.source.refused(f"line {inside[0]}", "begins with #, among the numbers", "restore it")
+    if not grid.ends and not after:
+        limit = "ends without a line break, as a file that was cut off: its last number may not be whole"
+        raise grid.refused(body[-1], None, limit, "export it again, or end the line if it is whole")
+    _check_lengths(grid, body, 2 * traces)
+    return body, after
+
+
+def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
+    """`DataError` at a row that has other cells than the rows about it.
+
+    All rows have as many cells, most often one more than there are columns, which is empty. Excel leaves out the
+    separators at the end of rows once the last traces have ended; then rows get shorter and stay so.
+    """
+    whole = Counter(len(grid.rows[row]) for row in body).most_common(1)[0][0]
+    whole = max(whole, columns)
+    for row in body:
+        cells = grid.rows[row]
+        if grid.width(row) > columns:
+            raise grid.refused(row, columns, f"stands beyond the {columns} columns of the header")
+        if len(cells) > whole:
+            raise grid.refused(row, None, f"has {len(cells)} cells where other lines have {whole}")
+    short = [n for n, row in enumerate(body) if len(grid.rows[row]) < whole]
+    lengths = [len(grid.rows[row]) for row in body]
+    if short and (lengths != sorted(lengths, reverse=True) or len(body) - short[0] < 2 or lengths[-1] % 2):
+        row = body[short[0]]
+        limit = f"has {len(grid.rows[row])} cells where others have {whole}: something is missing or cut off"
+        raise grid.refused(row, None, limit)
+
+
+def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_Trace]:
+    """Traces with the rows in which they have numbers."""
+    names = unique([name for name, _ in heads])
+    widths = {row: grid.width(row) for row in body}
+    found = []
+    for n, (name, (_, mode)) in enumerate(zip(names, heads, strict=True)):
+        column = 2 * n
+        held = [row for row in body if column < widths[row] and any(grid.rows[row][column : column + 2])]
+        if held and held != body[: len(held)]:
+            hole = next(row for row, there in zip(body, held, strict=False) if row != there)
+            limit = "is empty, and the trace goes on below"
+            raise grid.refused(hole, column, limit, "restore the wavelength; a value alone may be empty")
+        for row in held:
+            if is_missing(grid.rows[row][column]):
+                raise grid.refused(row, column, "the wavelength of a value is missing")
+        found.append(_Trace(name, mode, column, held))
+    return found
+
+
+def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
+    """Wavelengths of a trace, or its values with ``odd`` 1."""
+    column = trace.column + odd
+    return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
+
+
+def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:
+    """`DataError` where the numbers of a trace cannot be what an instrument recorded."""
+    scan.check_wavelengths(grid, trace.column, trace.rows, waves)
+    unit = MODES.get(trace.mode.casefold(), ("", ""))[1]
+    limit = _LIMITS.get(unit)
+    beyond = np.flatnonzero(np.abs(values) > limit) if limit else np.array([], dtype=int)
+    if beyond.size:
+        row = trace.rows[int(beyond[0])]
+        raise grid.refused(row, trace.column + 1, f"no {trace.mode} is beyond {limit:g}")
+    scan.check_wild(grid, trace.column + 1, trace.rows, values)
+
+
+def _recording(
+    grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs
+) -> Recording:
+    """Recording of traces, each with the channel of wavelengths that it runs along; equal ones are one channel."""
+    axes: dict[bytes, Channel] = {}
+    taken = {trace.name for trace in traces}
+    channels: list[Channel] = []
+    for trace, (waves, values), log in zip(traces, pairs, logs.of_traces, strict=True):
+        new = Channel(_axis_name(len(axes), taken), "wavelength", "nm", waves)
+        axis = axes.setdefault(waves.tobytes(), new)
+        quantity, unit = MODES.get(trace.mode.casefold(), ("", ""))
+        note = "; ".join(_notes(trace, waves, values, quantity, logs.shared | log))
+        channels.append(Channel(trace.name, quantity, unit, values, axis.name, note, log))
+    provenance = Provenance(
+        grid.source.name, grid.source.sha256, "agilent-cary-csv", logs.instrument, logs.date, logs.shared
+    )
+    return Recording((*axes.values(), *channels), provenance)
+
+
+def _axis_name(number: int, taken: set[str]) -> str:
+    name = "wavelength" if number == 0 else f"wavelength ({number + 1})"
+    return name if name not in taken else f"{name} axis"
+
+
+def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, log: dict[str, str]) -> list[str]:
+    """What a reader of a trace must know."""
+    notes = []
+    if not quantity:
+        notes.append(f"{trace.mode} is a mode whose quantity and unit are not known here")
+    if not waves.size:
+        return ["it holds no points", *notes]
+    missing = int(np.sum(np.isnan(values)))
+    if missing:
+        notes.append(f"{missing} of {values.size} values are empty")
+    if quantity == "absorbance" and (full := int(np.sum(values >= _SATURATED_ABS))):
+        notes.append(f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: the light was gone")
+    if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
+        notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")
+    lone = scan.alone_note(values, [f"at {wave:g} nm" for wave in waves.tolist()])
+    return [*notes, *([lone] if lone else []), *carylog.ends(log, waves)]

@@ -1,0 +1,93 @@
+"""What Cary's program logs about each trace, after the numbers: a block for each, in their order.
+
+The idea: a block begins with the trace's name, alone in its line and once more in the next; then lines such as
+``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
+What all blocks say alike is said once, of the file; the rest goes to each trace. A log that is not understood is no
+reason to refuse numbers that are.
+
+The interface: `read` gives `Logs`; `ends` compares a trace with the range that its log states.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording import dates
+
+_WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
+_ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
+_COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
+_LONGEST = 500  # letters of a line that is a setting
+_COLLECTED, _STAMPED = "Collection Time", "Date/Time stamp"
+
+
+@dataclass(frozen=True)
+class Logs:
+    """What the log says: of the file, of each trace, and the two things that every provenance states."""
+
+    shared: dict[str, str]
+    of_traces: list[dict[str, str]]
+    instrument: str
+    date: str
+
+
+def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) -> Logs:
+    """Logs of the rows after the numbers, for the traces of these names."""
+    lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
+    blocks = _blocks(lines, names)
+    said = [_settings(block) for block in blocks]
+    shared = {key: value for key, value in said[0].items() if all(one.get(key) == value for one in said)}
+    stamps = [one[_COLLECTED] for one in said if _COLLECTED in one]
+    first = next((dates.iso(stamp, others=stamps) or stamp for stamp in stamps), "")
+    own = [{key: value for key, value in one.items() if key not in shared} for one in said]
+    for one in own:
+        if told := dates.iso(one.get(_COLLECTED, ""), others=stamps):
+            one[_COLLECTED] = told
+    instrument = next((one["Instrument"] for one in said if "Instrument" in one), "")
+    return Logs(shared, own, instrument, first)
+
+
+def ends(log: dict[str, str], waves: NDArray[np.float64]) -> list[str]:
+    """Remarks where a trace does not reach from the start to the stop that its log states."""
+    try:
+        start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))
+    except (KeyError, ValueError):
+        return []
+    slack = 1.5 * max(step, float(np.max(np.abs(np.diff(waves)), initial=0.0)))
+    low, high = sorted((start, stop))
+    notes = []
+    if waves.min() - low > slack or high - waves.max() > slack:
+        reach = f"{waves[0]:g} to {waves[-1]:g} nm of {start:g} to {stop:g}"
+        notes.append(f"the scan holds {reach}: it was interrupted, or lines are missing")
+    return notes
+
+
+def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
+    """Lines of each trace; an empty list for one that has no block."""
+    found: list[list[str]] = [[] for _ in names]
+    trace = 0
+    current: list[str] | None = None
+    before = True
+    for line in lines:
+        if before and line and trace < len(names) and line == names[trace].strip():
+            current = found[trace]
+            trace += 1
+        elif current is not None and 0 < len(line) < _LONGEST:
+            current.append(line)
+        before = not line
+    return found
+
+
+def _settings(block: list[str]) -> dict[str, str]:
+    """Settings of a block by their names; what happened to the method is one of them."""
+    found: dict[str, str] = {}
+    for line in block:
+        for form in (_ANGLED, _COLON, _WIDE):
+            match = form.fullmatch(line)
+            if match and match[2].strip(" :"):
+                found.setdefault(match[1].strip(), match[2].strip())
+                break
+    return found

@@ -1,0 +1,214 @@
+"""A file as rows of cells, each with its place, whether it came as text or as a sheet of a workbook.
+
+The idea: readers see cells, and name a bad one by its line and column, or by its cell in the sheet. What separates the
+cells of a text is what makes most of them numbers; it is decided once, for the whole file, so that a line with another
+separator stands out as damaged.
+
+The interface: `of_text` makes a `Grid`; `Grid.refused` an error with its place; `Grid.column` numbers.
+"""
+
+import csv
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.recording.numbers import all_numbers, is_number, parse
+from solen.recording.source import Source
+
+_SEPARATORS = ("\t", ";", " ", ",")
+_THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
+_SHOWN = 40  # letters of a bad cell
+_SAMPLE = 400  # lines by which the separator is chosen
+_NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rows of cells.
+
+    Attributes
+    ----------
+    source
+        The file.
+    rows
+        Cells of each row, without spaces about them; rows differ in length.
+    lines
+        Number of each row in the file, the first being 1.
+    separator
+        What stands between two cells of a text; empty in a workbook.
+    sheet
+        Name of the sheet, in a workbook.
+    ends
+        Whether the last line is ended by a line break, as every program's is that was not cut off.
+    remarks
+        Texts of the lines that begin with ``#``, and their numbers.
+    """
+
+    source: Source
+    rows: list[list[str]]
+    lines: list[int]
+    separator: str = ","
+    sheet: str = ""
+    ends: bool = True
+    remarks: list[tuple[int, str]] = field(default_factory=list)
+
+    def place(self, row: int, column: int | None = None) -> str:
+        """Where a cell stands, in the words of whoever looks for it."""
+        line = self.lines[row]
+        if self.sheet:
+            return f"sheet {self.sheet}, " + (f"row {line}" if column is None else f"cell {_letters(column)}{line}")
+        return f"line {line}" + ("" if column is None else f", column {column + 1}")
+
+    def refused(
+        self, row: int, column: int | None, limit: str, remedy: str = "correct it, or export the file again"
+    ) -> DataError:
+        """Error at a row, or at a cell of it with what stands there."""
+        cells = self.rows[row]
+        value = cells[column] if column is not None and column < len(cells) else ""
+        shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
+        return self.source.refused(self.place(row, column), limit, remedy, shown or None)
+
+    def is_blank(self, row: int) -> bool:
+        """Whether a row holds nothing."""
+        return not any(self.rows[row])
+
+    def width(self, row: int) -> int:
+        """Cells of a row up to the last one that is not empty."""
+        cells = self.rows[row]
+        return next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
+
+    def cells(self, column: int, rows: Sequence[int]) -> list[str]:
+        """Cells of a column in some rows; empty texts where a row ends before it."""
+        return [cells[column] if column < len(cells) else "" for cells in map(self.rows.__getitem__, rows)]
+
+    def mark(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> str:
+        """What stands before decimals, ``.`` or ``,``; `DataError` where some numbers have the one, some the other.
+
+        ``held`` has the cells of each column in these rows.
+        """
+        texts = ["\n".join(cells) for cells in held.values()]
+        if not any("," in text for text in texts):
+            return "."
+        if not any("." in text for text in texts):
+            self._refuse_thousands(rows, held)
+            return ","
+        found: dict[str, tuple[int, int]] = {}
+        counts = {".": 0, ",": 0}
+        for column, cells in held.items():
+            for row, cell in zip(rows, cells, strict=True):
+                for mark in (".", ","):
+                    if mark in cell and is_number(cell):
+                        counts[mark] += 1
+                        found.setdefault(mark, (row, column))
+        if counts["."] and counts[","]:
+            rare = min(counts, key=counts.__getitem__)
+            limit = "has another mark before its decimals than other numbers"
+            raise self.refused(*found[rare], limit, "write all decimals after a point, or all after a comma")
+        return "," if counts[","] else "."
+
+    def _refuse_thousands(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> None:
+        """`DataError` where commas may stand before thousands: 1,250 beside 980, and never 0,5 or 12,75."""
+        with_comma = [cell for cells in held.values() for cell in cells if "," in cell]
+        if not all(map(_THOUSANDS.fullmatch, with_comma)):
+            return
+        for column, cells in held.items():
+            marked = [place for place, cell in enumerate(cells) if "," in cell]
+            if marked and any(cell and "," not in cell for cell in cells):
+                limit = "may be a thousand or more, or a number with three decimals"
+                raise self.refused(
+                    rows[marked[0]], column, limit, "leave out the comma, or write decimals after a point"
+                )
+
+    def column(
+        self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
+    ) -> NDArray[np.float64]:
+        """Numbers of a column's cells in some rows, NaN where one is empty; `DataError` where one is neither."""
+        values = np.empty(len(rows))
+        if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
+            values[:] = [
+                float(cell) for cell in (cells if mark == "." else "\n".join(cells).replace(",", ".").split("\n"))
+            ]
+            if np.isfinite(values).all():
+                return values
+        for place, (row, cell) in enumerate(zip(rows, cells, strict=True)):
+            try:
+                values[place] = parse(cell, mark, machine=machine)
+            except ValueError as bad:
+                raise self.refused(row, column, str(bad)) from None
+        return values
+
+
+def _ascii_with(mark: str, cells: Sequence[str]) -> bool:
+    """Whether no cell has the other mark, or a minus that is not ASCII's."""
+    text = "".join(cells)
+    return text.isascii() and ("," if mark == "." else ".") not in text
+
+
+def of_text(source: Source) -> Grid:
+    """Rows of a text file; lines that begin with ``#`` are remarks."""
+    lines = source.lines()
+    ends = not lines[-1]
+    if ends:
+        lines = lines[:-1]
+    told = [(number, line) for number, line in enumerate(lines, 1)]
+    remarks = [(number, line.lstrip()[1:].strip()) for number, line in told if line.lstrip().startswith("#")]
+    told = [(number, line) for number, line in told if not line.lstrip().startswith("#")]
+    separator = _separator([line for _, line in told])
+    split = splitter(separator)
+    rows = [split(line) for _, line in told]
+    return Grid(source, rows, [number for number, _ in told], separator, "", ends, remarks)
+
+
+def splitter(separator: str) -> Callable[[str], list[str]]:
+    """What parts a line into cells; a line whose quotation marks do not pair stays one cell."""
+
+    def split(line: str) -> list[str]:
+        if separator == " ":
+            return line.split()
+        if '"' not in line:
+            return [cell.strip() for cell in line.split(separator)]
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True))]
+        except csv.Error:
+            return [line.strip()]
+
+    return split
+
+
+def _separator(lines: list[str]) -> str:
+    """What makes the most cells of a text numbers; where there are none, what makes the most cells."""
+    held = [line for line in lines if line.strip()]
+    sample = held[:: max(1, len(held) // _SAMPLE)]
+
+    def score(separator: str) -> tuple[int, int]:
+        cells = 0 if separator == " " else sum(line.count(separator) for line in sample)
+        return sum(map(_numbers_by(separator), sample)), cells
+
+    return max(_SEPARATORS, key=score)
+
+
+def _numbers_by(separator: str) -> Callable[[str], int]:
+    """How many numbers there are in a line that is parted so; none where it is not parted."""
+    split = splitter(separator)
+
+    def numbers(line: str) -> int:
+        cells = split(line)
+        count = sum(map(is_number, cells))
+        prose = separator == " " and count < max(2, len(cells) - 1)  # sentences have spaces, too
+        return 0 if len(cells) < 2 or prose else count
+
+    return numbers
+
+
+def _letters(column: int) -> str:
+    """Name of a sheet's column."""
+    name = ""
+    column += 1
+    while column:
+        column, digit = divmod(column - 1, 26)
+        name = chr(65 + digit) + name
+    return name

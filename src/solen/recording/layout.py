@@ -1,0 +1,191 @@
+"""Where in a file the table stands: what comes before it, its header, its units, its rows.
+
+The idea: a header is a row of words above rows of numbers that have as many cells. Above it may stand titles and blocks
+of parameters, never numbers alone; below it everything must be the table, to the end of the file: a row that is not is
+damage, and is refused by whoever reads the rows, not passed over. Text after an empty line at the end is a remark.
+
+The interface: `find` a `Layout` in a `Grid`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from solen.errors import DataError
+from solen.recording.grid import Grid, splitter
+from solen.recording.numbers import is_missing, is_number
+from solen.recording.words import heading, stated_unit
+
+_TELLING = 100
+"""Rows below a header by which it is known for one."""
+_SEARCHED = 1000
+"""Rows from the beginning among which the header must be."""
+MOST_COLUMNS = 10_000
+"""Columns of a table, at most."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Places of a table in a grid.
+
+    Attributes
+    ----------
+    header
+        Row of the header; of the first row of the table where its columns were named otherwise.
+    names
+        Text of each column's header.
+    units
+        What the row of units says of each; empty texts where there is no such row.
+    before
+        Rows above the header that are not empty.
+    body
+        Rows of the table.
+    after
+        Rows of text after it.
+    """
+
+    header: int
+    names: list[str]
+    units: list[str]
+    before: list[int]
+    body: list[int]
+    after: list[int]
+
+
+def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
+    """Place of the table in a grid; `DataError` where there is none, or where it is not told what its columns are.
+
+    ``columns`` names the columns of a table that has no header.
+    """
+    filled = [row for row in range(len(grid.rows)) if not grid.is_blank(row)]
+    header = _header(grid, filled)
+    if columns is not None:
+        return _named(grid, filled, columns, header)
+    if header is None:
+        return _remarked(grid, filled)
+    place = filled.index(header)
+    before, below = filled[:place], filled[place + 1 :]
+    names = grid.rows[header][: grid.width(header)]
+    if len(names) > MOST_COLUMNS:
+        limit = f"has {len(names)} columns; at most {MOST_COLUMNS} are read"
+        raise grid.refused(header, None, limit, "split the table")
+    units = _units_below(grid, filled, place)
+    if len(names) > 1 and 2 * sum(map(stated_unit, names)) > len(names):
+        raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
+    for row in before:
+        if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:
+            limit = f"holds numbers above the header, which is in {grid.place(header)}"
+            raise grid.refused(row, None, limit, "remove what does not belong to the table")
+    below = below[1:] if units else below
+    body, after = _parted(grid, below)
+    return Layout(header, names, [*units, *[""] * (len(names) - len(units))], before, body, after)
+
+
+def _header(grid: Grid, filled: list[int]) -> int | None:
+    """Row of the header: the first that can be one, unless it heads a list of parameters above the table."""
+    searched = range(min(len(filled), _SEARCHED))
+    first = next((place for place in searched if _can_head(grid, filled, place)), None)
+    while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
+        first = second
+    return None if first is None else filled[first]
+
+
+def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
+    """Place of the next header, if what stands before it is a list of names with an empty line at its end."""
+    for place in range(first + 1, len(filled)):
+        if is_number(grid.rows[filled[place]][0]):
+            return None
+        if filled[place] != filled[place - 1] + 1 and _can_head(grid, filled, place):
+            return place
+    return None
+
+
+def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
+    """Whether a row is one of words, and what is below it has numbers in as many cells."""
+    row = filled[place]
+    if is_number(grid.rows[row][0]):
+        return False
+    words = grid.rows[row][: grid.width(row)]
+    skip = 2 if _units_below(grid, filled, place) else 1
+    unnamed = sum(not word for word in words) > len(words) / 2
+    if place + skip >= len(filled) or unnamed or any(word and is_missing(word) for word in words):
+        return False
+    first = filled[place + skip]
+    if any(map(is_number, words)):  # samples may be called 1, 2, 3; then all below are numbers
+        plain = not is_number(words[0]) and _numbers(grid, first) == grid.width(first) == len(words)
+        return plain and first == row + skip and len(words) > 1
+    if not _numbers(grid, first):
+        return False
+    block = _block(filled, place + skip)
+    return 2 * sum(_has_width(grid, one, len(words)) for one in block) >= len(block)
+
+
+def _has_width(grid: Grid, row: int, width: int) -> bool:
+    """Whether a row has a number, and a cell for each of so many columns and no other."""
+    return grid.width(row) <= width <= len(grid.rows[row]) and _numbers(grid, row) > 0
+
+
+def _block(filled: list[int], place: int) -> list[int]:
+    """Rows from a place on to the next empty one, as many as tell what they are."""
+    last = min(place + _TELLING, len(filled))
+    end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
+    return filled[place:end]
+
+
+def _units_below(grid: Grid, filled: list[int], place: int) -> list[str]:
+    """Units that the next row states, or nothing where it is not a row of units."""
+    if place + 1 >= len(filled):
+        return []
+    row = filled[place + 1]
+    cells = grid.rows[row][: grid.width(row)]
+    told = [cell for cell in cells if cell]
+    units = all(stated_unit(cell.strip("[]()")) and not is_number(cell) for cell in told)
+    return cells if units and len(cells) <= grid.width(filled[place]) else []
+
+
+def _numbers(grid: Grid, row: int) -> int:
+    return sum(map(is_number, grid.rows[row]))
+
+
+def _parted(grid: Grid, below: list[int]) -> tuple[list[int], list[int]]:
+    """Rows of the table, and rows of text after an empty line at the end."""
+    end = len(below)
+    while end and _numbers(grid, below[end - 1]) == 0 and grid.width(below[end - 1]) == 1 and len(below) > 1:
+        end -= 1
+    while end and end < len(below) and below[end] == below[end - 1] + 1:
+        end += 1  # no empty line before it: it belongs to the table, and is refused there
+    return below[:end], below[end:]
+
+
+def _remarked(grid: Grid, filled: list[int]) -> Layout:
+    """Layout of a table whose header is the last remark above it, as numpy writes one."""
+    if not filled:
+        raise grid.source.refused("", "holds no table", "export it again")
+    first = filled[0]
+    above = [text for line, text in grid.remarks if line < grid.lines[first]]
+    names = splitter(grid.separator)(above[-1]) if above else []
+    if len(names) != grid.width(first) or any(is_number(name) or not name for name in names):
+        if not _numbers(grid, first):
+            raise _headless(grid, filled)
+        limit = "there is no header above the numbers that says what the columns are"
+        remedy = "add a first line such as wavelength_nm,T,R, or name the columns when calling read"
+        raise grid.refused(first, None, limit, remedy)
+    return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
+
+
+def _headless(grid: Grid, filled: list[int]) -> DataError:
+    """Error for a table that begins with words below which there is no table of numbers."""
+    told = [heading(cell) for cell in grid.rows[filled[0]] if cell]
+    if len(filled) > 1 and any(one.unit or one.quantity for one in told):
+        limit = f"is no row of numbers below the header in {grid.place(filled[0])}"
+        return grid.refused(filled[1], None, limit, "write plain numbers there, and their unit in the header")
+    limit = "is neither the header of a table nor a row of it"
+    return grid.refused(filled[0], None, limit, "add a first line such as wavelength_nm,T,R above the numbers")
+
+
+def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
+    """Layout of a table without a header, whose columns the caller names."""
+    if header is not None:
+        raise grid.refused(header, None, "is a header; the columns are named twice", "leave out the columns")
+    if not filled or _numbers(grid, filled[0]) == 0:
+        raise grid.source.refused("", "does not begin with numbers", "name columns only of a table without a header")
+    return Layout(filled[0], list(columns), [""] * len(columns), [], *_parted(grid, filled))

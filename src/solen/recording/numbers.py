@@ -1,0 +1,84 @@
+"""Numbers as files write them: which texts are one, and what mark stands before the decimals.
+
+The idea: a text is a number only if all of it is. What a lenient reader would take (``1_000``, ``nan``, ``0x1F``,
+Arabic digits) or mend (``12.5x``, ``1.234,5``) is what damage looks like. Instruments write numbers in one way only, so
+what they write is held to a closer form: no leading zeros, no plus, digits on both sides of the mark, one digit before
+the mark where a power of ten follows.
+
+The interface: `is_number`, `is_missing`, `all_numbers`, `parse`, and `digits`.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+
+_NUMBER = re.compile(r"[+\-−–]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_MACHINE = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+)?[eE][+-]?[0-9]{1,3})")
+_NUMBERS = re.compile(rf"(?:{_NUMBER.pattern}\n)*+{_NUMBER.pattern}")
+_MACHINES = re.compile(rf"(?:(?:{_MACHINE.pattern})\n)*+(?:{_MACHINE.pattern})")
+_MANTISSA = re.compile(r"([0-9]*)(?:[.,]([0-9]*))?(?:[eE].*)?")
+_EXACT = 15  # digits beyond this are those of the binary number, not of a measurement
+_MISSING = {"", "nan", "n/a", "#n/a", "na", "null", "none", "nicht bekannt", "unknown"}
+_MINUS = str.maketrans({"−": "-", "–": "-"})
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell is a number, with a point or a comma before its decimals."""
+    return _NUMBER.fullmatch(cell) is not None
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell is empty or says that there is no number."""
+    return not cell or cell.lower() in _MISSING
+
+
+def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
+    """Whether all cells are numbers, in the one form of instruments if a ``machine`` wrote them; of many at once."""
+    return bool(cells) and (_MACHINES if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
+
+
+def parse(cell: str, mark: str, *, machine: bool = False) -> float:
+    """Number of a cell; NaN for one that is missing; `ValueError` with what is wrong for any other.
+
+    Parameters
+    ----------
+    mark
+        What stands before the decimals, ``.`` or ``,``.
+    machine
+        Whether an instrument wrote it, in the one form that instruments write.
+    """
+    if is_missing(cell):
+        return math.nan
+    plain = cell if cell.isascii() else cell.translate(_MINUS)
+    if not (_MACHINE if machine else _NUMBER).fullmatch(plain):
+        raise ValueError(_complaint(plain, mark))
+    if mark == ",":
+        if "." in plain:
+            raise ValueError("has a point where the decimals of other numbers stand after a comma")
+        plain = plain.replace(",", ".")
+    elif "," in plain:
+        raise ValueError("has a comma where the decimals of other numbers stand after a point")
+    number = float(plain)
+    if math.isinf(number):
+        raise ValueError("is beyond any number")
+    return number
+
+
+def digits(cell: str) -> tuple[int, int]:
+    """How many significant digits a number is written with, and how many after its mark."""
+    found = _MANTISSA.fullmatch(cell.lstrip("+-−–"))
+    if not found:
+        return 0, 0
+    before, after = found[1], found[2] or ""
+    if len(before) + len(after) > _EXACT:  # 53.064991000000006 is 53.064991
+        return digits(f"{float(cell.replace(',', '.')):.{_EXACT}g}")
+    return len((before + after).lstrip("0")), len(after)
+
+
+def _complaint(cell: str, mark: str) -> str:
+    if _NUMBER.fullmatch(cell):
+        return "is not written as instruments write a number"
+    other = "," if mark == "." else "."
+    if re.fullmatch(rf"[+-]?[0-9]{{1,3}}(?:[{other} '][0-9]{{3}})+(?:[{mark}][0-9]*)?", cell):
+        return "marks its thousands, which is not read"
+    return "is no number"

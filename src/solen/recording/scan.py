@@ -1,0 +1,186 @@
+"""What a scan's own numbers tell about damage: wavelengths that jump, values that stand alone, digits too many.
+
+The idea: a monochromator moves one way, in even steps. A step that differs from equal steps before and after it is no
+scan's; nor are wavelengths that differ in one place from those of all traces beside them.
+
+The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note`
+for what is odd and no proof.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording.grid import Grid
+from solen.recording.numbers import digits
+
+FloatArray = NDArray[np.float64]
+
+RANGE_NM = (100.0, 100_000.0)
+"""Wavelengths in nm beyond these are none: no lab's monochromator or interferometer reaches them."""
+_EVEN = 0.05  # steps are even within this share of them: drives are not exact, and prints are rounded
+_JUMP = 0.15  # a step is off beyond this share of the even steps beside it
+_WILD = 100.0  # a value so many times its neighbours' size
+_ABOUT = 10  # rows before and after a value that tell what is usual
+_SOME = 5  # numbers that make a habit
+_FEW = 0.1  # wavelengths that differ from those of other traces in at most this share of places are damaged there
+
+
+def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: FloatArray) -> None:
+    """`DataError` at the first wavelength of a trace that no scan would have."""
+    outside = np.flatnonzero((waves < RANGE_NM[0]) | (waves > RANGE_NM[1]) | np.isnan(waves))
+    if outside.size:
+        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        raise grid.refused(rows[int(outside[0])], column, limit)
+    steps = np.diff(waves)
+    if not steps.size:
+        return
+    forward = np.sum(steps > 0.0) > np.sum(steps < 0.0)
+    wrong = np.flatnonzero(steps <= 0.0 if forward else steps >= 0.0)
+    if wrong.size:
+        before = waves[int(wrong[0])]
+        limit = f"follows {before:g} in a scan {'up' if forward else 'down'}: wavelengths repeat or jump"
+        raise grid.refused(rows[int(wrong[0]) + 1], column, limit)
+    odd = uneven(np.abs(steps))
+    if odd is not None:
+        usual = abs(float(np.median(steps[max(odd - 3, 0) : odd + 4])))
+        limit = f"is {abs(steps[odd]):g} nm from the one before where steps are {usual:g}: a digit or a line is damaged"
+        remedy = "restore it; a value may be empty, its line may not be left out"
+        raise grid.refused(rows[odd + 1], column, limit, remedy)
+
+
+def disorder(waves: FloatArray) -> str:
+    """Note on wavelengths that run one way but in a few places; empty where all do, or where they are no scan's."""
+    steps = np.diff(waves)
+    ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
+    wrong = min(ways, key=len)
+    if not 0 < wrong.size <= _FEW * steps.size + 1 or steps.size < 4:
+        return ""
+    where = ", ".join(f"{waves[n + 1]:g} after {waves[n]:g}" for n in wrong[:3])
+    return f"{wrong.size} wavelengths are out of order ({where}): rows were moved or repeated, or a digit is damaged"
+
+
+def uneven(steps: FloatArray) -> int | None:
+    """First step that is off between even ones, or None. The first may be shorter than the others, and the last.
+
+    A step is judged by the two before it and the two after; where one point is off, two steps are, so those may follow
+    one another. At the ends it is judged by three on one side.
+    """
+    count = steps.size
+    if count < 4:
+        return None
+    middle = _windowed(steps, 1) if count >= 5 else np.array([], dtype=int)
+    pair = _windowed(steps, 2) if count >= 6 else np.array([], dtype=int)
+    ends = [
+        end
+        for end, beside in ((0, steps[1:4]), (count - 1, steps[-4:-1]))
+        if _even(beside) and steps[end] > (1.0 + _JUMP) * beside[0]
+    ]
+    found = [*middle.tolist(), *pair.tolist(), *ends]
+    return int(min(found)) if found else None
+
+
+def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArray]]) -> None:
+    """`DataError` at a wavelength that differs from those of most traces, where all others are the same.
+
+    Each trace is its column of wavelengths, its rows and the wavelengths.
+    """
+    held = [trace for trace in traces if trace[2].size > 2]
+    if len(held) < 3:
+        return
+    longest = max(waves.size for _, _, waves in held)
+    table = np.full((len(held), longest), np.nan)
+    for line, (_, _, waves) in zip(table, held, strict=True):
+        line[: waves.size] = waves
+    usual = np.nanmedian(table, axis=0)
+    off = np.abs(table - usual) > _JUMP * float(np.median(np.abs(np.diff(usual))))
+    for (column, rows, waves), other in zip(held, off, strict=True):
+        places = np.flatnonzero(other)
+        if 0 < places.size <= max(1.0, _FEW * waves.size):
+            place = int(places[0])
+            limit = f"differs from the {usual[place]:g} nm of other traces, which are the same elsewhere"
+            raise grid.refused(rows[place], column, limit)
+
+
+def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray) -> None:
+    """`DataError` at a value a hundred times those about it, which agree: the mark before its decimals was lost.
+
+    A detector's spike is smaller, and noise about zero has neighbours of its own size within ten rows.
+    """
+    if values.size < 3:
+        return
+    size = np.abs(values)
+    left, size_here, right = size[:-2], size[1:-1], size[2:]
+    with np.errstate(invalid="ignore"):
+        alike = np.maximum(left, right) <= 2.0 * np.minimum(left, right)
+        wild = alike & (size_here > _WILD * np.maximum(left, right))
+    for place in (np.flatnonzero(wild) + 1).tolist():
+        about = np.concatenate((size[max(place - _ABOUT, 0) : place], size[place + 1 : place + 1 + _ABOUT]))
+        if size[place] > 0.1 * _WILD * float(np.nanmax(about)):
+            limit = (
+                f"stands between {values[place - 1]:g} and {values[place + 1]:g}: a decimal point or a digit is damaged"
+            )
+            raise grid.refused(rows[place], column, limit)
+
+
+def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
+    """`DataError` at a number with more digits than its program prints: two numbers became one, or a digit too many.
+
+    A program prints either so many significant digits or so many after the mark; what all but a few numbers keep to
+    tells. Each column is its place and its rows.
+    """
+    counted = [[(row, *digits(grid.rows[row][column])) for row in rows] for column, rows in columns]
+    every = Counter(whole for column in counted for _, whole, _ in column)
+    most = _usual_most(every)
+    full = 2 * every[most] >= sum(every.values())
+    for (column, _), told in zip(columns, counted, strict=True):
+        after = _usual_most(Counter(decimals for _, _, decimals in told))
+        for row, whole, decimals in told:
+            if whole > most and (full or decimals > after):
+                raise grid.refused(row, column, f"has {whole} digits where other numbers have at most {most}")
+
+
+def _usual_most(counts: Counter[int]) -> int:
+    """Largest count that more than a few numbers have."""
+    return max((count for count, times in counts.items() if times >= _SOME), default=max(counts, default=0))
+
+
+def alone(values: FloatArray) -> NDArray[np.intp]:
+    """Places of values that stand far from both neighbours, while those agree; at the ends, from the two beside them.
+
+    Far is fifty times the usual distance of a value from the middle of its neighbours, and a twentieth of them.
+    """
+    if values.size < 8:
+        return np.array([], dtype=int)
+    near = np.concatenate(([values[1]], values[:-2], [values[-2]]))
+    other = np.concatenate(([values[2]], values[2:], [values[-3]]))
+    off = np.abs(values - 0.5 * (near + other))
+    usual = float(np.nanmedian(off)) if np.isfinite(off).any() else 0.0
+    beside = np.maximum(np.abs(near), np.abs(other))
+    with np.errstate(invalid="ignore"):
+        far = (off > 50.0 * usual) & (off > 0.05 * beside) & (off > 10.0 * np.abs(near - other)) & (off > 0.0)
+    return np.flatnonzero(far)
+
+
+def alone_note(values: FloatArray, where: Sequence[str]) -> str:
+    """Note on values that stand alone, with where each of the values stands; empty where none does."""
+    places = alone(values)
+    if not places.size:
+        return ""
+    shown = ", ".join(f"{values[n]:g} {where[n]}" for n in places[:3].tolist())
+    return f"{places.size} values stand far from both neighbours ({shown}): a spike, or a damaged digit"
+
+
+def _windowed(steps: FloatArray, width: int) -> NDArray[np.intp]:
+    """Places where ``width`` steps are off between two even ones before and two after."""
+    window = np.lib.stride_tricks.sliding_window_view(steps, width + 4)
+    about = window[:, [0, 1, -2, -1]]
+    even = np.ptp(about, axis=1) <= 2.0 * _EVEN * np.abs(about.mean(axis=1))
+    off = np.abs(window[:, 2 : 2 + width] - about.mean(axis=1)[:, None]) > _JUMP * about.mean(axis=1)[:, None]
+    return np.flatnonzero(even & off.all(axis=1)) + 2
+
+
+def _even(steps: FloatArray) -> bool:
+    return bool(np.ptp(steps) <= 2.0 * _EVEN * abs(float(steps.mean())))

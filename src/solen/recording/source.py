@@ -1,0 +1,131 @@
+"""A file's bytes, its checksum and its text: what every reader begins with.
+
+The idea: nothing is taken for text that is not. Bytes that no instrument's program writes, a text that is UTF-8 in one
+place and not in another, a control character: each is a sign that the file is another one or was damaged, and each is
+refused with its line.
+
+The interface: `load` a file, `Source.text` of it, `Source.refused` for an error that names the file and the place.
+"""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from solen.errors import DataError
+
+LARGEST_MB = 100
+"""A file beyond this is refused: no instrument here exports one, and reading it would take a laptop's memory."""
+
+_ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
+_OTHERS = {
+    b"%PDF": ("a PDF", "export a table from the program that made it"),
+    b"\x89HDF": ("an HDF5 or netCDF-4 file", "export a CSV"),
+    b"CDF\x01": ("a netCDF file", "export a CSV"),
+    b"\x1f\x8b": ("a gzip archive", "unpack it"),
+    b"\x89PNG": ("a picture", "name the table that it was drawn from"),
+    b"\xff\xd8\xff": ("a picture", "name the table that it was drawn from"),
+    _OLE: ("an old Excel file or a program's own binary format", "save it as .xlsx or CSV"),
+}
+_BREAK = re.compile("\r*\n|\r")  # Windows' line break may have been doubled on its way
+_CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uffff\ufffd]")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file as it lies on the disk.
+
+    Attributes
+    ----------
+    path
+        As the user named it.
+    data
+        Its bytes.
+    """
+
+    path: Path
+    data: bytes
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its folder."""
+        return self.path.name
+
+    @property
+    def sha256(self) -> str:
+        """Checksum of the bytes, in hexadecimal digits."""
+        return hashlib.sha256(self.data).hexdigest()
+
+    @property
+    def is_archive(self) -> bool:
+        """Whether it is a zip archive, as an Excel workbook is."""
+        return self.data.startswith(_ZIP)
+
+    def refused(self, place: str, limit: str, remedy: str, value: object = None) -> DataError:
+        """Error that names the file and the place in it."""
+        return DataError(f"{self.path}{', ' if place else ''}{place}", value=value, limit=limit, remedy=remedy)
+
+    def lines(self) -> list[str]:
+        """Lines of the text, without their breaks; the last one is empty where the text ends with a break."""
+        text = self.text()
+        lines = _BREAK.split(text)
+        bad = _CONTROL.search(text)
+        if bad is not None:
+            line = len(_BREAK.findall(text, 0, bad.start())) + 1
+            limit = f"holds the character U+{ord(bad[0]):04X}, which no text has"
+            raise self.refused(f"line {line}", limit, "export the file again")
+        return lines
+
+    def text(self) -> str:
+        """Text of the file, in the encoding that its bytes tell: UTF-8, UTF-16 or Windows-1252."""
+        data = self.data
+        for start, (what, remedy) in _OTHERS.items():
+            if data.startswith(start):
+                raise self.refused("", f"is {what}", remedy)
+        try:
+            return self._decoded()
+        except UnicodeDecodeError as bad:
+            line = data.count(b"\n", 0, bad.start) + 1
+            limit = f"byte {bad.start} is no letter of {bad.encoding}"
+            raise self.refused(f"line {line}", limit, "save the file as UTF-8 text, or export it again") from None
+
+    def _decoded(self) -> str:
+        data = self.data
+        if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return data.decode("utf-16")
+        sample = data[:4096]
+        if sample[1::2].count(0) > len(sample) // 4:
+            return data.decode("utf-16-le")
+        if sample[::2].count(0) > len(sample) // 4:
+            return data.decode("utf-16-be")
+        try:
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            if _has_utf8(data):  # UTF-8 that was damaged would be another text in any other encoding
+                raise
+        return data.decode("cp1252")
+
+
+def load(path: Path) -> Source:
+    """Bytes of a file; `DataError` where it cannot be read, is empty or larger than `LARGEST_MB`."""
+    try:
+        size = path.stat().st_size
+        if not path.is_file():
+            raise DataError(str(path), limit="is a folder or a device", remedy="name a file")
+        if size > LARGEST_MB * 1_000_000:
+            limit = f"has {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
+            raise DataError(str(path), limit=limit, remedy="export fewer channels or a shorter time")
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise DataError(str(path), limit="no such file", remedy="check the path") from None
+    except (OSError, ValueError) as bad:
+        reason = getattr(bad, "strerror", None) or bad
+        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
+    if not data.strip():
+        raise DataError(str(path), limit="is empty", remedy="export it again")
+    return Source(path, data)
+
+
+def _has_utf8(data: bytes) -> bool:
+    """Whether bytes hold a letter that is written in several bytes as UTF-8 does."""
+    return re.search(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}|[\xf0-\xf4][\x80-\xbf]{3}", data) is not None

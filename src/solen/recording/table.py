@@ -1,0 +1,250 @@
+"""Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
+
+The idea: the header says what each column is (`solen.recording.words`), `solen.recording.layout` where the table
+stands; here its columns become channels. A column of numbers with one cell that is no number is damaged, not a column
+of text. Columns beside a wavelength run along it, those beside a time along that.
+
+The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording import dates
+from solen.recording.grid import Grid
+from solen.recording.layout import Layout
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.numbers import all_numbers, is_missing, is_number
+from solen.recording.scan import RANGE_NM, alone_note, disorder
+from solen.recording.words import Heading, heading, is_label, plain
+from solen.units import factor
+
+_TAKEN_NM = (150.0, 50_000.0)
+"""Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column on its way to a channel: its place, header, what that says, and its numbers, words or both."""
+
+    place: int
+    text: str
+    head: Heading
+    values: NDArray[np.float64] | None
+    words: tuple[str, ...] | None
+
+
+def read(grid: Grid, place: Layout) -> Recording:
+    """Recording of a plain table; `DataError` with the line and column of what is damaged."""
+    check_rows(grid, place)
+    found = columns(grid, place)
+    for column in found:
+        _check_range(grid, place, column)
+    return recorded(grid, place, found, "table")
+
+
+def check_rows(grid: Grid, place: Layout) -> None:
+    """`DataError` at the first row that has more or fewer cells than the header."""
+    expected = len(place.names)
+    unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # an index may be, a column not
+    if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
+        limit = f"stands without a name above column {unnamed + 1}"
+        raise grid.refused(place.header, None, limit, "name every column that holds something")
+    if not place.body:
+        raise grid.source.refused("", "has a header and no rows", "export it again")
+    for row in place.body:
+        if grid.width(row) > expected:
+            raise grid.refused(row, expected, f"stands beyond the {expected} columns of the header")
+        if len(grid.rows[row]) < expected:
+            count = len(grid.rows[row])
+            limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: something is missing or cut off"
+            raise grid.refused(row, None, limit, "restore it, with a separator for each empty cell")
+
+
+def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
+    """Columns of the table, numbers or words as their cells are; ``machine`` if no hand wrote them."""
+    held = [n for n, name in enumerate(place.names) if name or n == 0]
+    cells = {column: grid.cells(column, place.body) for column in held}
+    kinds = {column: _kind(cells[column], place.names[column]) for column in held}
+    mark = grid.mark(place.body, {column: cells[column] for column in held if "number" in kinds[column]})
+    found = []
+    for column, head in zip(held, _headings(place, held), strict=True):
+        kind = kinds[column]
+        if kind == "word" and (head.unit or head.quantity):
+            row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
+            raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
+        values = None
+        if "number" in kind:
+            values = grid.column(column, place.body, cells[column], mark, machine=machine)
+        words = tuple(cells[column]) if "word" in kind else None
+        found.append(Column(column, place.names[column], head, values, words))
+    return found
+
+
+def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
+    """What the headers say, by what stands beside them: T is a transmittance where there are wavelengths."""
+    told = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
+    optical = any(heading(name, unit).quantity == "wavelength" for name, unit in told)
+    return [heading(name, unit, optical=optical) for name, unit in told]
+
+
+def _check_range(grid: Grid, place: Layout, column: Column) -> None:
+    """`DataError` at a wavelength that is none, as where the names of columns moved."""
+    if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
+        return
+    nm = column.values * (factor(column.head.unit, "nm") or math.nan)
+    outside = np.flatnonzero((nm < RANGE_NM[0]) | (nm > RANGE_NM[1]))
+    if outside.size:
+        limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
+        raise grid.refused(place.body[int(outside[0])], column.place, limit, "correct it, or the unit in the header")
+
+
+def _kind(cells: list[str], name: str) -> str:
+    """``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    if all_numbers(cells):
+        return "number and word" if is_label(name) else "number"
+    numbers = [cell for cell in cells if is_number(cell)]
+    whole = len(numbers) == sum(not is_missing(cell) for cell in cells)
+    if is_label(name):
+        return "number and word" if whole else "word"
+    return "number" if numbers or whole else "word"
+
+
+def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recording:
+    """Recording of columns that were read, with what the file says about them."""
+    names = unique([column.head.name for column in found])
+    channels = [
+        Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
+        for name, column in zip(names, found, strict=True)
+        if column.values is not None
+    ]
+    texts = {name: column.words for name, column in zip(names, found, strict=True) if column.words is not None}
+    metadata = parameters(grid, place)
+    instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
+    date = dates.among(metadata)
+    simulated = _simulated(metadata)
+    provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
+    return Recording(tuple(along_axes(_with_percent(channels))), provenance, texts)
+
+
+def _simulated(metadata: Mapping[str, str]) -> bool:
+    """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
+    stated = [value for key, value in metadata.items() if plain(key) == "simulated"]
+    if stated:
+        return plain(stated[0]) not in {"no", "false", "0", "nein"}
+    return any(re.match(r"simulated\b", value.strip(), re.IGNORECASE) for value in metadata.values())
+
+
+def unique(names: Sequence[str]) -> list[str]:
+    """Names with a number after each that was there before: ``sample``, ``sample (2)``."""
+    seen: Counter[str] = Counter()
+    taken = set(names)
+    found = []
+    for name in names:
+        seen[name] += 1
+        made = name
+        while seen[name] > 1 and (made := f"{name} ({seen[name]})") in taken:
+            seen[name] += 1
+        taken.add(made)
+        found.append(made)
+    return found
+
+
+def parameters(grid: Grid, place: Layout) -> dict[str, str]:
+    """What stands above and below the table: names with their values, and remarks."""
+    told = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
+    found = dict(zip(unique([key for key, _ in told]), (value for _, value in told), strict=True))
+    said = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
+    for text in said:
+        key, separator, value = text.partition(":")
+        if separator and value.strip() and len(key) < 40 and key.strip().replace(" ", "").isalnum():
+            found[key.strip()] = value.strip()
+    remarks = [text for text in said if text]
+    return found | ({"remarks": " | ".join(remarks)} if remarks else {})
+
+
+def _parameter(cells: list[str]) -> tuple[str, str]:
+    """Name and value of a line above the table; a line that names nothing is a title."""
+    key, separator, value = cells[0].partition(":")
+    if len(cells) > 1:
+        return cells[0].rstrip(": "), " ".join(cells[1:])
+    return (key.strip(), value.strip()) if separator and value.strip() else ("title", cells[0])
+
+
+def along_axes(channels: list[Channel]) -> list[Channel]:
+    """Channels with the axis that each runs along: the wavelength to its left, or else the time."""
+    waves = [channel for channel in channels if channel.quantity == "wavelength"]
+    if waves:
+        return _along_waves(channels)
+    times = [channel for channel in channels if channel.quantity == "time"]
+    if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are no axis
+        return channels
+    return [replace(one, axis="" if one is times[0] else times[0].name) for one in channels]
+
+
+def _along_waves(channels: list[Channel]) -> list[Channel]:
+    axis = next(channel.name for channel in channels if channel.quantity == "wavelength")
+    found = []
+    for channel in channels:
+        if channel.quantity == "wavelength":
+            axis = channel.name
+            found.append(_noted(_in_nm(channel)))
+        else:
+            found.append(_spectrum(channel, axis, next(one for one in channels if one.name == axis).values))
+    return found
+
+
+def _spectrum(channel: Channel, axis: str, waves: NDArray[np.float64]) -> Channel:
+    """Channel along its wavelengths, with a note on values that stand alone."""
+    notes = (channel.note, alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()]))
+    return replace(channel, axis=axis, note="; ".join(note for note in notes if note))
+
+
+def _noted(channel: Channel) -> Channel:
+    notes = (channel.note, disorder(channel.values))
+    return replace(channel, note="; ".join(note for note in notes if note))
+
+
+def _in_nm(channel: Channel) -> Channel:
+    """Wavelengths with nm for their unit where none is stated and they can be nothing else."""
+    values = channel.values[np.isfinite(channel.values)]
+    if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
+        return channel
+    note = f"no unit is stated; {values.min():g} to {values.max():g} are taken for nm"
+    return replace(channel, unit="nm", note=note)
+
+
+def _with_percent(channels: list[Channel]) -> list[Channel]:
+    """Spectra with %T for their unit where only a baseline beside them says so, as in tables cleaned by hand."""
+    optical = any(channel.quantity == "wavelength" for channel in channels)
+    told = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
+    if not optical or not told:
+        return channels
+    known = {(one.quantity, one.unit) for one in told}
+    if len(known) > 1:
+        return channels
+    quantity, unit = known.pop()
+    note = f"no unit is stated; taken for that of {told[0].name}"
+    return [
+        replace(one, quantity=quantity, unit=unit, note=note) if not one.unit and not one.quantity else one
+        for one in channels
+    ]
+
+
+def _ending(grid: Grid, place: Layout, column: Column) -> str:
+    """Note on a last number that may have lost its end, in a file whose last line has none."""
+    cells = [grid.rows[row][column.place] for row in place.body]
+    last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
+    if grid.ends or not last or len(cells) < 3 or len(cells[-1]) >= min(map(len, cells[:-1])):
+        return ""
+    return f"the file ends without a line break after {cells[-1]}: whether that number is whole cannot be told"
+
+
+def _first(metadata: dict[str, str], names: tuple[str, ...]) -> str:
+    return next((value for key, value in metadata.items() if plain(key) in names), "")

@@ -1,0 +1,129 @@
+"""Exports of ZwickRoell's testXpert: what was set and found, then the channels of the test, in German or in English.
+
+The idea: a block of parameters, each with its value and unit, a row of names, a row of units, rows of numbers. It is a
+table, and read as one; but a machine wrote it, so all that a hand would do to a table is damage here: a number in
+another form, an empty line or a remark inside, a time that runs back, the same line twice, a last line without an end.
+What the machine computed itself (modulus, greatest force) stays in the recording's metadata, by the machine's words.
+
+The interface: `is_testxpert` tells by the header, `read` a `Grid`; `stated` gives a parameter as a number.
+"""
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording import scan, table
+from solen.recording.grid import Grid
+from solen.recording.layout import Layout
+from solen.recording.model import Recording
+from solen.recording.numbers import is_number, parse
+from solen.recording.words import plain
+from solen.units import factor
+
+WORDS = {
+    *("standardkraft", "standardweg", "traverse abs.", "traversenweg absolut", "traversenweg", "prüfzeit", "pruefzeit"),
+    *("standard force", "standard travel", "test time", "crosshead absolute", "absolute crosshead travel"),
+    *("crosshead travel", "grip to grip separation", "nominelle dehnung"),
+}
+"""Names of channels that only this program gives."""
+_LIMITS = {"time": 1e8, "force": 1e8, "strain": 1e5, "displacement": 1e5, "crosshead": 1e5}
+"""No test machine shows a number beyond these, in any unit that it writes: a lost decimal point does."""
+_RARE = 0.002  # share of rows: what happens less often than this is no habit of the program
+_STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
+
+
+def is_testxpert(place: Layout) -> bool:
+    """Whether a table has the names of such an export, and the row of units below them."""
+    names = {plain(name) for name in place.names}
+    return bool(names & WORDS) and len(names) > 1 and all(place.units)
+
+
+def read(grid: Grid, place: Layout) -> Recording:
+    """Recording of an export; `DataError` with the line and column of what is damaged."""
+    _check_whole(grid, place)
+    table.check_rows(grid, place)
+    found = table.columns(grid, place, machine=True)
+    for column in found:
+        if column.values is None:
+            raise grid.refused(place.body[0], column.place, "is no number", "export the channels of the test alone")
+        _check(grid, place, column, column.values)
+    clock = next((one for one in found if factor(one.head.unit, "s") is not None), None)
+    if clock is not None and clock.values is not None:
+        _check_time(grid, place, clock, clock.values)
+    _check_repeats(grid, place)
+    scan.check_digits(grid, [(column.place, place.body) for column in found])
+    made = table.recorded(grid, place, found, "testxpert")
+    where = [f"in line {grid.lines[row]}" for row in place.body]
+    return replace(made, channels=tuple(replace(one, note=scan.alone_note(one.values, where)) for one in made.channels))
+
+
+def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
+    """Number and unit of the first parameter called by one of these names; None where none is, or none is known.
+
+    The names are the file's own, ``E-Modul`` or ``Probendicke a0``; case and spaces do not matter.
+    """
+    for name in names:
+        for key, value in recording.provenance.metadata.items():
+            found = _STATED.fullmatch(value)
+            if plain(key) == plain(name) and found and is_number(found[1]):
+                return parse(found[1], "," if "," in found[1] else "."), found[2] or ""
+    return None
+
+
+def _check_whole(grid: Grid, place: Layout) -> None:
+    """`DataError` where the lines are not those of one test, from the first to the end of the file."""
+    twice = [name for name, count in Counter(map(plain, place.names)).items() if count > 1]
+    if twice:
+        column = max(n for n, name in enumerate(place.names) if plain(name) == twice[0])
+        limit = f"stands in {place.names.count(place.names[column])} columns: several specimens side by side"
+        raise grid.refused(place.header, column, limit, "export each specimen to a file of its own")
+    first, last = grid.lines[place.body[0]], grid.lines[place.body[-1]]
+    remark = next((line for line, _ in grid.remarks if first < line < last), None)
+    if remark is not None:
+        raise grid.source.refused(f"line {remark}", "begins with #, among the numbers", "restore it")
+    hole = next((a for a, b in zip(place.body, place.body[1:], strict=False) if b != a + 1), None)
+    if hole is not None:
+        raise grid.refused(hole + 1, None, "is empty, and numbers follow", "export each test to a file of its own")
+    if place.after:
+        raise grid.refused(place.after[0], None, "stands after the numbers", "export one test alone")
+    if not grid.ends:
+        limit = "ends without a line break, as a file that was cut off: its last number may not be whole"
+        raise grid.refused(place.body[-1], None, limit, "export it again, or end the line if it is whole")
+
+
+def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:
+    """`DataError` where the numbers of a channel cannot be what a machine recorded."""
+    quantity = column.head.quantity
+    beyond = np.flatnonzero(np.abs(values) > _LIMITS.get(quantity, np.inf))
+    if beyond.size:
+        limit = f"no {quantity} is beyond {_LIMITS[quantity]:g}"
+        raise grid.refused(place.body[int(beyond[0])], column.place, limit)
+    hole = np.isnan(values[1:-1]) & np.isfinite(values[:-2]) & np.isfinite(values[2:])
+    if 0 < hole.sum() <= _RARE * values.size + 1:
+        raise grid.refused(place.body[int(np.flatnonzero(hole)[0]) + 1], column.place, "is empty between numbers")
+    scan.check_wild(grid, column.place, place.body, values)
+
+
+def _check_time(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:
+    """`DataError` where time runs back, or stands still where it does so nowhere else."""
+    steps = np.diff(values)
+    wrong = ~(steps >= 0.0)
+    still = steps == 0.0
+    if still.sum() <= _RARE * values.size + 1:  # prints of a fast recording may round many times alike
+        wrong |= still
+    if wrong.any():
+        first = int(np.flatnonzero(wrong)[0])
+        limit = f"follows {values[first]:g}: the time of a test moves on"
+        raise grid.refused(place.body[first + 1], column.place, limit)
+
+
+def _check_repeats(grid: Grid, place: Layout) -> None:
+    """`DataError` at a row that is the one before it again; the time of a test moves on, if by what it prints."""
+    if len(place.names) < 3:
+        return
+    for before, row in zip(place.body, place.body[1:], strict=False):
+        if grid.rows[row] == grid.rows[before]:
+            raise grid.refused(row, None, "is the line before it once more", "remove one of them")

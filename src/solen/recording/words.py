@@ -1,0 +1,268 @@
+"""What a column's header says: name, unit and quantity, in the spellings of instruments, of German ones and of people.
+
+The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` are one statement. A bracket or an
+ending is only taken for a unit if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
+symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. What a word means is told by its unit where the
+word alone does not tell: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
+
+The interface: `heading` of a header's text, `quantity_of` a name, `is_label` for columns that name rather than measure.
+"""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+from solen.units import factor, is_unit
+
+_EXAMPLES = {
+    "wavelength": "nm",
+    "transmittance": "1",
+    "reflectance": "1",
+    "absorbance": "1",
+    "absorptance": "1",
+    "index": "1",
+    "thickness": "mm",
+    "length": "mm",
+    "width": "mm",
+    "displacement": "mm",
+    "crosshead": "mm",
+    "time": "s",
+    "force": "N",
+    "stress": "MPa",
+    "true stress": "MPa",
+    "modulus": "MPa",
+    "strain": "1",
+    "true strain": "1",
+    "stretch": "1",
+    "exposure": "mJ/cm**2",
+    "energy": "J",
+    "irradiance": "mW/cm**2",
+    "power": "mW",
+    "voltage": "V",
+    "current": "mA",
+    "resistance": "ohm",
+    "temperature": "K",
+    "angle": "deg",
+    "speed": "mm/s",
+    "wavenumber": "1/cm",
+}
+"""The quantities that a header can be told to mean, each with a unit of its kind."""
+
+_WORDS = {
+    "wavelength": "wavelength, wavelengths, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
+    "transmittance": "transmittance, transmission, transmissionsgrad, t",
+    "reflectance": "reflectance, reflection, reflexion, reflexionsgrad, r",
+    "absorbance": "absorbance, abs, abs., extinction, extinktion, optical density, od",
+    "absorptance": "absorptance, absorptionsgrad",
+    "index": "refractive index, index of refraction, brechzahl, brechungsindex",
+    "thickness": "thickness, cure depth, cured depth, curing depth, depth, dicke, schichtdicke, aushärtetiefe, "
+    "durchhärtetiefe, tiefe, cd, dc, h, d",
+    "length": "length, guide length, waveguide length, länge, laenge, l",
+    "width": "width, breite, b, w",
+    "displacement": "displacement, extension, deflection, travel, weg, verformung, verschiebung, standardweg, "
+    "standard travel, grip to grip separation, deformation, elongation, dl, δl, u",
+    "crosshead": "crosshead, traverse, traverse abs., traverse abs, traversenweg, traversenweg absolut, "
+    "crosshead absolute, crosshead travel, absolute crosshead travel, crosshead displacement",
+    "time": "time, test time, exposure time, exposure, cure time, zeit, prüfzeit, pruefzeit, belichtungszeit, t",
+    "force": "force, load, standard force, kraft, prüfkraft, standardkraft, last, f",
+    "stress": "stress, engineering stress, nominal stress, eng stress, spannung, zugspannung, druckspannung, "
+    "first piola-kirchhoff stress, σ, sigma",
+    "true stress": "true stress, cauchy stress, wahre spannung",
+    "modulus": "modulus, young's modulus, e-modul, e",
+    "strain": "strain, engineering strain, nominal strain, eng strain, tensile strain, compressive strain, dehnung, "
+    "stauchung, nominelle dehnung, ε, epsilon",
+    "true strain": "true strain, logarithmic strain, hencky strain, wahre dehnung",
+    "stretch": "stretch, stretch ratio, verstreckung, streckung, λ, lambda",
+    "exposure": "exposure, exposure dose, dose, energy dose, energy, e, dosis, belichtung, energie, fluence",
+    "energy": "energy, energie, work, arbeit, e",
+    "irradiance": "irradiance, intensity, bestrahlungsstärke, intensität, i",
+    "power": "power, received power, optical power, signal, leistung, p",
+    "voltage": "voltage, signal, spannung, v, u",
+    "current": "current, photocurrent, strom, i",
+    "resistance": "resistance, widerstand, r",
+    "temperature": "temperature, temperatur, t",
+    "angle": "angle, winkel, theta, θ",
+    "speed": "speed, geschwindigkeit, prüfgeschwindigkeit, test speed",
+    "wavenumber": "wavenumber, wellenzahl",
+}
+_LABELS = (
+    "replicate, repeat, wiederholung, sample, probe, specimen, prüfling, name, label, id, guide, piece, part, print, "
+    "disc, disk, orientation, build orientation, ausrichtung, orientierung, bauorientierung, batch, charge, note, "
+    "comment, kommentar, bemerkung, material, resin, harz, group, gruppe, position, operator, date, datum, file, "
+    "datei, kind, type, mode"
+)
+_UNITS = (
+    "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "
+    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R "
+    "percent pct prozent micron microns µ mol L l ml"
+)
+_TOKENS = frozenset(_UNITS.split())
+_LONGEST = 120  # letters of a header: what is longer is prose
+_NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
+_PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
+
+_LETTERS = str.maketrans({"μ": "µ", "²": "2", "³": "3", "¹": "1", "⁻": "-"})
+_BRACKET = re.compile(r"(.+?)\s*(?:\(([^()]*(?:\([^()]*\))?[^()]*)\)|\[([^\[\]]*)\])")
+_SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
+_IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
+_LAST = re.compile(r"(.+?)\s+(\S+)")
+_PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])")
+_PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a header says; unit and quantity are empty where it does not."""
+
+    name: str
+    unit: str
+    quantity: str
+
+
+def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
+    """Name, unit and quantity that a header's text states.
+
+    Parameters
+    ----------
+    text
+        The header's cell.
+    unit
+        What the row of units below it says, if there is one.
+    optical
+        Whether the columns run along a wavelength, where T, R and A are what an optician calls so.
+    """
+    text = " ".join(text.split())
+    if len(text) > _LONGEST:
+        return Heading(text, unit, "")
+    if unit:
+        return _made(text, _unit_text(unit), optical)
+    percent = _PERCENT.fullmatch(text)
+    if percent:
+        letter = percent[2] or percent[3]
+        return Heading(text if percent[1].strip() else letter, "%", _PERCENTS[letter])
+    return _split(text, optical) or _made(text, "", optical)
+
+
+def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
+    """Quantity that a name means, or empty where it does not tell or its unit is of another kind."""
+    meant = [one for one in _meanings(name) if not unit or _fits(one, unit)]
+    if optical and not meant:
+        meant = [one for one in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(one, unit)]
+    seen = [one for one in meant if one in {"transmittance", "reflectance", "absorbance", "absorptance"}]
+    if optical and seen:
+        return seen[0]
+    return meant[0] if len(meant) == 1 or (meant and unit) else ""
+
+
+def is_label(text: str) -> bool:
+    """Whether a header is of a column that names its rows: replicate, sample, orientation."""
+    return plain(text) in _label_words() or plain(heading(text).name) in _label_words()
+
+
+def plain(name: str) -> str:
+    """A name without what spellings differ in: case, underscores and spaces."""
+    return " ".join(name.replace("_", " ").casefold().split())
+
+
+def stated_unit(text: str) -> bool:
+    """Whether a text is a unit that measurements are written in; pint alone would take ``R`` and ``a.u.`` for units."""
+    text = text.strip()
+    if len(text) > _LONGEST:
+        return False
+    tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
+    known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
+    return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text))
+
+
+def _split(text: str, optical: bool) -> Heading | None:
+    """Heading of a text that holds a unit, or None."""
+    bracket = _BRACKET.fullmatch(text)
+    if bracket:
+        name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
+        if inner.strip().lower() in _NO_UNIT:
+            return _made(name, "", optical)
+        if inner.strip() == "" or _is_unit_of(name, inner, bracketed=True):
+            return _made(name, _unit_text(inner), optical)
+        return _made(name, "", optical) if _meanings(name) else None
+    for form in (_SLASH, _IN, _LAST):
+        found = form.fullmatch(text)
+        if found and _is_unit_of(found[1], found[2].strip("()")):
+            return _made(found[1], _unit_text(found[2].strip("()")), optical)
+    return _suffixed(text, optical)
+
+
+def _suffixed(text: str, optical: bool) -> Heading | None:
+    """Heading of a name that ends in its unit, as in ``dose_mJ_per_cm2``."""
+    parts = text.split("_")
+    for start in range(1, len(parts)):
+        name, unit = "_".join(parts[:start]), _unit_of_parts(parts[start:])
+        if name and unit and _is_unit_of(name, unit):
+            return _made(name, unit, optical)
+    return None
+
+
+def _unit_of_parts(parts: list[str]) -> str:
+    """Unit that the parts of a name spell: ``mJ per cm2``, ``per mm``, and ``mJ cm2``, which people write for it."""
+    words = ["/" if part == "per" else part for part in parts]
+    if words[0] == "/":
+        words.insert(0, "1")
+    if len(words) == 2 and words[1] in {"cm2", "mm2", "m2"}:
+        words.insert(1, "/")
+    return "".join(words) if all("/" in pair for pair in pairwise(words)) else ""
+
+
+def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
+    """Whether a text is a unit and, where the name's quantity is known, one of its kind.
+
+    A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is no width.
+    """
+    unit = unit.strip()
+    if not stated_unit(unit):
+        return False
+    meant = _meanings(name)
+    fits = any(_fits(one, _unit_text(unit)) for one in meant)
+    if fits or (meant and (len(name) > 1 or not bracketed)):
+        return fits
+    letter = len(unit) == 1 and unit.isalpha()
+    return unit not in _PURE and (not letter or (bracketed and unit != "A"))  # these are labels: sample A, film 1
+
+
+def _fits(quantity: str, unit: str) -> bool:
+    if "dB" in unit:
+        return quantity == "power"
+    if "°C" in unit:
+        return quantity == "temperature"
+    return factor(unit, _EXAMPLES[quantity]) is not None
+
+
+def _unit_text(unit: str) -> str:
+    unit = unit.strip().strip("[]()").strip()
+    return "1" if unit in _PURE or unit == "" else unit
+
+
+def _made(name: str, unit: str, optical: bool) -> Heading:
+    return Heading(name, unit, quantity_of(name, unit, optical=optical))
+
+
+@cache
+def _by_word() -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for quantity, words in _WORDS.items():
+        for word in words.split(", "):
+            found.setdefault(plain(word), []).append(quantity)
+    return found
+
+
+@cache
+def _label_words() -> frozenset[str]:
+    return frozenset(plain(word) for word in _LABELS.split(", "))
+
+
+def _meanings(name: str) -> list[str]:
+    """Quantities that a name can mean; of a single letter the case matters, as T and t are two things."""
+    if name in {"T", "R", "A"}:
+        return {"T": ["transmittance", "temperature"], "R": ["reflectance", "resistance"], "A": []}[name]
+    if name == "t":
+        return ["time", "thickness"]
+    return _by_word().get(plain(name), [])

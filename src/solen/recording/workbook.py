@@ -1,0 +1,155 @@
+"""Excel workbooks (.xlsx): the cells of one sheet, as a text file's rows.
+
+The idea: a workbook is the same table as its CSV. Numbers keep all their digits; a formula counts by the result that
+was stored with it, and where none was, the file is refused: its cell is not empty. An archive that unpacks to more than
+a table could be is not unpacked.
+
+The interface: `grid` of a sheet.
+"""
+
+import io
+import re
+import warnings
+import zipfile
+from datetime import date, datetime, time
+from typing import Any
+
+from solen.recording.grid import Grid
+from solen.recording.numbers import is_number
+from solen.recording.source import Source
+
+LARGEST_MB = 500
+"""Size of all parts of a workbook, unpacked, beyond which it is refused."""
+MOST_CELLS = 2_000_000
+"""Cells of a sheet beyond which it is refused."""
+
+
+def grid(source: Source, sheet: str | None = None) -> Grid:
+    """Rows of a sheet; `DataError` where the file is no workbook or the sheet is not told.
+
+    ``sheet`` is its name; without one, the only sheet that holds numbers is taken.
+    """
+    _check_archive(source)
+    sheets = _sheets(source, sheet, stored=True)
+    name = sheet or _only(source, sheets)
+    found = _grid_of(source, name, sheets[name])
+    if not all(map(all, found.rows)):
+        _refuse_unstored(source, name, found)
+    return found
+
+
+def _check_archive(source: Source) -> None:
+    """`DataError` for a zip archive that is no workbook, or one that is too large or unsafe to unpack."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(source.data)) as archive:
+            members = archive.infolist()
+            size = sum(member.file_size for member in members)
+            names = {member.filename for member in members}
+            if "xl/workbook.xml" not in names:
+                raise source.refused("", "is an archive, but no Excel workbook", "save the table as .xlsx or CSV")
+            if size > LARGEST_MB * 1_000_000:
+                limit = f"unpacks to {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
+                raise source.refused("", limit, "save the table alone as CSV")
+            for member in members:
+                with archive.open(member) as part:
+                    if re.search(rb"<!(?:DOCTYPE|ENTITY)", part.read(2048)):
+                        raise source.refused("", f"declares entities in {member.filename}", "save it again in Excel")
+    except _errors() as bad:
+        raise source.refused("", f"is a damaged archive: {bad}", "save it again in Excel") from None
+
+
+def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
+    """Cells of every sheet of numbers and texts, by its name; of one that is wanted, of it alone.
+
+    With ``stored`` a formula is the result that was stored with it, else its text.
+    """
+    import openpyxl
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of styles and validations that are not kept
+            book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, data_only=stored)
+            names = [sheet.title for sheet in book.worksheets]
+            if wanted is not None and wanted not in names:
+                raise source.refused("", "has no such sheet", f"its sheets are {', '.join(names)}", wanted)
+            found = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
+            book.close()
+    except _errors() as bad:
+        raise source.refused("", f"cannot be read as a workbook: {bad}", "save it again in Excel, or as CSV") from None
+    return found
+
+
+def _texts(source: Source, sheet: Any) -> list[list[str]]:
+    """Cells of a sheet as a CSV would hold them."""
+    sheet.reset_dimensions()  # what a file says of them may be wrong
+    found: list[list[str]] = []
+    left = MOST_CELLS
+    for row in sheet.iter_rows():
+        left -= len(row) + 1
+        if left < 0:
+            limit = f"holds more than {MOST_CELLS} cells"
+            raise source.refused(f"sheet {sheet.title}", limit, "save the table alone as CSV")
+        found.append([_text(cell.value, cell) for cell in row])
+    return found
+
+
+def _errors() -> tuple[type[Exception], ...]:
+    """What zipfile, openpyxl and what they stand on raise at a damaged workbook."""
+    import zlib
+    from xml.etree.ElementTree import ParseError
+
+    from openpyxl.utils.exceptions import InvalidFileException
+
+    return (
+        *(InvalidFileException, ParseError, zipfile.BadZipFile, zlib.error, OSError, EOFError),
+        *(KeyError, ValueError, TypeError, IndexError, AttributeError, OverflowError, RuntimeError, MemoryError),
+    )
+
+
+def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
+    """Name of the only sheet that holds numbers."""
+    held = [name for name, rows in sheets.items() if any(is_number(cell) for row in rows for cell in row)]
+    if len(held) != 1:
+        limit = f"has {len(held)} sheets with numbers" if held else "has no sheet with numbers"
+        raise source.refused("", limit, f"name one of {', '.join(held or sheets)} as the sheet")
+    return held[0]
+
+
+def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
+    """Grid of a sheet; all rows are as long as the longest, without the empty columns at the end."""
+    while texts and not any(texts[-1]):
+        texts.pop()
+    width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)
+    if width * len(texts) > MOST_CELLS:
+        limit = f"reaches to row {len(texts)} and column {width}: more than {MOST_CELLS} cells"
+        raise source.refused(f"sheet {name}", limit, "save the table alone as CSV")
+    padded = [(row + [""] * width)[:width] for row in texts]
+    return Grid(source, padded, list(range(1, len(padded) + 1)), "", name)
+
+
+def _refuse_unstored(source: Source, name: str, found: Grid) -> None:
+    """`DataError` at a formula whose result is not stored in the file."""
+    formulas = _sheets(source, name, stored=False)[name]
+    for row, cells in enumerate(formulas):
+        for column, cell in enumerate(cells):
+            inside = row < len(found.rows) and column < len(found.rows[row])
+            if cell.startswith("=") and inside and not found.rows[row][column]:
+                limit = "holds a formula whose result is not stored"
+                raise found.refused(row, column, limit, "open the workbook in Excel and save it there")
+
+
+def _text(value: Any, cell: Any) -> str:
+    """A cell as a CSV would hold it, with all digits of a number.
+
+    A number that Excel shows as a percentage is stored without it, 0.91 for 91 %: it stays a text with the sign, which
+    no reader takes for a number.
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, int | float):
+        return f"{100.0 * value:.15g} %" if "%" in cell.number_format else repr(value)
+    if isinstance(value, datetime | date | time):
+        return value.isoformat()
+    return " ".join(str(value).split())

@@ -1,0 +1,57 @@
+"""The figure of a resin: its index against wavelength with its uncertainty, and what it is."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from solen.errors import DataError
+from solen.material.dispersion import AS_PUBLISHED, Tabulated
+from solen.material.resin import Resin
+from solen.report.canvas import INK, LEFT, RIGHT, STYLE
+
+SHOWN_NM = (400.0, 1000.0)
+"""Wavelengths that are drawn of an index without an end."""
+POINTS = 301
+
+
+def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
+    """Index against wavelength, its standard uncertainty as a band; dashed where it is no measurement.
+
+    Raises
+    ------
+    DataError
+        Where the resin has no index.
+    """
+    low, high = resin.index.range_nm
+    if high <= low:
+        raise DataError("figure", limit="the resin has no index to draw", remedy="leave --figure out")
+    low = max(low, SHOWN_NM[0]) if low == 0.0 else low
+    high = high if np.isfinite(high) else SHOWN_NM[1]
+    wavelengths = np.unique([*np.linspace(low, high, POINTS), *(nm for nm in at_nm if low <= nm <= high)])
+    n = np.array([resin.index.index(float(nm)) for nm in wavelengths])
+    u = [resin.index.u_index(float(nm)) for nm in wavelengths]
+    published = resin.index.mode == AS_PUBLISHED
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.0, 3.6), layout="constrained")
+        axes = figure.add_subplot()
+        if all(value is not None for value in u):
+            band = np.array(u, dtype=float)
+            axes.fill_between(wavelengths, n - band, n + band, color=RIGHT, alpha=0.2, lw=0, label="± u(n), standard")
+        mode = resin.index.mode or resin.index.kind
+        label = "as published: see warning" if published else mode
+        axes.plot(
+            wavelengths, n, color=LEFT if published else RIGHT, lw=1.8, ls="--" if published else "-", label=label
+        )
+        if isinstance(resin.index, Tabulated):
+            axes.plot(resin.index.wavelength_nm, resin.index.n, ".", color=INK, ms=4)
+        for nm in at_nm:
+            axes.plot(nm, resin.index.index(nm), "o", color=INK, mfc="none", ms=6)
+            axes.annotate(f"{nm:g} nm: {resin.index.index(nm):.4f}", (nm, resin.index.index(nm)), (4, 6), fontsize=8,
+                          textcoords="offset points")  # fmt: skip
+        simulated = any(one.simulated for one in resin.sources if one.of == "index")
+        axes.set_title(resin.name + (" (simulated data)" if simulated else ""), fontsize=10)
+        axes.set(xlabel="wavelength (nm)", ylabel="refractive index")
+        axes.legend(fontsize=8)
+    return figure

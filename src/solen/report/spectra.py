@@ -1,0 +1,60 @@
+"""The figure of the spectra that a file holds, a panel for each quantity and unit."""
+
+from collections.abc import Sequence
+from itertools import cycle
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.recording import Provenance, Spectrum
+from solen.report.canvas import SERIES, STYLE
+
+_INSIDE = 5
+"""Traces whose names fit among the lines."""
+_NAMED = 14
+"""Traces whose names a legend has room for; of more, the first and the last are named."""
+
+
+def spectra_figure(found: Sequence[Spectrum], source: Provenance) -> Figure:
+    """Spectra over wavelength, side by side where they are of several kinds, as transmittance and absorbance are."""
+    kinds: dict[tuple[str, str], list[Spectrum]] = {}
+    for one in found:
+        kinds.setdefault((one.channel.quantity, one.channel.unit), []).append(one)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.6 * len(kinds), 3.6), layout="constrained")
+        panels = figure.subplots(1, len(kinds), squeeze=False)[0]
+        for axes, ((quantity, unit), traces) in zip(panels, kinds.items(), strict=True):
+            _draw(axes, traces)
+            axes.set(xlabel="wavelength (nm)", ylabel=_label(quantity, unit))
+        what = "simulated" if source.simulated else " ".join(filter(None, (source.instrument, source.date)))
+        figure.suptitle(source.file + (f": {what}" if what else ""), fontsize=9)
+    return figure
+
+
+def _draw(axes: Axes, traces: Sequence[Spectrum]) -> None:
+    """Draw traces of one kind. Many traces are one colour's shades, in their order, so that a drift shows."""
+    many = len(traces) > _NAMED
+    colours = cycle(SERIES)
+    shades = mpl.colormaps["viridis"]
+    for number, one in enumerate(traces):
+        named = not many or number in {0, len(traces) - 1}
+        colour = shades(0.9 * number / (len(traces) - 1)) if many else next(colours)
+        marker = "o" if one.channel.values.size < 3 else ""
+        axes.plot(
+            one.wavelength_nm,
+            one.channel.values,
+            marker=marker,
+            lw=0.9 if many else 1.4,
+            ms=3,
+            color=colour,
+            label=one.channel.name if named else None,
+        )
+    title = f"first and last\nof {len(traces)} traces" if many else None
+    where = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(traces) > _INSIDE else {"loc": "best"}
+    axes.legend(fontsize=7, title=title, title_fontsize=7, **where)
+
+
+def _label(quantity: str, unit: str) -> str:
+    name = quantity or "values"
+    return f"{name} ({unit})" if unit and unit != "1" else name

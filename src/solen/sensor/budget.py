@@ -1,0 +1,117 @@
+"""Where the light of a sensor's emitter goes at rest, as shares that add up to 1.
+
+The idea: no ledger tells what met the lens and came back from what never met anything. The same scene with black faces
+and with a black body does. The interface: `budget` of a sensor, which returns a `Budget`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solen.scene import Scene
+from solen.sensor.sensor import CHIP_TOLERANCE, Sensor
+from solen.trace import Trace, integrate, trace
+from solen.trace.adaptive import why_not
+
+BUDGET_RAYS = 2**17
+"""Rays of the budget where it cannot be integrated."""
+OPAQUE_PER_MM = 1e6
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Where the emitter's own power goes at rest, as shares that add up to 1 within ``u``; no light from around.
+
+    Attributes
+    ----------
+    right, left
+        At the receivers.
+    beside
+        Meets nothing: it passes beside the lens and the body.
+    above_below
+        Passes above or below them, in space.
+    reflected
+        Is reflected by the body and never enters it.
+    leaked
+        Leaves it through top or bottom, in space.
+    escaped
+        Leaves it elsewhere.
+    absorbed
+        In the material, at walls and at the backs of receivers.
+    truncated
+        Was followed no further.
+    u
+        What a share may be off by.
+    """
+
+    right: float
+    left: float
+    beside: float
+    above_below: float
+    reflected: float
+    leaked: float
+    escaped: float
+    absorbed: float
+    truncated: float
+    u: float
+
+
+def budget(sensor: Sensor) -> Budget:
+    """Where the light of a sensor's emitter goes at rest.
+
+    Three traces tell it: of the scene as it is; with all its faces black, which leaves only what meets nothing; and
+    with a body in which light goes nowhere, which leaves that and what never enters.
+    """
+    scene = sensor.scene(0.0)
+    scene = replace(scene, sources=scene.sources[:1])
+    whole, u = _settled(scene)
+    black, u_black = _settled(_black(scene))
+    opaque, u_opaque = _settled(_opaque(scene))
+    right, left = (whole.detectors[name].power for name in ("right", "left"))
+    beside = black.ledger.escaped - black.missed
+    reflected = max(0.0, opaque.ledger.escaped - black.ledger.escaped)
+    return Budget(
+        right=right,
+        left=left,
+        beside=beside,
+        above_below=black.missed,
+        reflected=reflected,
+        leaked=whole.leaked,
+        escaped=max(0.0, whole.ledger.escaped - black.ledger.escaped - reflected - whole.leaked),
+        absorbed=whole.ledger.absorbed,
+        truncated=whole.ledger.truncated,
+        u=u + u_black + u_opaque,
+    )
+
+
+def _black(scene: Scene) -> Scene:
+    """The scene with faces that take all light."""
+    return replace(
+        scene,
+        interfaces=tuple(
+            replace(one, behaviour="absorbing", receiver=None, surface=None, height_mm=None) for one in scene.interfaces
+        ),
+    )
+
+
+def _opaque(scene: Scene) -> Scene:
+    """The scene with a body that takes all light that enters it."""
+    regions = tuple(
+        replace(one, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if one.name == "body" else one
+        for one in scene.regions
+    )
+    return replace(scene, regions=regions)
+
+
+def _settled(scene: Scene) -> tuple[Trace, float]:
+    """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
+    if not why_not(scene):
+        found = integrate(scene, "power", CHIP_TOLERANCE)
+        if found.reached:
+            return found, CHIP_TOLERANCE
+    made_of_points = all(source.emission() is not None for source in scene.sources)
+    many = scene
+    if made_of_points:  # a file has the rays that it has
+        many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
+    found = trace(many, "power", sampling="sobol" if made_of_points else "fan")
+    return found, float(0.5 / np.sqrt(found.rays))  # no share's standard error is larger

@@ -1,0 +1,47 @@
+"""What is made for assembly: pockets that seat the receivers, slots that a film with a part on it is glued into."""
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, Field
+
+from solen.spec.strict import Number, Strict, Text, or_refuse, refused
+
+Length = Annotated[Number, Field(ge=1e-3, le=1e3)]
+Place = Literal["receivers", "emitter"]
+PLACES: tuple[Place, ...] = ("receivers", "emitter")
+PLACES_LIMIT = 'must be a list of "receivers", "emitter", none twice'
+
+
+def _places(slots: tuple[Place, ...]) -> tuple[Place, ...]:
+    if len(set(slots)) != len(slots):
+        raise refused("", PLACES_LIMIT, value=list(slots))
+    return tuple(place for place in PLACES if place in slots)
+
+
+class Fabricate(Strict):
+    """Seats for the electronics, cut from the solid; light is traced as if they were not there."""
+
+    table: ClassVar[str] = "fabricate"
+
+    pockets: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Whether each receiver's face has a pocket for its package."
+    )
+    receiver_part: Text = Field(
+        "TEMT7100X01",
+        description="Name of a receiver in the library, or a part file (ends in .toml or holds a / or \\), relative to "
+        "the design file: its package is what a pocket holds.",
+    )
+    pocket_depth_mm: Length | None = Field(
+        None, description="Depth of a pocket in mm; default: the package's, so that its back is flush."
+    )
+    slots: Annotated[tuple[Place, ...], AfterValidator(_places), or_refuse(PLACES_LIMIT)] = Field(
+        (),
+        description="Where a slot for a support of film is cut into the top: at the receivers, at the emitter.",
+        json_schema_extra={"uniqueItems": True},
+    )
+    film_mm: Length = Field(0.1, description="Thickness of the film in mm: the depth of a slot.")
+    slot_width_mm: Length = Field(2.0, description="Width of the film in mm.")
+    slot_length_mm: Length = Field(2.0, description="How far a slot reaches into the body, in mm.")
+    clearance_mm: Annotated[Number, Field(ge=0, le=10)] = Field(
+        0.05, description="Room in mm on each side of a package and of a film."
+    )

@@ -1,0 +1,329 @@
+"""The commands of resins: what they print and write, and every bad input in one line with nothing left behind."""
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.cli import _run
+from solen.material import Tabulated, load_resin
+from solen.material.index.slab import forward
+from solen.spec import template
+
+INDEX: dict[str, Any] = {
+    "kind": "index",
+    "mode": "measured",
+    "wavelength_nm": [450.0, 650.0, 900.0],
+    "n": [1.52, 1.5, 1.49],
+    "u_n": [0.012, 0.012, 0.012],
+    "fit": None,
+    "warnings": [],
+    "sources": [{"file": "layer.csv", "sha256": "12" * 32, "instrument": "Cary 5000", "date": "2026-01-02"}],
+}
+CUTBACK: dict[str, Any] = {
+    "kind": "cutback",
+    "absorption_per_mm": 0.01 * math.log(10.0),
+    "u_absorption_per_mm": 0.004,
+    "loss_dB_per_cm": 1.0,
+    "interval95": [0.6, 1.4],
+    "wavelength_nm": 860.0,
+    "warnings": [],
+    "sources": [{"file": "guides.csv", "sha256": "34" * 32, "simulated": True}],
+}
+CURE: dict[str, Any] = {
+    "kind": "cure",
+    "Dp_um": 181.0,
+    "Ec_mJ_per_cm2": 12.0,
+    "covariance": [[9.0, 1.0], [1.0, 0.25]],
+    "interval95": {"Dp_um": [175.0, 187.0], "Ec_mJ_per_cm2": [11.0, 13.0]},
+}
+STIFFNESS: dict[str, Any] = {
+    "kind": "stiffness",
+    "modulus_MPa": 1.5,
+    "u_modulus_MPa": 0.1,
+    "strain_range": [0.02, 0.1],
+    "model": None,
+}
+RESULTS = {"index": INDEX, "cutback": CUTBACK, "cure": CURE, "stiffness": STIFFNESS}
+
+
+class Shell:
+    """Runs a command line in the test's own folder."""
+
+    def __init__(self, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.folder, self.capsys = folder, capsys
+
+    def lines(self, *arguments: str) -> list[str]:
+        """Lines on stdout of a command that succeeds without a word on stderr."""
+        self.capsys.readouterr()
+        code = _run(list(arguments))
+        printed = self.capsys.readouterr()
+        assert (code, printed.err) == (0, "")
+        return printed.out.splitlines()
+
+    def json(self, *arguments: str) -> Any:
+        """The one JSON object on stdout."""
+        return json.loads("\n".join(self.lines(*arguments, "--json")), parse_constant=pytest.fail)
+
+    def refused(self, *arguments: str) -> str:
+        """The one line of a command that is refused and leaves nothing."""
+        before = self.snapshot()
+        self.capsys.readouterr()
+        code = _run(list(arguments))
+        printed = self.capsys.readouterr()
+        assert (code, printed.out) == (2, "")
+        assert len(printed.err.splitlines()) == 1
+        assert len(printed.err) < 400
+        assert self.snapshot() == before
+        return printed.err.removeprefix("solen: ").rstrip("\n")
+
+    def snapshot(self) -> dict[str, bytes]:
+        return {path.name: path.read_bytes() for path in self.folder.iterdir()}
+
+
+@pytest.fixture
+def shell(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Shell:
+    folder = tmp_path / "my resins"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for name, data in RESULTS.items():
+        (folder / f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
+    return Shell(folder, capsys)
+
+
+ALL = tuple(part for name in RESULTS for part in (f"--{name}", f"{name}.json"))
+WHO = ("--name", "ma-PU, batch 3")
+
+
+def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
+    formulation = ("--formulation", "RA-139:75, lauryl acrylate:25")
+    found = shell.json("resin", "build", "r.toml", *WHO, *ALL, *formulation, "--source", "our lab", "--note", "dry")
+    assert set(found) == {
+        *("resin", "name", "source", "notes", "index", "loss", "cure", "stiffness", "formulation", "sources", "at"),
+        "warnings",
+    }
+    resin = load_resin("r.toml")
+    assert (resin.name, resin.source, resin.notes) == ("ma-PU, batch 3", "our lab", "dry")
+    assert isinstance(resin.index, Tabulated)
+    assert resin.index.index(860.0) == pytest.approx(1.5 - 0.01 * 210 / 250)
+    assert resin.index.u_index(860.0) == pytest.approx(0.012)
+    assert (resin.loss.absorption_per_mm, resin.loss.wavelength_nm) == pytest.approx((0.0230259, 860.0), abs=1e-7)
+    assert resin.cure is not None
+    assert (resin.cure.Dp_um, resin.cure.covariance) == (181.0, ((9.0, 1.0), (1.0, 0.25)))
+    assert resin.stiffness is not None
+    assert resin.stiffness.modulus_MPa == 1.5
+    assert [(part.component, part.wt_percent) for part in resin.formulation] == [
+        ("RA-139", 75.0),
+        ("lauryl acrylate", 25.0),
+    ]
+    assert [(one.of, one.file) for one in resin.sources] == [("index", "layer.csv"), ("loss", "guides.csv")]
+    assert resin.sources[0].instrument == "Cary 5000"
+    assert resin.warnings == ("loss: from simulated data, not measured",)
+    text = Path("r.toml").read_text(encoding="utf-8")
+    assert text.startswith("# Written by solen ")
+    assert tomllib.loads(text)["schema"] == 1
+
+
+def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
+    shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
+    line = shell.refused("resin", "build", "r.toml", *WHO, "--cure", "cure.json")
+    assert line == "r.toml; exists already; name another file, or add --force"
+    shell.lines("resin", "build", "r.toml", *WHO, "--cure", "cure.json", "--force")
+    assert load_resin("r.toml").cure is not None
+
+
+def test_a_resin_without_an_index_is_told_where_it_is_used(shell: Shell) -> None:
+    shell.lines("resin", "build", "r.toml", "--name", "dose only", "--cure", "cure.json")
+    assert shell.json("resin", "show", "./r.toml")["at"][0]["n"] is None
+    Path("sensor.toml").write_text(template(), encoding="utf-8")
+    line = shell.refused("check", "sensor.toml", "--set", "material.resin=r.toml")
+    assert line.startswith("resin dose only: index at 860 nm; the resin has none; add [index]")
+    assert "no index to draw" in shell.refused("resin", "show", "./r.toml", "--figure", "r.png")
+
+
+def damaged(name: str, **changes: Any) -> Callable[[], list[str]]:
+    def write() -> list[str]:
+        Path("bad.json").write_text(json.dumps(RESULTS[name] | changes), encoding="utf-8")
+        return [f"--{name}", "bad.json"]
+
+    return write
+
+
+def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
+    def write() -> list[str]:
+        Path("bad.json").write_bytes(text)
+        return [f"--{option}", "bad.json"]
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (list, "solen resin build; has nothing to write; add --index, --cutback, --cure, --stiffness or --formulation"),
+        (lambda: ["--index", "cure.json"], "cure.json: kind = 'cure'; --index takes index or refractometer; it is for"),
+        (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; it is for"),
+        (lambda: ["--cure", "none.json"], "none.json; no such file"),
+        (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
+        (holding(b"{}"), "bad.json: kind; missing: this is no result of solen; write it with solen index --out"),
+        (holding(b"[1, 2]", "cure"), "bad.json: kind; missing: this is no result of solen; write it with solen cure"),
+        (holding(b'{"kind": "index", '), "bad.json: JSON; cannot be read: Expecting property name"),
+        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; cannot be read: NaN is no number of JSON"),
+        (holding(b"[" * 100_000), "bad.json: JSON; is nested too deeply"),
+        (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
+        (
+            holding(b'{"kind": "cure"}', "cure"),
+            "bad.json: Dp_um; missing; add it: penetration depth in µm.; and 1 more",
+        ),
+        (damaged("index", mode="guess"), "bad.json: index.mode = 'guess'; must be one of measured"),
+        (damaged("index", n=[1.5]), "bad.json: n = 1; must have 3 entries, one per wavelength"),
+        (damaged("index", sources="layer.csv"), "bad.json: sources = 'layer.csv'; must be a list"),
+        (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be text"),
+        (
+            damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95=[-50, -40]),
+            "bad.json: loss_dB_per_cm = -43.0; a guide cannot amplify",
+        ),
+        (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
+        (damaged("cutback", interval95=[1.0]), "bad.json: interval95"),
+        (damaged("cure", Dp_um=-181.0), "bad.json: Dp_um = -181.0; must be greater than 0"),
+        (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must have no negative"),
+        (damaged("stiffness", modulus_MPa=0.0), "bad.json: modulus_MPa = 0.0; must be greater than 0"),
+        (damaged("stiffness", modulus_MPa="1.5"), "bad.json: modulus_MPa = '1.5'; must be a number"),
+        (lambda: ["--formulation", "a:75,b:20"], "formulation = '95 %'; must add up to 100 % by weight, to within 0.1"),
+        (lambda: ["--formulation", "a:75,b"], "--formulation = 'b'; is not of the form name:number"),
+        (lambda: ["--formulation", "a:50,a:50"], "formulation = 'a'; each component stands once; add its shares up"),
+        (lambda: ["--formulation", "a:120,b:-20"], "--formulation: wt_percent = -20.0; must be greater than 0"),
+        (lambda: ["--cure", "cure.json", "--orientation", "flat"], "--orientation = 'flat'; is of --cutback; add that"),
+        (lambda: ["--cure", "cure.json", "--label", "PU"], "--label = 'PU'; is of --stiffness; add that"),
+        (
+            lambda: ["--cutback", "cutback.json", "--orientation", "flat"],
+            "cutback.json: --orientation = 'flat'; not in",
+        ),
+        (
+            lambda: ["--stiffness", "stiffness.json", "--label", "PU"],
+            "stiffness.json: --label = 'PU'; the result holds",
+        ),
+    ],
+)
+def test_what_is_no_resin_is_told_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
+    given = arguments()
+    assert shell.refused("resin", "build", "r.toml", *WHO, *given).startswith(line)
+
+
+def test_names_that_cannot_be_are_told(shell: Shell) -> None:
+    assert "ends in .toml" in shell.refused("resin", "build", "r.json", *WHO, *ALL)
+    assert shell.refused("resin", "build", "r.toml", "--name", " ", *ALL).startswith("name = ' '; must be one line")
+    assert "--name" in shell.refused("resin", "build", "r.toml", *ALL)
+    assert "no/r.toml; cannot be written" in shell.refused("resin", "build", "no/r.toml", *WHO, *ALL).replace("\\", "/")
+
+
+def test_the_library_is_listed_with_its_index_and_warnings(shell: Shell) -> None:
+    found = {one["resin"]: one for one in shell.json("resin", "list")["resins"]}
+    paper, pmma = found["ma-pu-as-published"], found["pmma"]
+    assert [at["wavelength_nm"] for at in paper["at"]] == [589.3, 860.0]
+    assert paper["at"][1]["n"] == 1.44
+    assert paper["mode"] == "as-published"
+    assert "consistent with an absorbance read as an absorptance" in paper["warnings"][0]
+    assert pmma["warnings"] == []
+    assert pmma["at"][0]["n"] == pytest.approx(1.4906, abs=2e-4)
+    lines = {line.split()[0]: line for line in shell.lines("resin", "list")[1:]}
+    assert "1.4400" in lines["ma-pu-as-published"]
+    assert "see its warning" in lines["ma-pu-as-published"]
+    assert "see its warning" not in lines["pmma"]
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
+def test_a_resin_is_shown_and_drawn(shell: Shell, suffix: str) -> None:
+    shell.lines("resin", "build", "r.toml", *WHO, *ALL)
+    found = shell.json("resin", "show", "./r.toml", "--at-nm", "500", "--at-nm", "860", "--figure", f"r.{suffix}")
+    assert [(at["wavelength_nm"], at["u_n"]) for at in found["at"]] == [(500.0, 0.012), (860.0, 0.012)]
+    assert Path(f"r.{suffix}").stat().st_size > 2000
+    lines = shell.lines("resin", "show", "./r.toml")
+    assert "  n at 860 nm: 1.4916 ± 1.2e-02" in lines
+    assert "  source of loss: guides.csv, sha256 343434343434…, simulated" in lines
+    assert "warning: loss: from simulated data, not measured" in lines
+    assert any(line.split() == ["Dp_um", "181"] for line in lines)
+
+
+def test_the_figure_says_what_is_published_or_simulated(shell: Shell) -> None:
+    shell.lines("resin", "show", "ma-pu-as-published", "--figure", "paper.svg")
+    assert "as published: see warning" in Path("paper.svg").read_text(encoding="utf-8")
+    Path("index.json").write_text(json.dumps(INDEX | {"sources": [{"simulated": True}]}), encoding="utf-8")
+    shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
+    shell.lines("resin", "show", "./r.toml", "--figure", "r.svg")
+    drawn = Path("r.svg").read_text(encoding="utf-8")
+    assert "(simulated data)" in drawn
+    assert "± u(n), standard" in drawn
+
+
+def test_what_cannot_be_shown_is_told(shell: Shell) -> None:
+    assert "did you mean pmma?" in shell.refused("resin", "show", "PMA")
+    assert "known from 436.8 to 1052 nm only" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
+    assert "--at-nm = nan" in shell.refused("resin", "show", "pmma", "--at-nm", "nan")
+    assert "a figure ends in" in shell.refused("resin", "show", "pmma", "--figure", "r.jpg")
+    assert "no such file" in shell.refused("resin", "show", "./none.toml")
+
+
+def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
+    how = ("resin", "mix", "RA-139:75", "lauryl acrylate:25", "--total-g", "50")
+    found = shell.json(*how)
+    assert [one["weighed_g"] for one in found["of_whole"]["components"]] == [37.5, 12.5]
+    assert [one["weighed_g"] for one in found["on_base"]["components"]] == [40.0, 10.0]
+    assert (found["base"], found["of_whole"]["index_estimate"]) == ("RA-139", None)
+    lines = shell.lines(*how)
+    assert lines[0] == "read as shares of the whole mixture: 50 g in all"
+    assert lines[3] == "read as grams for 100 g of the base: 50 g in all"
+    known = [*("--density", "RA-139:1.1", "--density", "lauryl acrylate:0.88")]
+    known += [*("--index", "RA-139:1.48", "--index", "lauryl acrylate:1.44")]
+    lines = shell.lines(*how, *known)
+    assert len([line for line in lines if "an estimate (Lorentz-Lorenz" in line]) == 2
+    assert shell.json("resin", "mix", "a:50%", "b:50")["of_whole"]["total_g"] == 100.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ((), "mixture = 0; takes at least 2 components"),
+        (("a:50", "b"), "component = 'b'; is not of the form name:number"),
+        (("a:50", "b:nan"), "component = 'b:nan'; is not of the form"),
+        (("a:50", "b:40"), "mixture = '90 %'; the shares must add up to 100 %"),
+        (("a:50", "b:50", "--total-g", "1", "--base-g", "1"), "mass; give that of the whole or that of the base"),
+        (("a:50", "b:50", "--total-g", "0"), "--total-g = 0.0; must be above 0"),
+        (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = -1.0; must be at least"),
+        (("a:50", "b:50", "--density", "c:1"), "density of c; is no component"),
+        (("a:50", "b:50", "--index", "a:0"), "index of a = 0.0; must be at least 1"),
+    ],
+)
+def test_what_is_no_mixture_is_told_in_one_line(shell: Shell, arguments: tuple[str, ...], line: str) -> None:
+    assert shell.refused("resin", "mix", *arguments).startswith(line)
+
+
+def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> None:
+    """A simulated layer of known index, 0.1 % of noise: the design sees it within its uncertainty."""
+    wavelengths = np.arange(430.0, 901.0, 2.0)
+    true = 1.48 + 0.005 / (1e-3 * wavelengths) ** 2
+    rng = np.random.default_rng(7)
+    r, t = (one + rng.normal(0.0, 1e-3, one.size) for one in forward(true, 1e-6, 50.0, wavelengths))
+    rows = [f"{nm:g},{a:.6f},{b:.6f}" for nm, a, b in zip(wavelengths, t, r, strict=True)]
+    Path("layer.csv").write_text("\n".join(["wavelength_nm,T,R", *rows]), encoding="utf-8")
+    stated = ("--u-T", "0.001", "--u-R", "0.001", "--baseline", "air", "--thickness-um", "50")
+    shell.lines("index", "layer.csv", *stated, "--out", "layer.json")
+    shell.lines("resin", "build", "r.toml", *WHO, "--index", "layer.json")
+    resin = load_resin("r.toml")
+    checksum = hashlib.sha256(Path("layer.csv").read_bytes()).hexdigest()
+    assert [(one.of, one.file, one.sha256) for one in resin.sources] == [("index", "layer.csv", checksum)]
+    Path("sensor.toml").write_text(template(), encoding="utf-8")
+    found = shell.json("check", "sensor.toml", "--set", "material.resin=r.toml")
+    material = found["material"]
+    assert material["mode"] == "measured"
+    assert 0.002 < material["u_index"] < 0.01
+    assert abs(material["index"] - (1.48 + 0.005 / 0.86**2)) < 2 * material["u_index"]
+    low, same, high = found["lens"]["focus_by_index"]
+    assert low["index"] == pytest.approx(material["index"] - material["u_index"])
+    assert low["best_focus_mm"] > same["best_focus_mm"] > high["best_focus_mm"]

@@ -1,0 +1,172 @@
+"""Layers, colours, statements and exposures: against sums written out, integrals and cases known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from solen.errors import DataError
+from solen.material.cure.colour import attenuation, penetration_depth_um
+from solen.material.cure.exposure import trend
+from solen.material.cure.layers import (
+    cure_depth_um,
+    dose_below,
+    dose_for_depth,
+    stack_dose,
+    stack_print_through_um,
+)
+from solen.material.cure.stated import PAPER, binding, largest_Ec
+from solen.material.index.light import led, lines, measured_light
+
+
+def summed(height_um: float, Dp_um: float, layer_um: float, doses: list[float]) -> float:
+    """Dose at a height, exposure by exposure: what reaches it through all that lies between it and the window."""
+    total = 0.0
+    for number, dose in enumerate(doses):
+        window = (number + 1) * layer_um
+        if window > height_um:
+            total += dose * math.exp(-(window - height_um) / Dp_um)
+    return total
+
+
+@given(
+    Dp_um=st.floats(5.0, 500.0),
+    layer_um=st.floats(5.0, 200.0),
+    doses=st.lists(st.floats(1.0, 100.0), min_size=1, max_size=12),
+    share=st.floats(0.0, 0.999),
+)
+def test_a_stack_is_the_sum_over_its_exposures(Dp_um: float, layer_um: float, doses: list[float], share: float) -> None:
+    stack = stack_dose(Dp_um, layer_um, doses)
+    height = share * layer_um * len(doses)
+    if min(abs(height / layer_um - number) for number in range(len(doses) + 1)) < 1e-9:
+        return  # on the side of a layer, rounding decides which one it is
+    assert float(stack.at(height)) == pytest.approx(summed(height, Dp_um, layer_um, doses), rel=1e-9)
+
+
+def test_the_mean_of_a_layer_is_an_integral() -> None:
+    stack = stack_dose(100.0, 25.0, [39.0] * 3 + [26.0] * 9)
+    for number in (0, 2, 5, 11):
+        span = (number * 25.0 + 1e-9, (number + 1) * 25.0 - 1e-9)
+        integral = quad(lambda z: float(stack.at(z)), *span)[0] / 25.0
+        assert stack.layer_mean[number] == pytest.approx(integral, rel=1e-7)
+
+
+def test_deep_inside_the_series_is_geometric() -> None:
+    """26 mJ/cm² in layers of 25 µm at Dp = 100 µm: four times as much as at the window, 4.5 times one layer's."""
+    stack = stack_dose(100.0, 25.0, [26.0] * 400)
+    assert stack.interior_mean == pytest.approx(104.0)
+    assert stack.layer_mean[10] == pytest.approx(stack.interior_mean, rel=1e-12)
+    later = 26.0 / math.expm1(25.0 / 100.0)
+    assert stack.window_side[10] == pytest.approx(26.0 + later, rel=1e-12)
+    assert stack.interior_range == pytest.approx((later, 26.0 + later), rel=1e-12)
+    assert stack.single_layer_mean == pytest.approx(stack.layer_mean[-1], rel=1e-12)
+    assert stack.ratio == pytest.approx(1.0 / (1.0 - math.exp(-0.25)), rel=1e-12)
+    settled = stack.layers_to_settle
+    assert stack.layer_mean[-1 - settled] >= 0.99 * stack.interior_mean > stack.layer_mean[-settled]
+
+
+def test_a_layer_that_lets_nothing_through_is_on_its_own() -> None:
+    stack = stack_dose(10.0, 1000.0, [26.0] * 5)
+    assert stack.ratio == pytest.approx(1.0, abs=1e-12)
+    assert stack.layer_mean == pytest.approx(np.full(5, 0.26), rel=1e-12)
+
+
+def test_depth_dose_and_print_through_agree() -> None:
+    assert float(cure_depth_um(39.0, 110.0, 6.0)) == pytest.approx(110.0 * math.log(6.5))
+    assert float(dose_for_depth(cure_depth_um(39.0, 110.0, 6.0), 110.0, 6.0)) == pytest.approx(39.0)
+    depth = float(cure_depth_um(39.0, 110.0, 6.0))
+    assert float(dose_below(39.0, depth, 110.0)) == pytest.approx(6.0)  # where it sets no more, Ec is left
+    many = stack_print_through_um(26.0, 25.0, 110.0, 6.0)
+    below = summed(-many, 110.0, 25.0, [26.0] * 1000)  # that far below the first layer, of many
+    assert below == pytest.approx(6.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("Dp_um", "layer_um", "doses"), [(0.0, 25.0, [1.0]), (100.0, -1.0, [1.0]), (1.0, 1.0, []), (1.0, 1.0, [0.0])]
+)
+def test_a_stack_of_nothing_is_refused(Dp_um: float, layer_um: float, doses: list[float]) -> None:
+    with pytest.raises(DataError, match="must be above 0"):
+        stack_dose(Dp_um, layer_um, doses)
+
+
+def test_statements_bound_the_critical_dose() -> None:
+    """ "> 200 µm at 39 mJ/cm²": Ec < 39 e^(-200/Dp); beyond 175/ln 1.5 µm, layers of 25 µm at 26 bind instead."""
+    assert largest_Ec(100.0) == pytest.approx(39.0 * math.exp(-2.0))
+    assert binding(100.0) is PAPER[0]
+    crossing = 175.0 / math.log(1.5)
+    assert binding(crossing - 1.0) is PAPER[0]
+    assert binding(crossing + 1.0) is PAPER[1]
+    for depth in (40.0, 100.0, 300.0, 1000.0):
+        most = largest_Ec(depth)
+        assert all(statement.holds(depth, most * (1.0 - 1e-9)) for statement in PAPER)
+        assert not all(statement.holds(depth, most * 1.001) for statement in PAPER)
+    with pytest.raises(DataError, match="above 0 µm"):
+        binding(0.0)
+
+
+def test_penetration_depth_is_path_over_absorbance() -> None:
+    assert penetration_depth_um(93.0, 1.0) == pytest.approx(93.0 / math.log(10.0))
+    both = penetration_depth_um(93.0, [0.5, 2.0])
+    assert both == pytest.approx([186.0 / math.log(10.0), 46.5 / math.log(10.0)])
+    assert penetration_depth_um(93.0, [0.5, 2.0], [3.0, 1.0]) == pytest.approx(93.0 / (0.875 * math.log(10.0)))
+    for path, absorbance, told in ((0.0, 1.0, "above 0 µm"), (93.0, 0.0, "no penetration depth")):
+        with pytest.raises(DataError, match=told):
+            penetration_depth_um(path, absorbance)
+
+
+def test_one_wavelength_is_an_exponential() -> None:
+    found = attenuation(93.0, [380.0, 390.0], [0.8, 0.6], lines([385.0], [1.0]))
+    for value in (found.local_um(), found.local_um(500.0), found.between_um(25.0, 200.0)):
+        assert value == pytest.approx(93.0 / (0.7 * math.log(10.0)), rel=1e-12)
+
+
+def test_two_wavelengths_harden_with_depth() -> None:
+    """At the surface the mean of what is taken off counts, deep down the wavelength that is taken least."""
+    found = attenuation(100.0, [400.0, 380.0], [0.1, 1.0], lines([380.0, 400.0], [1.0, 1.0]))
+    strong, weak = 100.0 / math.log(10.0), 1000.0 / math.log(10.0)
+    assert found.local_um() == pytest.approx(2.0 / (1.0 / strong + 1.0 / weak), rel=1e-12)
+    assert found.local_um(5000.0) == pytest.approx(weak, rel=1e-6)
+    depths = np.array([0.0, 50.0, 300.0])
+    expected = 0.5 * (np.exp(-depths / strong) + np.exp(-depths / weak))
+    assert found.share(depths) == pytest.approx(expected, rel=1e-12)
+    step = 1e-3
+    slope = math.log(found.share(np.array([50.0]))[0] / found.share(np.array([50.0 + step]))[0]) / step
+    assert found.local_um(50.0 + step / 2) == pytest.approx(1.0 / slope, rel=1e-6)
+    assert found.local_um(25.0) < found.between_um(25.0, 200.0) < found.local_um(200.0)
+
+
+def test_a_lamp_where_nothing_is_known_or_absorbed_is_refused() -> None:
+    with pytest.raises(DataError, match="known from 380 to 390 nm only"):
+        attenuation(93.0, [380.0, 390.0], [0.8, 0.6], led(385.0, 20.0))
+    with pytest.raises(DataError, match="above 0 wherever the lamp shines"):
+        attenuation(93.0, [380.0, 400.0], [0.8, -0.1], lines([399.0], [1.0]))
+    with pytest.raises(DataError, match="holds no numbers"):
+        attenuation(93.0, [380.0], [math.nan], lines([380.0], [1.0]))
+
+
+def test_noise_beside_a_lamp_is_left_out() -> None:
+    nm = np.arange(300.0, 501.0)
+    power = np.exp(-(((nm - 400.0) / 8.0) ** 2)) + 0.004 * np.sin(nm)  # above and below 0
+    light = measured_light(nm, power)
+    assert light.wavelength_nm.min() > 375.0
+    assert light.wavelength_nm.max() < 425.0
+    assert light.mean_nm == pytest.approx(400.0, abs=0.1)
+
+
+def test_a_trend_is_a_line_with_an_interval() -> None:
+    found = trend([2.0, 4.0, 6.0], [0.90, 0.89, 0.87])
+    assert found is not None
+    assert found.slope == pytest.approx(-0.0075)
+    assert found.u_slope == pytest.approx(math.sqrt(0.01**2 / 6 / 8))  # residual 0.01/√6, Σ(x − x̄)² = 8
+    half = 12.7062 * math.sqrt(0.01**2 / 6 / 8)  # t of one degree of freedom
+    assert found.interval95 == pytest.approx((-0.0075 - half, -0.0075 + half))
+    assert (found.samples, found.exposures) == (3, 3)
+    assert found.value([4.0]) == pytest.approx([0.88667], abs=1e-5)
+    two = trend([2.0, 4.0, 6.0], [0.9, math.nan, 0.8])
+    assert two is not None
+    assert two.slope == pytest.approx(-0.025)
+    assert two.interval95 is None
+    assert trend([2.0, 2.0], [0.9, 0.8]) is None

@@ -1,0 +1,404 @@
+"""Commands of loss and dose, from files of several kinds to JSON, figures and refusals."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.cli import _run
+from solen.errors import DataError, SolenError, SpecError
+from solen.pipeline.cure import Print, cure
+from solen.pipeline.cutback import cutback
+from solen.pipeline.exposures import exposures
+from solen.pipeline.penetration import Lamp, penetration
+
+DP, EC = 110.0, 6.0
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def guides(path: Path, header: str = "length_mm,power_uW,guide,orientation", seed: int = 3) -> Path:
+    """Three guides of each length and orientation, each read twice; 1.3 dB/cm flat, 2.1 upright, 5 dB coupling."""
+    rng = np.random.default_rng(seed)
+    rows = ["# simulated", header]
+    number = 0
+    for way, loss in (("flat", 1.3), ("upright", 2.1)):
+        for mm in (10, 20, 30, 40, 50):
+            for _ in range(3):
+                number += 1
+                off = rng.normal(0.0, 0.3)
+                for _ in range(2):
+                    power = 800.0 * 10.0 ** ((-5.0 - loss * mm / 10.0 + off + rng.normal(0.0, 0.05)) / 10.0)
+                    rows.append(f"{mm},{power:.5g},{number},{way}")
+    return write(path, "\n".join(rows) + "\n")
+
+
+def discs(path: Path, header: str = "exposure_s,thickness_um,replicate", rate: float = 13.0) -> Path:
+    rng = np.random.default_rng(5)
+    rows = ["# simulated", header]
+    for seconds in (0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0):
+        for replicate in (1, 2, 3):
+            depth = DP * math.log(13.0 * seconds / EC) * rng.normal(1.0, 0.05)
+            rows.append(f"{seconds * 13.0 / rate:.6g},{depth:.2f},{replicate}")
+    return write(path, "\n".join(rows) + "\n")
+
+
+def plain_json(text: str) -> Any:
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_cutback_of_a_file(tmp_path: Path) -> None:
+    found = cutback(guides(tmp_path / "guides.csv"), launched=800.0)
+    assert set(found) >= {
+        "loss_dB_per_cm",
+        "interval95",
+        "coupling_loss_dB",
+        "absorption_per_mm",
+        "u_absorption_per_mm",
+        "by_orientation",
+        "sources",
+        "warnings",
+    }
+    for way, loss in (("flat", 1.3), ("upright", 2.1)):
+        low, high = found["by_orientation"][way]["interval95"]
+        assert low < loss < high
+        low, high = found["by_orientation"][way]["coupling_interval95_dB"]
+        assert low < 5.0 < high
+    assert (found["guides"], found["readings"], found["power"]["unit"]) == (30, 60, "uW")
+    assert found["single_layer"]["smallest_loss_dB_per_cm"] == pytest.approx(1.738, abs=1e-3)
+    assert found["sources"][0]["simulated"]
+    assert found["absorption_per_mm"] == pytest.approx(found["loss_dB_per_cm"] * math.log(10.0) / 100.0)
+
+
+@pytest.mark.parametrize(
+    ("header", "unit", "convert"),
+    [
+        ("length_mm,power_dBm,guide,orientation", None, lambda uw: 10.0 * math.log10(uw / 1000.0)),
+        ("Länge (mm),Leistung (mW),Probe,Orientierung", None, lambda uw: uw / 1000.0),
+        ("length (cm),signal_V,sample,build orientation", None, lambda uw: uw / 100.0),
+        ("length_mm,insertion_loss_dB,guide,orientation", None, lambda uw: -10.0 * math.log10(uw / 800.0)),
+        ("length_mm,power,guide,orientation", "dBm", lambda uw: 10.0 * math.log10(uw / 1000.0)),
+        ("length_mm,transmission (%),guide,orientation", None, lambda uw: uw / 8.0),
+        ("length_mm,T,guide,orientation", None, lambda uw: uw / 800.0),
+    ],
+)
+def test_the_unit_of_power_does_not_change_the_loss(
+    tmp_path: Path, header: str, unit: str | None, convert: Any
+) -> None:
+    first = cutback(guides(tmp_path / "guides.csv"))
+    rows = (tmp_path / "guides.csv").read_text(encoding="utf-8").splitlines()[2:]
+    cells = [row.split(",") for row in rows]
+    scale = 0.1 if "cm" in header else 1.0
+    text = [header] + [f"{scale * float(mm):g},{convert(float(uw)):.8g},{name},{way}" for mm, uw, name, way in cells]
+    found = cutback(write(tmp_path / "other.csv", "\n".join(text) + "\n"), unit=unit)
+    assert found["loss_dB_per_cm"] == pytest.approx(first["loss_dB_per_cm"], rel=1e-5)
+    assert found["u_loss_dB_per_cm"] == pytest.approx(first["u_loss_dB_per_cm"], rel=1e-4)
+    assert set(found["by_orientation"]) == {"flat", "upright"}
+    relative = {"insertion_loss_dB", "transmission (%)", "T"}
+    if header.split(",")[1] in relative:
+        assert found["coupling_loss_dB"] == pytest.approx(5.0, abs=0.5)
+    else:
+        assert found["coupling_loss_dB"] is None
+        assert any("--launched" in told for told in found["warnings"])
+
+
+def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
+    guides(tmp_path / "guides.csv")
+    rows = (tmp_path / "guides.csv").read_text(encoding="utf-8").splitlines()[2:]
+    cells = [row.split(",") for row in rows]
+    text = ["length_mm,signal_V,guide"] + [f"{mm},{4.9 - float(uw) / 100.0:.6f},{name}" for mm, uw, name, _ in cells]
+    found = cutback(write(tmp_path / "volts.csv", "\n".join(text) + "\n"), dark=4.9)
+    assert found["power"] == {"unit": "V", "dark": 4.9, "falls_with_light": True}
+    assert 1.3 < found["loss_dB_per_cm"] < 2.1
+    without = cutback(tmp_path / "volts.csv")
+    assert any("voltages without a dark reading" in told for told in without["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("length_mm,power_mW\n20,1\n20,1.1\n20,0.9\n", "one length has no slope"),
+        ("length_mm,power_mW\n10,1\n20,0\n30,0.5\n", "must be above 0"),
+        ("length_mm,note\n10,a\n20,b\n", "has no column power or signal or voltage"),
+        ("size,power_mW\n10,1\n20,0.5\n", "has no column length"),
+        ("length,power_mW\n10,1\n20,0.5\n", "state its unit in the header"),
+        ("length_mm,power_mW\n10,\n20,\n30,\n", "no row with a length and a power"),
+    ],
+)
+def test_cutback_refuses_what_gives_no_loss(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(DataError, match=told):
+        cutback(write(tmp_path / "bad.csv", text))
+
+
+def test_cutback_refuses_a_unit_that_is_none(tmp_path: Path) -> None:
+    path = guides(tmp_path / "guides.csv")
+    for unit in ("mm", "lumen/parsec", "deg"):
+        with pytest.raises(DataError, match=f"unit of power = '{unit}'"):
+            cutback(path, unit=unit)
+    with pytest.raises(SpecError, match="--dark"):
+        cutback(path, dark=math.nan)
+
+
+def test_a_loss_that_is_none_has_no_absorption(tmp_path: Path) -> None:
+    rows = [f"{mm},{1.0 + mm / 50.0 + 0.01 * (-1) ** k},{k}" for k, mm in enumerate((10, 20, 30, 40, 50))]
+    found = cutback(write(tmp_path / "up.csv", "length_mm,power_mW,guide\n" + "\n".join(rows) + "\n"))
+    assert found["loss_dB_per_cm"] < 0.0
+    assert found["absorption_per_mm"] is None
+    assert any("longer guides are brighter" in told for told in found["warnings"])
+
+
+def test_cure_of_a_file(tmp_path: Path) -> None:
+    found = cure(discs(tmp_path / "discs.csv"), how=Print(13.0, 25.0, 2.0, burn_in_layers=6, burn_in_s=3.0))
+    assert set(found) >= {"Dp_um", "Ec_mJ_per_cm2", "interval95", "covariance", "sources", "warnings"}
+    low, high = found["interval95"]["Dp_um"]
+    assert low < DP < high
+    low, high = found["interval95"]["Ec_mJ_per_cm2"]
+    assert low < EC < high
+    layer, stack = found["layer"], found["stack"]
+    assert layer["dose_mJ_per_cm2"] == 26.0
+    assert layer["cure_depth_um"] == pytest.approx(DP * math.log(26.0 / EC), rel=0.05)
+    assert layer["needed_s"] == pytest.approx(found["Ec_mJ_per_cm2"] * math.exp(50.0 / found["Dp_um"]) / 13.0)
+    assert layer["print_through_um"] == pytest.approx(layer["cure_depth_um"] - 25.0)
+    assert layer["dose_below_mJ_per_cm2"] == pytest.approx(26.0 * math.exp(-25.0 / found["Dp_um"]))
+    assert stack["interior_mean_mJ_per_cm2"] == pytest.approx(26.0 * found["Dp_um"] / 25.0)
+    assert stack["interior_over_single_layer"] == pytest.approx(1.0 / (1.0 - math.exp(-25.0 / found["Dp_um"])))
+    assert len(stack["layer_mean_mJ_per_cm2"]) == stack["layers"]
+    assert stack["layer_mean_mJ_per_cm2"][0] > stack["interior_mean_mJ_per_cm2"]  # burnt in
+
+
+@pytest.mark.parametrize(
+    ("header", "rate", "irradiance"),
+    [
+        ("energy_mJ_per_cm2,thickness_um,replicate", 1.0, None),
+        ("Dose (J/cm²);Dc (mm);Wiederholung", 1000.0, None),
+        ("time (s),cure depth (µm),disc", 13.0, 13.0),
+        ("t / min,thickness / um,disc", 780.0, 13.0),
+    ],
+)
+def test_columns_of_dose_or_time_in_any_unit(
+    tmp_path: Path, header: str, rate: float, irradiance: float | None
+) -> None:
+    first = cure(discs(tmp_path / "discs.csv"), how=Print(13.0))
+    discs(tmp_path / "other.csv", header, rate)
+    text = (tmp_path / "other.csv").read_text(encoding="utf-8")
+    if ";" in header:
+        head, *rows = text.splitlines()[1:]
+        cells = [row.split(",") for row in rows]
+        text = "\n".join([head, *(f"{e};{float(d) / 1000:.6f};{r}".replace(".", ",") for e, d, r in cells)]) + "\n"
+        write(tmp_path / "other.csv", text)
+    found = cure(tmp_path / "other.csv", how=Print(irradiance))
+    assert found["Dp_um"] == pytest.approx(first["Dp_um"], rel=1e-4)
+    assert found["Ec_mJ_per_cm2"] == pytest.approx(first["Ec_mJ_per_cm2"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "how", "told"),
+    [
+        ("exposure_s,thickness_um\n1,20\n2,30\n3,40\n", {}, "add --irradiance-mW-per-cm2"),
+        ("exposure,thickness_um\n1,20\n2,30\n3,40\n", {}, "state its unit in the header"),
+        ("energy_mJ_per_cm2,size\n1,20\n2,30\n", {}, "has no column thickness"),
+        ("height_mm,thickness_um\n1,20\n2,30\n", {}, "has no column dose"),
+        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n", {}, "needs 3 discs"),
+        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"layer_um": -1.0}, "--layer-um = -1.0; must be above 0"),
+        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"exposure_s": 2.0}, "--layer-um"),
+        (
+            "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
+            {"exposure_s": 2.0, "layer_um": 25.0},
+            "--irradiance-mW-per-cm2",
+        ),
+        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"burn_in_layers": 2}, "--layers; needs --exposure-s"),
+        (
+            "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
+            {"irradiance_mW_per_cm2": 13.0, "exposure_s": 2.0, "layer_um": 25.0, "burn_in_s": 2.0},
+            "--burn-in-layers",
+        ),
+    ],
+)
+def test_cure_refuses_what_gives_no_curve(tmp_path: Path, text: str, how: dict[str, Any], told: str) -> None:
+    with pytest.raises(SolenError, match=told):
+        cure(write(tmp_path / "bad.csv", text), how=Print(**how))
+
+
+def test_cure_refuses_options_that_mean_nothing(tmp_path: Path) -> None:
+    path = discs(tmp_path / "discs.csv")
+    with pytest.raises(SpecError, match="--scatter = 'some'"):
+        cure(path, how=Print(13.0), scatter="some")
+    with pytest.raises(SpecError, match="--min-thickness-um"):
+        cure(path, how=Print(13.0), min_thickness_um=-1.0)
+
+
+def test_an_exposure_beyond_the_discs_is_said(tmp_path: Path) -> None:
+    path = discs(tmp_path / "discs.csv")
+    told = cure(path, how=Print(13.0, 25.0, 20.0))["warnings"]
+    assert any("260 mJ/cm² lies outside the discs' 7.8 to 91 mJ/cm²" in sentence for sentence in told)
+    told = cure(path, how=Print(13.0, 200.0, 2.0))["warnings"]
+    assert any("may not reach the one before" in sentence for sentence in told)
+
+
+def resin(path: Path, header: str = "wavelength_nm,absorbance") -> Path:
+    """A resin that takes 1.0 at 380 nm and falls to 0.2 at 420 nm."""
+    nm = np.arange(360.0, 441.0, 2.0)
+    a = 1.0 - 0.02 * (nm - 380.0)
+    a = np.clip(a, 0.1, None)
+    values = 100.0 * 10.0**-a if "T" in header else a
+    rows = [f"{x:g},{y:.6f}" for x, y in zip(nm, values, strict=True)]
+    return write(path, "\n".join(["# simulated", header, *rows]) + "\n")
+
+
+def test_penetration_of_a_file(tmp_path: Path) -> None:
+    path = resin(tmp_path / "resin.csv")
+    alone = penetration(path, path_um=93.0)
+    assert alone["Dp_um"] is None
+    assert any("no lamp is named" in told for told in alone["warnings"])
+    at = alone["wavelength_nm"].index(380.0)
+    assert alone["Dp_spectrum_um"][at] == pytest.approx(93.0 / math.log(10.0))
+    line = penetration(path, path_um=93.0, lamp=Lamp(peak_nm=400.0), u_path_um=2.0, u_absorbance=0.01)
+    assert line["Dp_um"] == pytest.approx(93.0 / (0.6 * math.log(10.0)))
+    assert line["u_Dp_um"] == pytest.approx(line["Dp_um"] * math.hypot(2.0 / 93.0, 0.01 / 0.6))
+    broad = penetration(path, path_um=93.0, lamp=Lamp(peak_nm=400.0, fwhm_nm=15.0))
+    assert broad["Dp_um"] == pytest.approx(line["Dp_um"], rel=0.01)  # absorbance is straight there
+    assert broad["between"]["Dp_um"] > 1.05 * broad["Dp_um"]
+    assert any("no exponential" in told for told in broad["warnings"])
+
+
+def test_penetration_from_a_transmittance(tmp_path: Path) -> None:
+    found = penetration(resin(tmp_path / "t.csv", "wavelength_nm,T (%)"), path_um=93.0, lamp=Lamp(peak_nm=380.0))
+    assert found["Dp_um"] == pytest.approx(93.0 / math.log(10.0), rel=1e-4)
+    assert any("faces reflect" in told for told in found["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("lamp", "told"),
+    [
+        (Lamp(peak_nm=300.0), "known from 360 to 440 nm only"),
+        (Lamp(fwhm_nm=10.0), "--led-fwhm-nm"),
+        (Lamp(peak_nm=-5.0), "--led-nm = -5.0"),
+        (Lamp(name="VSMY1850", peak_nm=385.0), "--led"),
+        (Lamp(name="VSMY1850"), "known from 360 to 440 nm only"),
+    ],
+)
+def test_penetration_refuses_a_lamp_that_is_none(tmp_path: Path, lamp: Lamp, told: str) -> None:
+    with pytest.raises(SolenError, match=told):
+        penetration(resin(tmp_path / "resin.csv"), path_um=93.0, lamp=lamp)
+
+
+def test_penetration_refuses_what_is_no_absorbance(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="--path-um"):
+        penetration(resin(tmp_path / "resin.csv"), path_um=0.0)
+    other = write(tmp_path / "r.csv", "wavelength_nm,R (%)\n400,4\n500,4\n")
+    with pytest.raises(DataError, match="holds no absorbance"):
+        penetration(other, path_um=93.0)
+
+
+def layers(path: Path, seconds: tuple[int, ...] = (2, 4, 6)) -> Path:
+    nm = np.arange(440.0, 881.0, 10.0)
+    head = "wavelength_nm," + ",".join(f"layer {s} s (%T)" for s in seconds)
+    rows = [f"{x:g}," + ",".join(f"{91.0 - 0.5 * s + x / 1000.0:.4f}" for s in seconds) for x in nm]
+    return write(path, "\n".join(["# simulated", head, *rows]) + "\n")
+
+
+def test_exposures_of_traces_that_are_named(tmp_path: Path) -> None:
+    found = exposures([layers(tmp_path / "layers.csv")], irradiance_mW_per_cm2=13.0)
+    assert found["exposure_s"] == [2.0, 4.0, 6.0]
+    assert found["dose_mJ_per_cm2"] == [26.0, 52.0, 78.0]
+    assert [row["wavelength_nm"] for row in found["wavelengths"]] == [450.0, 500.0, 860.0]
+    for row in found["wavelengths"]:
+        assert row["trend_T_per_s"]["slope"] == pytest.approx(-0.005, abs=1e-9)
+        assert row["trend_n_per_s"] is None
+    assert any("may be thicker" in told for told in found["warnings"])
+    assert any("no reflectance" in told for told in found["warnings"])
+
+
+def test_exposures_of_files_that_are_named(tmp_path: Path) -> None:
+    files = []
+    for seconds in (2, 4):
+        text = f"wavelength_nm,T\n450,{0.9 - 0.01 * seconds}\n500,{0.9 - 0.01 * seconds}\n"
+        files.append(write(tmp_path / f"maPU_{seconds}s.csv", text))
+    found = exposures(files, wavelengths_nm=[450.0])
+    assert found["wavelengths"][0]["trend_T_per_s"]["slope"] == pytest.approx(-0.01)
+    assert found["wavelengths"][0]["trend_T_per_s"]["interval95"] is None
+    assert any("two exposures" in told for told in found["warnings"])
+
+
+def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path) -> None:
+    """Lossless slabs of n = 1.48, 1.49 and 1.50 at 2, 4 and 6 s, by their reflectance and transmittance."""
+    rows: list[str] = []
+    for seconds, n in ((2, 1.48), (4, 1.49), (6, 1.50)):
+        r = ((n - 1.0) / (n + 1.0)) ** 2
+        rows.extend(f"{seconds},{nm},{(1.0 - r) / (1.0 + r):.12f},{2.0 * r / (1.0 + r):.12f}" for nm in (450, 500))
+    path = write(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R\n" + "\n".join(rows) + "\n")
+    found = exposures([path], thickness_um=25.0)
+    for row in found["wavelengths"]:
+        assert row["n"] == pytest.approx([1.48, 1.49, 1.50], abs=1e-6)
+        assert row["trend_n_per_s"]["slope"] == pytest.approx(0.005, abs=1e-6)
+    without = exposures([path])
+    assert without["wavelengths"][0]["n"] == [None, None, None]
+    assert any("--thickness-um" in told for told in without["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "does not tell its exposure"),
+        ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend needs two at least"),
+        ("a.csv", "wavelength_nm,x 2 s (%T),x 4 s (%T)\n600,90,80\n601,91,82\n", "not all samples were measured at"),
+    ],
+)
+def test_exposures_refuse_what_gives_no_trend(tmp_path: Path, name: str, text: str, told: str) -> None:
+    with pytest.raises(DataError, match=told):
+        exposures([write(tmp_path / name, text)])
+    with pytest.raises(DataError, match="within 10 nm"):
+        exposures([layers(tmp_path / "layers.csv")], wavelengths_nm=[1000.0])
+
+
+def commands(folder: Path) -> list[list[str]]:
+    return [
+        ["cutback", str(guides(folder / "guides.csv")), "--launched", "800"],
+        [
+            *("cure", str(discs(folder / "discs.csv")), "--irradiance-mW-per-cm2", "13", "--layer-um", "25"),
+            *("--exposure-s", "2", "--burn-in-layers", "6", "--burn-in-s", "3"),
+        ],
+        ["penetration", str(resin(folder / "resin.csv")), "--path-um", "93", "--led-nm", "400", "--led-fwhm-nm", "12"],
+        ["exposures", str(layers(folder / "layers.csv")), "--wavelength-nm", "450", "--wavelength-nm", "860"],
+    ]
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_commands_print_json_and_lines_and_leave_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], number: int
+) -> None:
+    command = commands(tmp_path)[number]
+    out, figure = tmp_path / "out.json", tmp_path / "figure.png"
+    assert _run([*command, "--json", "--out", str(out), "--figure", str(figure)]) == 0
+    printed = capsys.readouterr()
+    assert printed.err == ""
+    found = plain_json(printed.out)
+    written = plain_json(out.read_text(encoding="utf-8"))
+    assert written["kind"] == command[0]
+    assert written["warnings"] == found["warnings"]
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert _run(command) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert all(f"warning: {told}" in lines for told in found["warnings"])
+
+
+def test_the_command_says_what_one_layer_cannot_show(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _run(commands(tmp_path)[0])
+    assert "one layer of 25 µm cannot show this: 0.1 % in its transmittance is 1.7 dB/cm" in capsys.readouterr().out
+
+
+def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "bad.csv", "length_mm,power_mW\n20,1\n20,1.1\n")
+    assert _run(["cutback", str(path), "--json"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 1

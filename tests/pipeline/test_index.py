@@ -1,0 +1,420 @@
+"""From a file of spectra to an index: traces, routes, what is asked for, what is told."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from solen.errors import DataError, SolenError, SpecError
+from solen.material.index import forward
+from solen.material.index.routes import AS_PUBLISHED
+from solen.material.index.stack import Substrate, on_substrate
+from solen.pipeline.index import index
+from solen.pipeline.indexroute import IndexOptions
+from solen.pipeline.substrate import SubstrateOptions
+
+NM = np.arange(500.0, 901.0, 10.0)
+N = 1.48 + 5e3 / NM**2
+R, T = forward(N, 2e-5, 50.0, NM)
+
+Array = NDArray[np.float64]
+
+
+def table(folder: Path, columns: dict[str, Array], name: str = "layer.csv") -> Path:
+    file = folder / name
+    rows = [
+        ",".join(columns),
+        *(",".join(repr(float(value)) for value in row) for row in zip(*columns.values(), strict=True)),
+    ]
+    file.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return file
+
+
+def options(**values: Any) -> IndexOptions:
+    return IndexOptions(**{"thickness_um": 50.0} | values)
+
+
+def warned(found: dict[str, Any], words: str) -> str:
+    (line,) = [one for one in found["warnings"] if words in one]
+    return str(line)
+
+
+def test_the_simplest_table_gives_n_and_k(tmp_path: Path) -> None:
+    found = index(table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R}), options())
+    assert found["mode"] == "measured"
+    assert found["wavelength_nm"] == NM.tolist()
+    assert np.abs(np.array(found["n"]) - N).max() < 1e-9
+    assert np.abs(np.array(found["k"]) - 2e-5).max() < 1e-12
+    assert found["reason"] == [None] * NM.size
+    assert found["u_n"] == found["u_k"] == [None] * NM.size
+    assert found["masked"] == {"n": 0, "k": 0}
+    assert len(found["lossless"]["n"]) == NM.size
+    assert found["sources"][0]["file"] == "layer.csv"
+    assert json.loads(json.dumps(found, allow_nan=False)) == found
+
+
+def test_percent_and_descending_wavelengths_are_the_same(tmp_path: Path) -> None:
+    plain = index(table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R}), options())
+    other = table(tmp_path, {"Wavelength (nm)": NM[::-1], "T (%)": 100 * T[::-1], "%R": 100 * R[::-1]})
+    turned = index(other, options())
+    for key in ("n", "k", "wavelength_nm"):
+        np.testing.assert_allclose(turned[key], plain[key], rtol=1e-9)
+
+
+def test_stated_uncertainties_go_through(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    found = index(file, options(u={"T": "0.1%", "R": "0.001"}, u_thickness_um=2.0))
+    assert found["u_n"][-1] == pytest.approx(0.001 * np.hypot(3.9, 0.31), rel=0.05)
+    assert found["u_k"][-1] == pytest.approx(np.hypot(2e-5 * 0.04, 0.001 * 900 / (4e3 * np.pi * 50) * 1.4), rel=0.1)
+    assert found["u95_n"][0] == pytest.approx(1.959964 / 1.0 * found["u_n"][0], rel=1e-5)
+    assert not [line for line in found["warnings"] if "uncertainty" in line]
+
+
+def test_masked_values_are_null_with_their_reason(tmp_path: Path) -> None:
+    bad = R.copy()
+    bad[3], bad[5] = -0.01, np.nan
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": np.nan_to_num(bad, nan=2.0)})
+    found = index(file, options())
+    assert found["n"][3] is None
+    assert found["k"][5] is None
+    assert found["reason"][3] == found["reason"][5] == "n, k: R is not between 0 and 1"
+    assert found["masked"] == {"n": 2, "k": 2}
+
+
+def test_t_alone_gives_the_lossless_index_and_says_so(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T})
+    found = index(file, IndexOptions(u={"T": "0.1%"}))
+    assert (found["mode"], found["thickness_um"]) == ("lossless", None)
+    assert found["n"] == found["lossless"]["n"]
+    assert (np.array(found["n"]) > N).all()
+    assert "k = 0 is assumed" in found["warnings"][0]
+
+
+def test_an_absorptance_is_taken_where_it_is_said_to_be_one(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
+    with pytest.raises(SpecError, match=r"^--absorbance-kind; must be stated for A: log10, ln, absorptance"):
+        index(file, options())
+    found = index(file, options(absorbance_kind="absorptance", u={"T": "0.1%", "A": "0"}))
+    assert found["mode"] == "absorptance"
+    assert np.abs(np.array(found["n"]) - N).max() < 1e-9
+    assert found["u_n"][-1] == pytest.approx(0.0042, rel=0.05)
+
+
+@pytest.mark.parametrize("kind", ["absorptance", "log10"])
+def test_an_absorbance_gives_no_measured_index(tmp_path: Path, kind: str) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "Abs": -np.log10(T)})
+    line = r"absorbance, −log10 T, which .* n\(700 nm\) = 1\.5\d+, .* have 1.47 to 1.55; measure R"
+    with pytest.raises(DataError, match=line) as refusal:
+        index(file, options(absorbance_kind=kind))
+    assert len(str(refusal.value).splitlines()) == 1
+    assert index(file, options(absorbance_kind=kind, mode="lossless"))["mode"] == "lossless"
+
+
+def test_an_absorbance_alone_is_a_transmittance(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "Abs": -np.log10(T)})
+    with pytest.raises(SpecError, match="--absorbance-kind; must be stated for Abs"):
+        index(file, options())
+    found = index(file, options(absorbance_kind="log10", u={"A": "0.001"}))
+    np.testing.assert_allclose(found["T"], T, rtol=1e-12)
+    alone = index(table(tmp_path, {"wavelength_nm": NM, "T": T}, "t.csv"), options(u={"T": "0.001"}))
+    np.testing.assert_allclose(found["u_n"], np.log(10.0) * T * np.array(alone["u_n"]), rtol=1e-9)
+    with pytest.raises(DataError, match="of an absorptance alone no index follows"):
+        index(file, options(absorbance_kind="absorptance"))
+
+
+def test_as_published_is_an_explicit_mode_with_a_label(tmp_path: Path) -> None:
+    nm, t = np.array([450.0, 500.0, 860.0]), np.array([0.8473, 0.8685, 0.8889])
+    file = table(tmp_path, {"wavelength_nm": nm, "T": t})
+    assert index(file, options())["mode"] == "lossless"
+    found = index(file, options(mode="as-published"), out=tmp_path / "n.json", figure=tmp_path / "n.svg")
+    assert [round(n, 2) for n in found["n"]] == [1.54, 1.49, 1.44]
+    assert (found["measurement"], found["warnings"][0]) == (False, AS_PUBLISHED)
+    assert found["u_n"] == found["k"] == [None] * 3
+    kept = json.loads((tmp_path / "n.json").read_text(encoding="utf-8"))
+    assert (kept["kind"], kept["mode"], kept["measurement"]) == ("index", "as-published", False)
+    drawn = (tmp_path / "n.svg").read_text(encoding="utf-8")
+    assert "no measurement: R made of T alone" in drawn
+    assert "as published" in drawn
+
+
+def test_as_published_takes_no_other_absorbance(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
+    with pytest.raises(DataError, match="trace A; is not −log10 T, which the as-published mode takes for A"):
+        index(file, options(mode="as-published"))
+    with pytest.raises(SpecError, match="there, A is log10"):
+        index(file, options(mode="as-published", absorbance_kind="ln"))
+
+
+def test_an_absorbance_of_another_baseline_is_told(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "Abs": -np.log10(T) - 0.03})
+    found = index(file, options(mode="lossless", absorbance_kind="log10"))
+    assert warned(found, "Abs is not the absorbance of T: they have different baselines")
+
+
+def test_a_substrate_as_baseline_is_no_free_standing_layer(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T * 1.12, "R": R})
+    found = index(file, options())
+    assert found["masked"]["n"] == NM.size
+    assert "then say --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
+    with pytest.raises(SolenError, match="--substrate; is missing"):
+        index(file, options(baseline="substrate"))
+
+
+def test_the_baseline_is_asked_for(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    assert "say --baseline" in warned(index(file, options()), "the baseline is not stated")
+    assert not [line for line in index(file, options(baseline="air"))["warnings"] if "baseline" in line]
+
+
+def test_repeats_make_an_uncertainty_and_tell_their_drift(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    columns = {f"scan{i}": T + 5e-4 * i + rng.normal(0.0, 2e-4, NM.size) for i in range(5)}
+    file = table(tmp_path, {"wavelength_nm": NM, **columns})
+    names = list(columns)
+    found = index(file, IndexOptions(chosen={"T": names}, mode="lossless"))
+    assert found["traces"] == {"T": names}
+    assert found["repeats"]["traces"] == names
+    first, last = found["repeats"]["lossless_n"][0], found["repeats"]["lossless_n"][-1]
+    assert first > last
+    assert f"{first:.3f} … {last:.3f}" in warned(found, "lossless n(900 nm) of the 5 repeats")
+    assert "drift in one direction" in warned(found, "5 repeats of T")
+    assert "state it with --u-T" in warned(found, "the instrument's own accuracy")
+    assert found["u_n_common"][0] > 5 * found["u_n_random"][0]
+
+
+def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
+    with pytest.raises(DataError, match=r"holds 2 traces of T: one, two; choose by --transmittance NAME"):
+        index(file, options())
+    found = index(file, options(chosen={"T": ["two"], "R": ["R"]}))
+    assert (found["mode"], found["traces"]) == ("measured", {"T": ["two"], "R": ["R"]})
+    alone = index(file, options(chosen={"T": ["two"]}))
+    assert alone["mode"] == "lossless"
+    assert "not used: one, R" in alone["warnings"]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "line"),
+    [
+        ({"T": ["three"]}, "trace three; not in layer.csv"),
+        ({"R": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
+        ({"T": ["one", "one"]}, "--transmittance; names a trace twice"),
+        ({"R": ["R"]}, "transmittance; is missing; an index needs T"),
+    ],
+)
+def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, list[str]], line: str) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
+    with pytest.raises(SolenError) as refusal:
+        index(file, options(chosen=chosen))
+    assert str(refusal.value).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("columns", "line"),
+    [
+        ({"wavelength_nm": NM, "T": 100 * T}, "T = 91.3"),
+        ({"wavelength_nm": np.full(NM.shape, 500.0), "T": T}, "trace T; has 500 nm twice"),
+        ({"wavelength_nm": NM, "height": T}, "layer.csv; holds no transmittance"),
+    ],
+)
+def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str, Array], line: str) -> None:
+    with pytest.raises(DataError) as refusal:
+        index(table(tmp_path, columns), options())
+    assert str(refusal.value).startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"mode": "best"}, "--mode = 'best'; must be one of measured, absorptance, as-published, lossless"),
+        ({"baseline": "glass"}, "--baseline = 'glass'; must be one of air, substrate"),
+        ({"absorbance_kind": "log2"}, "--absorbance-kind = 'log2'"),
+        ({"thickness_um": -1.0}, "--thickness-um = -1.0; must be finite and above 0"),
+        ({"thickness_um": None}, "--thickness-um; is missing; measure it"),
+        ({"bandwidth_nm": float("nan")}, "--bandwidth-nm = nan"),
+        ({"at_nm": (0.0,)}, "--at-nm = 0.0"),
+        ({"u": {"T": "0.3"}}, "--u-T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
+        ({"u": {"R": "nothing"}}, "--u-R = 'nothing'"),
+        ({"u": {"R": "1%%"}}, "--u-R = '1%%'"),
+        ({"mode": "absorptance"}, "--mode absorptance; needs the absorptance, measured"),
+        ({"u_thickness_um": 60.0}, "uncertainty of the thickness = '60 µm'"),
+        ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is no emitter"),
+    ],
+)
+def test_bad_options_are_told_in_one_line(tmp_path: Path, values: dict[str, Any], line: str) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    with pytest.raises(SolenError) as refusal:
+        index(file, options(**values))
+    assert str(refusal.value).startswith(line)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_nothing_is_written_where_something_is_refused(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    with pytest.raises(SolenError, match="a figure ends in"):
+        index(file, options(), out=tmp_path / "n.json", figure=tmp_path / "n.bmp")
+    assert [path.name for path in tmp_path.iterdir()] == ["layer.csv"]
+
+
+def test_in_an_led_and_at_a_wavelength(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    found = index(file, options(u={"T": "0.1%", "R": "0.1%"}, at_nm=(600.0, 655.0, 1000.0), led="VSMY1850"))
+    assert [one["n"] for one in found["at"][:2]] == pytest.approx([1.48 + 5e3 / 600**2, 1.48 + 5e3 / 655**2], abs=1e-5)
+    assert found["at"][2]["reason"] == "100% of the light lies outside 500 to 900 nm, where n is known"
+    assert found["led"]["source"] == "VSMY1850, peak at 850 nm, 30 nm wide"
+    assert found["led"]["n"] == pytest.approx(1.48 + 5e3 / 850**2, abs=1e-4)
+
+
+def test_in_a_measured_spectrum(tmp_path: Path) -> None:
+    lamp = np.exp(-(((NM - 700) / 20) ** 2))
+    light = table(tmp_path, {"wavelength_nm": NM, "power_mW": lamp}, "led.csv")
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    found = index(file, options(led=str(light)))
+    assert found["led"]["source"] == "spectrum of led.csv"
+    assert found["led"]["n"] == pytest.approx(float(np.average(N, weights=lamp)), abs=1e-5)
+    two = table(tmp_path, {"wavelength_nm": NM, "a": lamp, "b": lamp}, "two.csv")
+    with pytest.raises(DataError, match="needs one column of power beside the wavelength; it has a, b"):
+        index(file, options(led=str(two)))
+
+
+def test_a_part_file_is_light_too(tmp_path: Path) -> None:
+    part = Path(__file__).parents[2] / "src" / "solen" / "parts" / "library" / "VSMY1850.toml"
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    assert index(file, options(led=str(part)))["led"]["source"].startswith("VSMY1850")
+
+
+def test_other_wavelengths_are_interpolated_and_told(tmp_path: Path) -> None:
+    file = tmp_path / "layer.csv"
+    rows = ["wavelength_nm,T,wavelength_nm,R"]
+    later, _ = forward(1.48 + 5e3 / (NM + 5) ** 2, 2e-5, 50.0, NM + 5)
+    rows += [f"{a},{t},{a + 5},{r}" for a, t, r in zip(NM, T, later, strict=True)]
+    file.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    found = index(file, options())
+    assert "R has other wavelengths" in warned(found, "other wavelengths")
+    assert found["reason"][0] == "n, k: no number was measured here"
+    assert np.abs(np.array(found["n"][1:], dtype=float) - N[1:]).max() < 1e-4
+
+
+def test_fringes_are_judged_by_the_bandwidth(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    assert "the instrument's is not stated" in warned(index(file, options()), "fringes")
+    seen = index(file, options(bandwidth_nm=2.0))["warnings"]
+    assert any("follows the interference" in line for line in seen)
+    assert any("its wavelengths are 10 nm apart, too far to show the fringes" in line for line in seen)
+    assert not [line for line in index(file, options(bandwidth_nm=20.0))["warnings"] if "fringes" in line]
+
+
+def on_pet(folder: Path) -> Path:
+    t, r = on_substrate(N, 2e-5, 50.0, NM, Substrate(1.575, 0.0, 100.0))
+    return table(folder, {"wavelength_nm": NM, "T": np.asarray(t), "R": np.asarray(r)})
+
+
+PET = SubstrateOptions(name="1.575", thickness_um=100.0, u_n=0.002)
+
+
+def test_a_layer_on_its_substrate_goes_by_the_stack(tmp_path: Path) -> None:
+    file = on_pet(tmp_path)
+    found = index(file, options(baseline="substrate", substrate=PET, u={"T": "0.01%", "R": "0.01%"}))
+    assert (found["mode"], found["baseline"], found["substrate"]) == ("measured", "substrate", "1.575")
+    assert np.abs(np.array(found["n"]) - N).max() < 1e-9
+    assert np.abs(np.array(found["k"]) - 2e-5).max() < 1e-12
+    assert min(found["u_n"]) > 0.002  # the sheet's index goes over one to one
+    assert "by 0.01 in the substrate's index" in warned(found, "on this substrate")
+    clear = index(file, options(baseline="substrate", substrate=PET, mode="lossless"))
+    assert (clear["mode"], clear["R"][0]) == ("lossless", None)
+    drawn = tmp_path / "n.svg"
+    index(file, options(baseline="substrate", substrate=PET), figure=drawn)
+    assert "layer on its substrate" in drawn.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        ({"substrate": PET}, "--baseline; must be stated with a substrate"),
+        ({"baseline": "substrate"}, "--substrate; is missing; say what the layer lies on and how thick that is"),
+        ({"baseline": "air", "substrate": SubstrateOptions(name="1.575")}, "--substrate-thickness-um; is missing"),
+        (
+            {"baseline": "air", "substrate": SubstrateOptions(name="PET", thickness_um=100.0)},
+            "--substrate = 'PET'; may be PET sheet, Zhang; PET film",
+        ),
+        (
+            {"baseline": "air", "substrate": SubstrateOptions(name="wood", thickness_um=100.0)},
+            "--substrate = 'wood'; is no index, no resin and not in the literature; state its index as a number",
+        ),
+        (
+            {"baseline": "air", "substrate": SubstrateOptions(name="1.5", thickness_um=100.0, side="top")},
+            "--side = 'top'; must be one of layer, substrate",
+        ),
+        (
+            {"baseline": "air", "substrate": SubstrateOptions(name="1.5", thickness_um=100.0, baseline_r="sky")},
+            "--baseline-r = 'sky'",
+        ),
+        ({"baseline": "air", "substrate": PET, "mode": "absorptance"}, "--mode absorptance; is of a free-standing"),
+    ],
+)
+def test_a_substrate_is_named_in_full(tmp_path: Path, values: dict[str, Any], line: str) -> None:
+    with pytest.raises(SolenError) as refusal:
+        index(on_pet(tmp_path), options(**values))
+    assert str(refusal.value).startswith(line)
+
+
+def test_a_substrate_may_be_a_resin_or_of_the_literature(tmp_path: Path) -> None:
+    file = on_pet(tmp_path)
+    by_words = SubstrateOptions(name="pet sheet", thickness_um=100.0)
+    found = index(file, options(baseline="substrate", substrate=by_words))
+    assert np.abs(np.array(found["n"], dtype=float) - N).max() < 0.05  # PET of the literature is 1.554 to 1.585 here
+    resin = index(file, options(baseline="substrate", substrate=SubstrateOptions(name="pmma", thickness_um=100.0)))
+    assert np.abs(np.array(resin["n"], dtype=float) - N).min() > 0.02  # the sheet decides
+    far = table(tmp_path, {"wavelength_nm": NM + 300.0, "T": T, "R": R}, "far.csv")
+    with pytest.raises(DataError, match="substrate PET sheet, Zhang; is known from 400 to 1000 nm"):
+        index(far, options(baseline="substrate", substrate=by_words))
+
+
+def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
+    rng = np.random.default_rng(9)
+    noisy = {"wavelength_nm": NM, "T": T, "R": R + rng.normal(0.0, 1e-4, NM.size)}
+    file = table(tmp_path, noisy)
+    found = index(file, options(u={"T": "0.1%", "R": "0.1%"}))
+    assert found["fit"]["kind"] == "cauchy"
+    assert found["fit"]["model"]["A"] == pytest.approx(1.48, abs=2e-3)
+    curve = found["fit"]["curve"]
+    truth = 1.48 + 5e3 / np.array(curve["wavelength_nm"]) ** 2
+    assert np.abs(np.array(curve["n"]) - truth).max() < 5e-4
+    assert min(curve["u_n"]) > 0.0035  # what is common to all wavelengths does not average out
+    other = index(file, options(fit="sellmeier", terms=1))
+    assert other["fit"]["model"]["kind"] == "sellmeier"
+    assert index(file, options(fit="none"))["fit"] is None
+    published = index(file, options(mode="as-published"))
+    assert published["fit"] is None
+    with pytest.raises(SpecError, match="--fit = 'spline'"):
+        index(file, options(fit="spline"))
+
+
+def test_where_no_formula_can_be_had_that_is_told(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM[:2], "T": T[:2], "R": R[:2]})
+    assert "no formula goes with it" in warned(index(file, options()), "no formula")
+    with pytest.raises(DataError):
+        index(file, options(fit="cauchy"))
+
+
+def test_a_formula_that_does_not_follow_the_points_is_told(tmp_path: Path) -> None:
+    steep = T - 0.2 * np.exp(-(NM - 500.0) / 15.0)
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    found = index(table(tmp_path, {"wavelength_nm": NM, "T": steep}, "steep.csv"), options())
+    assert "it is off by 0.0" in warned(found, "the cauchy formula does not follow the points")
+    assert not [line for line in index(file, options(mode="measured"))["warnings"] if "does not follow" in line]
+
+
+def test_the_literature_stands_beside_the_index(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
+    found = index(file, options())
+    low, high = found["literature"]["low"], found["literature"]["high"]
+    assert all(a < n < b for a, n, b in zip(low, found["n"], high, strict=True))
+    assert not [line for line in found["warnings"] if "the literature of" in line]
+    assert index(file, options(literature="none"))["literature"] is None
+    nm, t = np.array([450.0, 500.0, 860.0]), np.array([0.8473, 0.8685, 0.8889])
+    published = index(table(tmp_path, {"wavelength_nm": nm, "T": t}, "three.csv"), options(mode="as-published"))
+    assert "2.5 times the largest" in warned(published, "n(450 nm) − n(860 nm) = 0.100")

@@ -1,0 +1,211 @@
+"""solen stiffness from files to its result: groups, modes, simultaneous fits, tables, and what is refused."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.cli import _run
+from solen.material.stiffness import EQUIBIAXIAL, PLANAR, UNIAXIAL, Dimensions, model
+from solen.pipeline.stiffness import Request, stiffness
+
+
+def pressed(path: Path, modulus: float, *, seed: int = 0, cycles: int = 2) -> Path:
+    """A cube of 10 mm behind a gap of 0.2 mm, simulated; the second cycle is 10 % softer."""
+    travel = np.concatenate([np.linspace(0, 4, 400), np.linspace(4, 0, 400)[1:]] * cycles)
+    felt = np.maximum(travel - 0.2, 0) / 10
+    force = -100 * model("neo-hookean").stress([modulus / 6], UNIAXIAL, 1 - felt)
+    force[400:] *= 0.9
+    force += 0.01 * np.random.default_rng(seed).standard_normal(len(force))
+    rows = "\n".join(f"{d:.6g},{f:.6g}" for d, f in zip(travel, force, strict=True))
+    path.write_text(f"displacement (mm),force (N)\n{rows}\n", encoding="utf-8")
+    return path
+
+
+def pulled(path: Path, name: str) -> Path:
+    """Bare columns, stress and stretch, of a Yeoh solid."""
+    mode = {"ut": UNIAXIAL, "ps": PLANAR, "et": EQUIBIAXIAL}[name]
+    stretch = np.linspace(1, 3, 25)
+    stress = model("yeoh").stress([0.18, -0.004, 0.002], mode, stretch)
+    path.write_text("\n".join(f"{p:.8f} {s:.8f}" for p, s in zip(stress, stretch, strict=True)), encoding="utf-8")
+    return path
+
+
+def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
+    moduli = (1.9, 2.1, 0.7, 0.8)
+    files = tuple(pressed(tmp_path / f"cube{n}.csv", m, seed=n) for n, m in enumerate(moduli))
+    asked = Request(
+        files, labels=("a-PU", "a-PU", "ma-PU", "ma-PU"), dimensions=Dimensions(cube_mm=10), fit=("neo-hookean",)
+    )
+    figure, table, out = tmp_path / "f.svg", tmp_path / "t.csv", tmp_path / "r.json"
+    found = stiffness(asked, figure=figure, csv=table, out=out)
+    stiff, soft = found["groups"]
+    assert (stiff["label"], soft["label"]) == ("a-PU", "ma-PU")
+    assert stiff["mode"] == "compression"
+    assert stiff["strain_range"] == [0.02, 0.1]
+    # an ideal rubber's slope over 2 to 10 % is 1.137 of its first; the toe is known to 0.1 % of strain
+    for group, wanted in ((stiff, (1.9, 2.1)), (soft, (0.7, 0.8))):
+        assert group["modulus_MPa"] == pytest.approx(1.137 * np.mean(wanted), rel=0.01)
+        assert group["sd_modulus_MPa"] == pytest.approx(1.137 * np.std(wanted, ddof=1), rel=0.05)
+        assert group["model"]["initial_modulus_MPa"] == pytest.approx(np.mean(wanted), rel=0.01)
+        assert group["model"]["stable_over"]["uniaxial"] == [None, None]
+        assert [s["softening"]["peak_stress"] for s in group["specimens"]] == pytest.approx([0.1, 0.1], abs=0.003)
+    assert found["modulus_MPa"] == stiff["modulus_MPa"]
+    assert any("those of a-PU alone" in w for w in found["warnings"])
+    assert any(w.startswith("ma-PU: shape factor 0.25") for w in found["warnings"])
+    assert any("standard deviation is itself uncertain by 76 %" in w for w in found["warnings"])
+    assert len(found["sources"]) == 4
+    written = json.loads(out.read_text(encoding="utf-8"))
+    assert written["kind"] == "stiffness"
+    assert written["modulus_MPa"] == found["modulus_MPa"]
+    drawn = figure.read_text(encoding="utf-8")
+    assert "ma-PU: E = " in drawn
+    assert "compressive engineering strain" in drawn
+    rows = table.read_text(encoding="utf-8").splitlines()
+    assert rows[0] == "specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"
+    assert len(rows) == 1 + 4 * (2 * 799)
+
+
+def test_three_modes_in_one_fit(tmp_path: Path) -> None:
+    uniaxial, planar, biaxial = (pulled(tmp_path / f"{name}.txt", name) for name in ("ut", "ps", "et"))
+    asked = Request(
+        (uniaxial,), planar=(planar,), equibiaxial=(biaxial,), columns=("stress_MPa", "stretch"), mode="tension"
+    )
+    found = stiffness(asked)
+    assert found["groups"] == []
+    assert found["model"]["kind"] == "yeoh"
+    np.testing.assert_allclose(list(found["model"]["parameters"].values()), [0.18, -0.004, 0.002], rtol=1e-4)
+    assert [m["mode"] for m in found["model"]["modes"]] == ["uniaxial", "planar", "equibiaxial"]
+    assert [s["mode"] for s in found["specimens"]] == ["uniaxial", "planar", "equibiaxial"]
+    assert {f["kind"] for f in found["fits"]} == {
+        "neo-hookean",
+        "mooney-rivlin",
+        "yeoh",
+        "ogden-1",
+        "ogden-2",
+        "ogden-3",
+    }
+    best = min(f["aicc"] for f in found["fits"] if f["aicc"] is not None)
+    assert all(f["delta_aicc"] == pytest.approx(f["aicc"] - best) for f in found["fits"] if f["aicc"] is not None)
+    assert len(found["model"]["covariance"]) == 3
+
+
+def test_specimens_named_by_a_column(tmp_path: Path) -> None:
+    strain = np.linspace(0, 0.5, 40)
+    lines = ["material,specimen,strain,stress_MPa"]
+    for material, modulus in (("soft", 1.0), ("hard", 2.0)):
+        for specimen, factor in (("A", 0.95), ("B", 1.05)):
+            lines += [f"{material},{specimen},{e:.5f},{modulus * factor * e:.6f}" for e in strain]
+    path = tmp_path / "long.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    found = stiffness(Request((path,), mode="tension", fit=("none",), strain_range_percent=(0, 50)))
+    assert [g["label"] for g in found["groups"]] == ["soft", "hard"]
+    assert [g["modulus_MPa"] for g in found["groups"]] == pytest.approx([1, 2], rel=1e-4)
+    assert [s["name"] for s in found["groups"][0]["specimens"]] == ["long.csv: soft A", "long.csv: soft B"]
+    assert found["model"] is None
+    assert found["fits"] == []
+    assert len(found["sources"]) == 1
+
+
+def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
+    path = tmp_path / "zugversuch.TRA"
+    strain = np.linspace(0, 1, 201)
+    rows = "\n".join(f"{t:.2f}\t{20 * e:.6g}\t{e:.6g}" for t, e in enumerate(strain))
+    head = '"Probenbreite b0"\t10\t"mm"\n"Probendicke a0"\t2\t"mm"\n"Vorkraft"\t0.1\t"N"\n"E-Modul"\t120\t"N/mm²"\n'
+    names = '"Prüfzeit"\t"Standardkraft"\t"Dehnung"\n"s"\t"N"\t"%"\n'
+    path.write_text(head + names + rows + "\n", encoding="cp1252")
+    found = stiffness(Request((path,), fit=("none",)))
+    assert found["modulus_MPa"] == pytest.approx(100)
+    assert "the machine's own E-Modul is 120 MPa: +20.0 % from this" in " ".join(found["warnings"])
+    assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found["specimens"][0]["toe"]["said"]
+
+
+def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
+    path = tmp_path / "plastic.csv"
+    path.write_text(
+        "strain,stress_MPa\n" + "\n".join(f"{e:.6f},{2000 * e:.6f}" for e in np.linspace(0, 0.01, 60)) + "\n"
+    )
+    found = stiffness(Request((path,), mode="tension"))
+    assert found["model"] is None
+    assert "2000 MPa is no rubber's modulus" in " ".join(found["warnings"])
+    assert stiffness(Request((path,), mode="tension", fit=("neo-hookean",)))["model"]["kind"] == "neo-hookean"
+
+
+def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(pressed(tmp_path / "cube.csv", 1.0))
+    assert _run(["stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("modulus 1.1")
+    assert "MPa (compression, 2 to 10 % strain)" in told
+    assert "of the work lost, " in told
+    assert "  * " in told
+    arguments = [
+        "--cube-mm",
+        "10",
+        "--strain-range-percent",
+        "5",
+        "15",
+        "--secant-percent",
+        "10",
+        "30",
+        "--fit",
+        "none",
+    ]
+    assert _run(["stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
+    assert set(found) >= {
+        "modulus_MPa",
+        "u_modulus_MPa",
+        "strain_range",
+        "mode",
+        "specimens",
+        "model",
+        "fits",
+        "sources",
+    }
+    assert found["strain_range_percent"] == pytest.approx([5, 15])
+    assert [s["strain"] for s in found["specimens"][0]["secants"]] == pytest.approx([0.1, 0.3])
+    assert found["specimens"][0]["u_dimensions_MPa"] == pytest.approx(found["modulus_MPa"] * 0.005 * np.sqrt(3))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ([], "area of the specimen; is not stated; give --width-mm"),
+        (["--area-mm2", "100"], "length of the specimen; is not stated; give --length-mm"),
+        (["--cube-mm", "0"], "--cube-mm = 0.0; must be above 0"),
+        (["--cube-mm", "10", "--length-mm", "10"], "a cube's length is its side"),
+        (["--cube-mm", "10", "--mode", "torsion"], "--mode = 'torsion'; must be one of tension, compression"),
+        (["--cube-mm", "10", "--toe", "off"], "--toe = 'off'; must be one of auto, none, always"),
+        (["--cube-mm", "10", "--fit", "gent"], "--fit = 'gent'; must be one of auto"),
+        (["--cube-mm", "10", "--weighting", "log"], "--weighting = 'log'"),
+        (["--cube-mm", "10", "--cycle", "third"], "--cycle = 'third'"),
+        (["--cube-mm", "10", "--strain-range-percent", "60", "70"], "holds 0 points of the loading"),
+        (["--cube-mm", "10", "--strain-range-percent", "7", "6"], "--strain-range-percent = '7 6'"),
+        (["--cube-mm", "10", "--secant-percent", "-1"], "--secant-percent"),
+        (["--cube-mm", "10", "--label", "a", "b"], "--label = 2; one for all files, or one for each of the 1"),
+        (["--cube-mm", "10", "--compliance-mm-per-n", "-1"], "must be at least 0"),
+        (["--cube-mm", "10", "--csv", "t.txt"], "a table ends in .csv"),
+        (["--cube-mm", "10", "--figure", "f.gif"], "a figure ends in"),
+        (["--cube-mm", "10", "--out", "r.toml"], "a result ends in .json"),
+        (["--cube-mm", "10", "--planar", "nowhere.csv"], "no such file"),
+    ],
+)
+def test_bad_input_ends_with_one_line_and_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
+) -> None:
+    file = str(pressed(tmp_path / "cube.csv", 1.0))
+    assert _run(["stiffness", file, *arguments]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("solen: ")
+    assert shown.err.count("\n") == 1
+    assert told in shown.err
+    assert list(tmp_path.iterdir()) == [Path(file)]
+
+
+def test_no_file_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert _run(["stiffness"]) == 2
+    assert "needs a file" in capsys.readouterr().err

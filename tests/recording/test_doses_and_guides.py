@@ -1,0 +1,57 @@
+"""Headers that tables of cured discs and of guides have, and tables that say they are simulated."""
+
+from pathlib import Path
+
+import pytest
+
+from solen.recording import read
+
+
+def saved(folder: Path, text: str) -> Path:
+    path = folder / "table.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "name", "quantity", "unit"),
+    [
+        ("exposure_s", "exposure", "time", "s"),
+        ("exposure (s)", "exposure", "time", "s"),
+        ("exposure_mJ_per_cm2", "exposure", "exposure", "mJ/cm2"),
+        ("Belichtungszeit (s)", "Belichtungszeit", "time", "s"),
+        ("signal_V", "signal", "voltage", "V"),
+        ("signal (mW)", "signal", "power", "mW"),
+        ("power_dBm", "power", "power", "dBm"),
+    ],
+)
+def test_headers_of_exposures_and_signals(tmp_path: Path, header: str, name: str, quantity: str, unit: str) -> None:
+    channel = read(saved(tmp_path, f"{header},thickness_um\n1,20\n2,30\n")).channels[0]
+    assert (channel.name, channel.quantity, channel.unit) == (name, quantity, unit)
+
+
+def test_an_exposure_without_a_unit_is_neither(tmp_path: Path) -> None:
+    channel = read(saved(tmp_path, "exposure,thickness_um\n1,20\n2,30\n")).channels[0]
+    assert (channel.name, channel.quantity, channel.unit) == ("exposure", "", "")
+
+
+@pytest.mark.parametrize("name", ["guide", "piece", "part", "disc"])
+def test_numbers_that_name_a_guide_are_words_too(tmp_path: Path, name: str) -> None:
+    found = read(saved(tmp_path, f"length_mm,power_mW,{name}\n10,1,7\n20,0.5,8\n"))
+    assert found.label(name) == ("7", "8")
+
+
+@pytest.mark.parametrize(
+    ("remark", "simulated"),
+    [
+        ("# simulated", True),
+        ("# Simulated: Dp 110", True),
+        ("# simulated, with noise", True),
+        ("# simulated: no", False),
+        ("# measured after it was simulated", False),
+        ("# simulatedly", False),
+    ],
+)
+def test_a_table_says_that_it_is_simulated(tmp_path: Path, remark: str, simulated: bool) -> None:
+    found = read(saved(tmp_path, f"{remark}\nexposure_s,thickness_um\n1,20\n2,30\n"))
+    assert found.provenance.simulated is simulated

@@ -1,0 +1,112 @@
+"""Files that are too large, too odd or made to harm: refused in one line, in a time that grows as their size does."""
+
+import io
+import time
+import zipfile
+from pathlib import Path
+
+import openpyxl
+import pytest
+
+from solen.errors import DataError
+from solen.recording import read
+from solen.recording.source import LARGEST_MB
+from tests.recording.mutate import damaged
+from tests.recording.test_table import ROWS, workbook
+
+TABLE = "# remark: a\nRate;5\n\nwavelength_nm;T (%);sample\nnm;%;\n400;91,5;A\n410;91,7;\n420;;B\n\nby hand\n"
+
+
+@pytest.mark.parametrize("kind", ["table", "workbook"])
+def test_damage_never_ends_in_anything_but_numbers_or_one_line(tmp_path: Path, kind: str) -> None:
+    whole = TABLE.encode() if kind == "table" else workbook(tmp_path, {"data": ROWS}).read_bytes()
+    path = tmp_path / "file"
+    refused = 0
+    for seed in range(150):
+        path.write_bytes(damaged(seed, whole)[0])
+        try:
+            read(path)
+        except DataError as bad:
+            refused += 1
+            told = str(bad)
+            assert "\n" not in told
+    assert refused > 30
+
+
+def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    with path.open("wb") as file:
+        file.truncate(LARGEST_MB * 1_000_000 + 1)
+    with pytest.raises(DataError, match=f"at most {LARGEST_MB} MB"):
+        read(path)
+
+
+def archive(parts: dict[str, bytes]) -> bytes:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, part in parts.items():
+            made.writestr(name, part)
+    return data.getvalue()
+
+
+def test_archives_that_are_no_workbooks_or_unpack_to_more_than_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("solen.recording.workbook.LARGEST_MB", 4)
+    path = tmp_path / "book.xlsx"
+    path.write_bytes(archive({"xl/workbook.xml": b"<workbook/>", "xl/worksheets/sheet1.xml": bytes(5_000_000)}))
+    assert path.stat().st_size < 10_000
+    with pytest.raises(DataError, match="unpacks to 5 MB; at most 4 MB"):
+        read(path)
+    path.write_bytes(archive({"content.xml": b"<office/>"}))
+    with pytest.raises(DataError, match="is an archive, but no Excel workbook"):
+        read(path)
+    entities = b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bbbb">]><workbook>&b;</workbook>'
+    path.write_bytes(archive({"xl/workbook.xml": entities}))
+    with pytest.raises(DataError, match=r"declares entities in xl/workbook\.xml"):
+        read(path)
+
+
+def test_a_lone_cell_far_out_is_no_table(tmp_path: Path) -> None:
+    book = openpyxl.Workbook()
+    book.worksheets[0]["A1"] = "t_s"
+    book.worksheets[0].cell(20_000, 16_000, 1.0)
+    path = tmp_path / "book.xlsx"
+    book.save(path)
+    with pytest.raises(DataError, match="reaches to row 20000 and column 16000"):
+        read(path)
+
+
+LONG = 200_000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(" * LONG + "\n1\n",
+        "a(" * LONG + "\n1\n",
+        "%" * LONG + "\n1\n",
+        "a_" * LONG + "\n1\n",
+        "a," * LONG + "\n" + "1," * LONG + "\n",
+        '"' * LONG + "\n1\n",
+        '"a' * LONG,
+        "9" * LONG + ",T\n" + "9" * LONG + ",1\n",
+        "wavelength_nm,T\n" + "9" * LONG + ",1\n",
+        "a,b\n1\n" * 30_000,
+        "a,b\n\n" * 30_000 + "1,2\n",
+        " " * LONG + "\n1\n",
+        "\n" * LONG,
+        "#" * LONG,
+        "film,\nWavelength (nm),%T\n400,1\n\nfilm,\n" + "<" + "> " * LONG + "\n" + "a  " * LONG + "\n",
+    ],
+    ids=range(15),
+)
+def test_long_lines_and_many_of_them_take_no_time(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "file.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    begun = time.perf_counter()
+    try:
+        read(path)
+    except DataError as bad:
+        assert len(str(bad)) < 2000  # noqa: PT017
+    assert time.perf_counter() - begun < 10.0

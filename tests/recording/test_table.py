@@ -1,0 +1,307 @@
+"""Plain tables: headers in every spelling, separators and decimals told by the numbers, words kept, damage refused."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import openpyxl
+import pytest
+
+from solen.errors import DataError
+from solen.recording import read
+from solen.recording.numbers import is_number
+from tests.recording.exports import cary, tensile
+
+
+def saved(folder: Path, text: str, encoding: str = "utf-8") -> Path:
+    path = folder / "table.txt"
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def workbook(folder: Path, sheets: dict[str, list[list[object]]]) -> Path:
+    book = openpyxl.Workbook()
+    book.remove(book.worksheets[0])
+    for name, rows in sheets.items():
+        sheet = book.create_sheet(name)
+        for row in rows:
+            sheet.append(row)
+    path = folder / "book"
+    book.save(path)
+    return path
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        *("thickness_um", "Thickness (µm)", "Thickness [um]", "thickness / µm", "Thickness, µm", "thickness um"),
+        *("Dicke [µm]", "Schichtdicke (µm)", "Cure depth (μm)", "Dicke in µm", '"Thickness (micron)"'),
+    ],
+)
+def test_a_thickness_is_found_under_each_spelling(tmp_path: Path, header: str) -> None:
+    recording = read(saved(tmp_path, f"time_s;{header}\n1;25\n2;50\n"))
+    channel = recording.need("thickness")
+    np.testing.assert_allclose(channel.to("mm"), [0.025, 0.05], rtol=1e-15)
+    assert channel.quantity == "thickness"
+
+
+def test_the_simplest_spectrum(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, "wavelength_nm,T,R\n400,0.91,0.08\n500,0.92,0.079\n"))
+    assert [(one.name, one.quantity, one.unit, one.axis) for one in recording.channels] == [
+        ("wavelength", "wavelength", "nm", ""),
+        ("T", "transmittance", "", "wavelength"),
+        ("R", "reflectance", "", "wavelength"),
+    ]
+    assert recording.channel("R").values.tolist() == [0.08, 0.079]
+    assert recording.provenance.format == "table"
+    assert len(recording.provenance.sha256) == 64
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t / s,F (N)\n0.5,1.25\n1,2.5\n",
+        "t / s;F (N)\r\n0,5;1,25\r\n1;2,5\r\n",
+        "t / s\tF (N)\r0.5\t1.25\r1\t2.5\r",
+        '"t / s","F (N)"\n"0,5","1,25"\n"1","2,5"\n',
+        "t_s  F_N\n 0.5   1.25\n 1.0   2.50",
+        "t_s F_N\n0,5 1,25\n1 2,5\n",
+        "# a remark\nt,F\ns,N\n0.5,1.25\n\n1,2.5\n",
+        "# t_s,F_N\n0.5,1.25\n1,2.5\n",
+        "Zeit;Kraft;;\ns;N;;\n0,5;1,25;;\n1;2,5;;\n",
+        "Operator: A\nRate (mm/min);5\n\nt_s;F_N\n0.5;1.25\n1;2.5\n\nchecked by hand\n",
+    ],
+)
+def test_separators_decimals_and_places_of_units(tmp_path: Path, text: str) -> None:
+    recording = read(saved(tmp_path, text))
+    assert recording.need("time", "t").to("s").tolist() == [0.5, 1.0]
+    assert recording.need("force").to("N").tolist() == [1.25, 2.5]
+    assert recording.channel(recording.names[1]).axis == recording.names[0]
+
+
+def test_words_are_kept_beside_the_numbers(tmp_path: Path) -> None:
+    text = "length_mm,power_mW,replicate,orientation\n10,1.0,1,flat\n20,0.8,1,upright\n20,,2,flat\n"
+    recording = read(saved(tmp_path, text))
+    assert recording.names == ("length", "power", "replicate")
+    assert recording.label("orientation", "build orientation") == ("flat", "upright", "flat")
+    assert recording.label("Replicate") == ("1", "1", "2")
+    assert recording.label("sample") is None
+    assert np.isnan(recording.channel("power").values[2])
+
+
+def test_columns_of_one_name_are_numbered(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, "wavelength_nm,a,a,b,a (2)\n400,1,2,3,4\n500,1,2,3,4\n"))
+    assert recording.names == ("wavelength", "a", "a (3)", "b", "a (2)")
+    assert [recording.channel(name).values[0] for name in recording.names[1:]] == [1, 2, 3, 4]
+
+
+def test_a_table_without_units_takes_them_from_the_baseline_beside_it(tmp_path: Path) -> None:
+    text = "wavelength,Baseline 100%T,VG1,VG1.1\n2500,7.42,53.4,53.5\n2490,7.8,53.3,53.2\n"
+    recording = read(saved(tmp_path, text))
+    assert recording.names == ("wavelength", "Baseline 100%T", "VG1", "VG1.1")
+    assert {(one.quantity, one.unit) for one in recording.channels[1:]} == {("transmittance", "%")}
+    assert "Baseline" in recording.channel("VG1").note
+    assert recording.channel("wavelength").unit == "nm"
+    assert len(recording.warnings) == 3
+
+
+def test_columns_named_by_the_caller(tmp_path: Path) -> None:
+    path = saved(tmp_path, "    0.0255    1.0200\r\n    0.1344    1.1250")
+    with pytest.raises(DataError, match="line 1; there is no header"):
+        read(path)
+    recording = read(path, columns=("stress_MPa", "stretch"))
+    assert recording.need("stress").to("MPa").tolist() == [0.0255, 0.1344]
+    assert recording.need("stretch").values.tolist() == [1.02, 1.125]
+    with pytest.raises(DataError, match="beyond the 1 columns"):
+        read(path, columns=("stress_MPa",))
+    with pytest.raises(DataError, match="named twice"):
+        read(saved(tmp_path, "t_s,F_N\n1,2\n"), columns=("t_s", "F_N"))
+
+
+def test_samples_named_by_numbers(tmp_path: Path) -> None:
+    recording = read(saved(tmp_path, "wavelength_nm,2,4,6\n400,0.91,0.9,0.88\n500,0.92,0.91,0.9\n"))
+    assert recording.names == ("wavelength", "2", "4", "6")
+    assert recording.channel("wavelength").values.tolist() == [400.0, 500.0]
+
+
+GOOD = "wavelength_nm,T,R\n400,0.91,0.08\n410,0.915,0.079\n420,0.92,0.078\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("0.915", "0.9l5", "line 3, column 2"),
+        ("0.915", "0,915", "line 3"),
+        ("410,0.915", "410;0.915", "line 3"),
+        ("410,", "", "line 3"),
+        ("0.079", "0.079,5", "line 3, column 4"),
+        ("0.079", "0.079 5", "line 3, column 3"),
+        (",0.078\n", "", "line 4"),
+        ("410", "4_10", "line 3, column 1"),
+        ("410", "inf", "line 3, column 1"),
+        ("410", "1e999", "line 3, column 1"),
+        ("410", "٤١٠", "line 3, column 1"),
+        ("410", "1.410,5", "line 3"),
+        ("0.915", '"0.915', "line 3"),
+        ("0.915", "\x000.915", "line 3"),
+        ("420,0.92,0.078\n", "\nmore,a,b\n420,0.92,0.078\n", "line 5, column 1"),
+        ("400,", "1,2\n400,", "line 2"),
+        ("420,0.92,0.078\n", "Mean;0.92\n", "line 4"),
+        ("420", "-", "line 4, column 1"),
+        ("wavelength_nm,T,R\n", "", "line 1"),
+        ("wavelength_nm,T,R\n", "film\n", "line 1"),
+    ],
+)
+def test_damage_is_refused_with_its_place(tmp_path: Path, old: str, new: str, place: str) -> None:
+    with pytest.raises(DataError, match=rf"{place}\b"):
+        read(saved(tmp_path, GOOD.replace(old, new, 1)))
+
+
+def test_numbers_with_words_in_them_are_refused_not_taken_for_text(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 2; is no row of numbers below the header"):
+        read(saved(tmp_path, "sample,thickness_um\nA,25 um\nB,50 um\n"))
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (b"", "is empty"),
+        (b" \n\n", "is empty"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1", "old Excel file"),
+        (b"%PDF-1.7 ...", "is a PDF"),
+        (b"PK\x03\x04rest", "damaged archive"),
+        (b"a,b\n1,2\n\x81,3\n", "line 3; byte 8"),
+        ("Dicke (µm),µ\n1,2\n".encode() + b"\xe4,3\n", "line 3; byte"),
+        (b"only words\n", "line 1"),
+        (b"a,b\n", "line 1"),
+        (b"# nothing\n", "holds no table"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(tmp_path: Path, data: bytes, told: str) -> None:
+    path = tmp_path / "file.csv"
+    path.write_bytes(data)
+    with pytest.raises(DataError, match=told) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(DataError, match="no such file"):
+        read(tmp_path / "absent.csv")
+    with pytest.raises(DataError, match="is a folder"):
+        read(tmp_path)
+
+
+ROWS: list[list[object]] = [["Exposure (mJ/cm²)", "thickness_um", "replicate"], [20, 51.25, 1], [40, 88.125, 2]]
+
+
+def test_a_workbook_is_the_same_table(tmp_path: Path) -> None:
+    recording = read(workbook(tmp_path, {"notes": [["by hand"]], "data": ROWS}))
+    assert recording.need("thickness").to("um").tolist() == [51.25, 88.125]
+    assert recording.need("exposure").to("mJ/cm**2").tolist() == [20.0, 40.0]
+    assert recording.label("replicate") == ("1", "2")
+
+
+def test_the_sheet_of_a_workbook_is_named_or_the_only_one(tmp_path: Path) -> None:
+    path = workbook(tmp_path, {"first": ROWS, "second": [["t_s"], [1.5]]})
+    with pytest.raises(DataError, match="2 sheets with numbers; name one of first, second"):
+        read(path)
+    with pytest.raises(DataError, match="'third'; has no such sheet; its sheets are first, second"):
+        read(path, sheet="third")
+    assert read(path, sheet="second").need("time").values.tolist() == [1.5]
+    with pytest.raises(DataError, match="is no workbook"):
+        read(saved(tmp_path, GOOD), sheet="first")
+
+
+def test_a_bad_cell_of_a_workbook_is_named_as_excel_names_it(tmp_path: Path) -> None:
+    rows = [*ROWS, [60, "1OO", 3]]
+    with pytest.raises(DataError, match="sheet data, cell B4 = '1OO'; is no number"):
+        read(workbook(tmp_path, {"data": rows}))
+
+
+def test_a_formula_without_a_stored_result_is_not_an_empty_cell(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="cell B4; holds a formula"):
+        read(workbook(tmp_path, {"data": [*ROWS, [60, "=2*B3", 3]]}))
+
+
+def test_a_column_of_words_below_a_unit_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 2, column 2 = '25 um'; is no number"):
+        read(saved(tmp_path, "time_s,thickness_um\n1,25 um\n2,50 um\n"))
+
+
+def test_wavelengths_out_of_order_are_told(tmp_path: Path) -> None:
+    rows = [f"{wave},0.9" for wave in (400, 410, 420, 403, 440, 450, 460)]
+    recording = read(saved(tmp_path, "\n".join(["wavelength_nm,T", *rows, ""])))
+    assert "403 after 420" in recording.channel("wavelength").note
+    scattered = [f"{wave},0.9" for wave in (405, 365, 405, 365, 405, 365, 405)]
+    assert read(saved(tmp_path, "\n".join(["wavelength_nm,Ec", *scattered, ""]))).warnings == []
+
+
+def test_a_number_that_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
+    text = "time_s,force_N\n1,2.51\n2,2.62\n3,2.73\n4,2"
+    assert "after 2: whether that number is whole" in read(saved(tmp_path, text)).channel("force").note
+    assert read(saved(tmp_path, text + ".84")).warnings == []
+    assert read(saved(tmp_path, text + "\n")).warnings == []
+
+
+@pytest.mark.parametrize("wave", ["91.37", "123456"])
+def test_what_is_no_wavelength_is_refused(tmp_path: Path, wave: str) -> None:
+    with pytest.raises(DataError, match=r"line 3, column 1 = .*no wavelength in nm"):
+        read(saved(tmp_path, f"wavelength_nm,T\n400,0.9\n{wave},0.9\n"))
+
+
+def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 1; stands without a name above column 2"):
+        read(saved(tmp_path, "film,,dye\n1,2,3\n"))
+    assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
+    assert read(saved(tmp_path, ",T,R\n0,0.9,0.1\n1,0.9,0.1\n")).names == ("column 1", "T", "R")
+
+
+def test_a_percentage_of_excel_is_not_taken_for_the_fraction_that_is_stored(tmp_path: Path) -> None:
+    path = workbook(tmp_path, {"data": [["wavelength_nm", "T (%)"], [400, 0.91], [500, 0.92]]})
+    book = openpyxl.load_workbook(io.BytesIO(path.read_bytes()))
+    for cell in ("B2", "B3"):
+        book["data"][cell].number_format = "0.0%"
+    book.save(path)
+    with pytest.raises(DataError, match="sheet data, cell B2 = '91 %'; is no number"):
+        read(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"), [(cary([("a", "%T", 0), ("b", "Abs", 2)]), "agilent-cary-csv"), (tensile(), "testxpert")]
+)
+def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: str, kind: str) -> None:
+    separator = "," if kind.startswith("agilent") else "\t"
+    lines = [line.replace('"', "").split(separator) for line in text.splitlines()]
+    rows: list[list[object]] = [[float(cell) if is_number(cell) else cell or None for cell in line] for line in lines]
+    sheet = read(workbook(tmp_path, {"data": rows}))
+    plain = read(saved(tmp_path, text))
+    assert sheet.provenance.format == plain.provenance.format == kind
+    for one, two in zip(sheet.channels, plain.channels, strict=True):
+        assert (one.name, one.unit, one.quantity, one.values.tolist()) == (
+            two.name,
+            two.unit,
+            two.quantity,
+            two.values.tolist(),
+        )
+
+
+def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be a thousand"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980\n2\t1,250\n"))
+    with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; marks its thousands"):
+        read(saved(tmp_path, "time_s\tforce_N\n1\t980.5\n2\t1,250.5\n"))
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t0,980\n2\t1,250\n")).need("force").values.tolist() == [0.98, 1.25]
+    assert read(saved(tmp_path, "time_s\tforce_N\n1\t1,125\n2\t1,250\n")).need("force").values.tolist() == [1.125, 1.25]
+
+
+def test_a_value_that_stands_alone_is_told(tmp_path: Path) -> None:
+    rows = [f"{wave},{91 + 1e-3 * wave:.6g}" for wave in range(400, 600, 10)]
+    for place, shown in ((0, "9.4 at wavelength 400"), (7, "9.47 at wavelength 470"), (19, "9.59 at wavelength 590")):
+        spoiled = [row.replace(",91", ",9") if n == place else row for n, row in enumerate(rows)]
+        (note,) = read(saved(tmp_path, "\n".join(["wavelength_nm,T (%)", *spoiled, ""]))).warnings
+        assert shown in note
+    assert read(saved(tmp_path, "\n".join(["wavelength_nm,T (%)", *rows, ""]))).warnings == []
+
+
+def test_wavelengths_in_metres_are_none(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="line 2, column 1 = '400'; no wavelength"):
+        read(saved(tmp_path, "Wavelength (m),T\n400,0.9\n"))
+    assert read(saved(tmp_path, "Wavelength (µm),T\n0.4,0.9\n")).need("wavelength").to("nm").tolist() == [400.0]
