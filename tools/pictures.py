@@ -9,7 +9,7 @@ from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.material.index import Length, forward, measured, reading
 from solen.pipeline.index import arrays
-from solen.pipeline.indexfit import formula, formula_as_dict, literature
+from solen.pipeline.indexfit import described, fitted, literature
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
 from solen.report.index import index_figure
 from solen.sensor import Sensor
@@ -60,10 +60,12 @@ def index_command() -> Figure:
     r, t = (value + rng.normal(0.0, U, nm.size) for value in forward(1.482 + 5e3 / nm**2, loss, THICKNESS_UM, nm))
     r[(nm > 640.0) & (nm < 672.0)] -= 0.09
     found = measured(nm, reading(t, U), reading(r, U), Length(THICKNESS_UM, 1.0))
-    model, known = formula(found, "cauchy", None), literature(found, "table")[0]
+    model, known = fitted("cauchy", found), literature(found, (), "table")[0]
     told = {"mode": found.mode, "measurement": True, "baseline": "air", "substrate": None, "literature": known}
     told |= (
-        {"fit": formula_as_dict(model), "sources": [{"simulated": True}]} if not isinstance(model, str | None) else {}
+        {"fit": described(model, found, [], None), "sources": [{"simulated": True}]}
+        if not isinstance(model, str | None)
+        else {}
     )
     return index_figure(arrays(found) | told)
 

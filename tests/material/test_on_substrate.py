@@ -159,7 +159,7 @@ def test_a_k_below_its_uncertainty_is_not_resolved_and_n_stays() -> None:
     assert found.k_high95[0] > found.k.u[0]
     brighter = one(t + 1e-3, r, FLAT, 1e-3)  # more light out than in, within the noise
     assert brighter.n.known[0]
-    assert brighter.k.why[0] == Why.NEGATIVE
+    assert brighter.k.why[0] == Why.BELOW
 
 
 def test_reflecting_more_than_the_bare_sheet_is_no_reason_to_mask() -> None:

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.material.index import forward
 from solen.material.index.routes import AS_PUBLISHED
-from solen.material.index.stack import Substrate, on_substrate
 from solen.pipeline.index import index
 from solen.pipeline.indexroute import IndexOptions
-from solen.pipeline.substrate import SubstrateOptions
 
 NM = np.arange(500.0, 901.0, 10.0)
 N = 1.48 + 5e3 / NM**2
@@ -163,6 +161,12 @@ def test_a_substrate_as_baseline_is_no_free_standing_layer(tmp_path: Path) -> No
         index(file, options(baseline="substrate"))
 
 
+def test_as_published_has_no_use_for_the_baseline(tmp_path: Path) -> None:
+    file = table(tmp_path, {"wavelength_nm": NM, "T": T})
+    found = index(file, options(mode="as-published", baseline="substrate"))
+    assert (found["mode"], found["baseline"]) == ("as-published", "substrate")
+
+
 def test_the_baseline_is_asked_for(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     assert "say --baseline" in warned(index(file, options()), "the baseline is not stated")
@@ -307,72 +311,6 @@ def test_fringes_are_judged_by_the_bandwidth(tmp_path: Path) -> None:
     assert not [line for line in index(file, options(bandwidth_nm=20.0))["warnings"] if "fringes" in line]
 
 
-def on_pet(folder: Path) -> Path:
-    t, r = on_substrate(N, 2e-5, 50.0, NM, Substrate(1.575, 0.0, 100.0))
-    return table(folder, {"wavelength_nm": NM, "T": np.asarray(t), "R": np.asarray(r)})
-
-
-PET = SubstrateOptions(name="1.575", thickness_um=100.0, u_n=0.002)
-
-
-def test_a_layer_on_its_substrate_goes_by_the_stack(tmp_path: Path) -> None:
-    file = on_pet(tmp_path)
-    found = index(file, options(baseline="substrate", substrate=PET, u={"T": "0.01%", "R": "0.01%"}))
-    assert (found["mode"], found["baseline"], found["substrate"]) == ("measured", "substrate", "1.575")
-    assert np.abs(np.array(found["n"]) - N).max() < 1e-9
-    assert np.abs(np.array(found["k"]) - 2e-5).max() < 1e-12
-    assert min(found["u_n"]) > 0.002  # the sheet's index goes over one to one
-    assert "by 0.01 in the substrate's index" in warned(found, "on this substrate")
-    clear = index(file, options(baseline="substrate", substrate=PET, mode="lossless"))
-    assert (clear["mode"], clear["R"][0]) == ("lossless", None)
-    drawn = tmp_path / "n.svg"
-    index(file, options(baseline="substrate", substrate=PET), figure=drawn)
-    assert "layer on its substrate" in drawn.read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize(
-    ("values", "line"),
-    [
-        ({"substrate": PET}, "--baseline; must be stated with a substrate"),
-        ({"baseline": "substrate"}, "--substrate; is missing; say what the layer lies on and how thick that is"),
-        ({"baseline": "air", "substrate": SubstrateOptions(name="1.575")}, "--substrate-thickness-um; is missing"),
-        (
-            {"baseline": "air", "substrate": SubstrateOptions(name="PET", thickness_um=100.0)},
-            "--substrate = 'PET'; may be PET sheet, Zhang; PET film",
-        ),
-        (
-            {"baseline": "air", "substrate": SubstrateOptions(name="wood", thickness_um=100.0)},
-            "--substrate = 'wood'; is no index, no resin and not in the literature; state its index as a number",
-        ),
-        (
-            {"baseline": "air", "substrate": SubstrateOptions(name="1.5", thickness_um=100.0, side="top")},
-            "--side = 'top'; must be one of layer, substrate",
-        ),
-        (
-            {"baseline": "air", "substrate": SubstrateOptions(name="1.5", thickness_um=100.0, baseline_r="sky")},
-            "--baseline-r = 'sky'",
-        ),
-        ({"baseline": "air", "substrate": PET, "mode": "absorptance"}, "--mode absorptance; is of a free-standing"),
-    ],
-)
-def test_a_substrate_is_named_in_full(tmp_path: Path, values: dict[str, Any], line: str) -> None:
-    with pytest.raises(SolenError) as refusal:
-        index(on_pet(tmp_path), options(**values))
-    assert str(refusal.value).startswith(line)
-
-
-def test_a_substrate_may_be_a_resin_or_of_the_literature(tmp_path: Path) -> None:
-    file = on_pet(tmp_path)
-    by_words = SubstrateOptions(name="pet sheet", thickness_um=100.0)
-    found = index(file, options(baseline="substrate", substrate=by_words))
-    assert np.abs(np.array(found["n"], dtype=float) - N).max() < 0.05  # PET of the literature is 1.554 to 1.585 here
-    resin = index(file, options(baseline="substrate", substrate=SubstrateOptions(name="pmma", thickness_um=100.0)))
-    assert np.abs(np.array(resin["n"], dtype=float) - N).min() > 0.02  # the sheet decides
-    far = table(tmp_path, {"wavelength_nm": NM + 300.0, "T": T, "R": R}, "far.csv")
-    with pytest.raises(DataError, match="substrate PET sheet, Zhang; is known from 400 to 1000 nm"):
-        index(far, options(baseline="substrate", substrate=by_words))
-
-
 def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
     rng = np.random.default_rng(9)
     noisy = {"wavelength_nm": NM, "T": T, "R": R + rng.normal(0.0, 1e-4, NM.size)}
@@ -380,7 +318,7 @@ def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
     found = index(file, options(u={"T": "0.1%", "R": "0.1%"}))
     assert found["fit"]["kind"] == "cauchy"
     assert found["fit"]["model"]["A"] == pytest.approx(1.48, abs=2e-3)
-    curve = found["fit"]["curve"]
+    curve = found["fit"]
     truth = 1.48 + 5e3 / np.array(curve["wavelength_nm"]) ** 2
     assert np.abs(np.array(curve["n"]) - truth).max() < 5e-4
     assert min(curve["u_n"]) > 0.0035  # what is common to all wavelengths does not average out

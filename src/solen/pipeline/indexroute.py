@@ -11,15 +11,19 @@ import numpy as np
 
 from solen.errors import DataError, SpecError
 from solen.material.index import IndexSpectrum, Length, Reading, is_absorbance, reading, routes
+from solen.material.index.fit import FITS
 from solen.material.index.layered import lossless_on_substrate, measured_on_substrate
+from solen.material.index.literature import POLYMERS
 from solen.material.index.routes import MODES
-from solen.pipeline.indexfit import FITS, LITERATURE
+from solen.pipeline.indexfit import LITERATURE
+from solen.pipeline.onsubstrate import SIDES, check_substrate, setup_of
 from solen.pipeline.outputs import check_choice
-from solen.pipeline.substrate import BASELINES, SubstrateOptions
 from solen.pipeline.traces import Spectra
 
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 ABSORBANCE_KINDS = (*BASES, "absorptance")
+BASELINES = ("air", "substrate")
+FIT_KINDS = (*FITS, "none")
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
 
 
@@ -45,12 +49,17 @@ class IndexOptions:
         Wavelengths at which n is told, too.
     sheet
         Of a workbook.
-    substrate
-        What the layer lies on, where it does.
+    substrate, substrate_thickness_um, u_substrate_n
+        The sheet that the layer stays on: a resin of the library, a resin file or an index; its thickness; the standard
+        uncertainty of its index.
+    side, r_baseline
+        Whether the light meets the ``layer`` or the ``substrate`` first, and what the 100 % of R was, of `BASELINES`.
     fit, terms
-        Formula that is laid through n, and of how many terms.
+        Formula that is laid through n, of `FIT_KINDS`, and of how many terms.
+    polymers
+        Classes of the literature that n is compared with, of `solen.material.index.literature.POLYMERS`.
     literature
-        Where the band of others' indices is from.
+        Where their indices are from, of `solen.pipeline.indexfit.LITERATURE`.
     """
 
     thickness_um: float | None = None
@@ -64,9 +73,14 @@ class IndexOptions:
     led: str | None = None
     at_nm: Sequence[float] = ()
     sheet: str | None = None
-    substrate: SubstrateOptions = field(default_factory=SubstrateOptions)
+    substrate: str | None = None
+    substrate_thickness_um: float | None = None
+    u_substrate_n: float | None = None
+    side: str | None = None
+    r_baseline: str | None = None
     fit: str | None = None
     terms: int | None = None
+    polymers: Sequence[str] = ()
     literature: str = "table"
 
     def check(self) -> None:
@@ -75,18 +89,28 @@ class IndexOptions:
             "--mode": (self.mode, MODES),
             "--baseline": (self.baseline, BASELINES),
             "--absorbance-kind": (self.absorbance_kind, ABSORBANCE_KINDS),
-            "--fit": (self.fit, FITS),
+            "--side": (self.side, SIDES),
+            "--r-baseline": (self.r_baseline, BASELINES),
+            "--fit": (self.fit, FIT_KINDS),
             "--literature": (self.literature, LITERATURE),
         }
         for name, (value, known) in choices.items():
             if value is not None:
                 check_choice(name, value, known)
-        numbers = [("--thickness-um", self.thickness_um), ("--bandwidth-nm", self.bandwidth_nm)]
+        for name in self.polymers:
+            check_choice("--polymer", name, POLYMERS)
+        numbers = [
+            ("--thickness-um", self.thickness_um),
+            ("--bandwidth-nm", self.bandwidth_nm),
+            ("--substrate-thickness-um", self.substrate_thickness_um),
+            ("--u-substrate-n", self.u_substrate_n),
+        ]
         for name, number in [*numbers, *(("--at-nm", nm) for nm in self.at_nm)]:
             if number is not None and not 0.0 < number < np.inf:
                 raise SpecError(name, value=number, limit="must be finite and above 0")
         for kind in self.u:
             self.u_of(kind)
+        check_substrate(self)
 
     @property
     def thickness(self) -> Length:
@@ -121,10 +145,10 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
         Where something must be stated, or where what was measured gives no index by that route.
     """
     t = _transmittance(spectra, options)
-    mode = options.mode or _mode(spectra, options, t)
     nm = spectra.wavelength_nm
-    if mode != "as-published" and (options.substrate.stated or options.baseline == "substrate"):
-        return _on_substrate(mode, spectra, t, options)
+    if options.substrate is not None:
+        return _on_substrate(spectra, options, t)
+    mode = options.mode or _mode(spectra, options, t)
     if mode == "lossless":
         return routes.lossless(nm, t)
     if mode == "as-published":
@@ -142,20 +166,15 @@ def spectrum(spectra: Spectra, options: IndexOptions) -> IndexSpectrum:
     return routes.absorptance(nm, t, a, options.thickness)
 
 
-def _on_substrate(mode: str, spectra: Spectra, t: Reading, options: IndexOptions) -> IndexSpectrum:
-    """Index of a layer that stays on its substrate: the formulas of a free-standing one know no substrate."""
-    if options.baseline is None:
-        limit = "must be stated with a substrate: air, or substrate where the 100 % was taken on the bare sheet"
-        raise SpecError("--baseline", limit=limit)
-    nm = spectra.wavelength_nm
-    setup = options.substrate.setup(nm, "substrate" if options.baseline == "substrate" else "air")
+def _on_substrate(spectra: Spectra, options: IndexOptions, t: Reading) -> IndexSpectrum:
+    """Index of a layer that stays on its substrate: from T and R where both are measured, else from T alone."""
+    nm, setup = spectra.wavelength_nm, setup_of(options, spectra.wavelength_nm)
+    mode = options.mode or ("measured" if "R" in spectra.rows else "lossless")
     if mode == "lossless":
         return lossless_on_substrate(nm, t, setup)
-    if mode == "absorptance":
-        limit, remedy = "is of a free-standing layer", "measure R on the substrate; or take --mode lossless"
-        raise SpecError("--mode absorptance", limit=limit, remedy=remedy)
     if "R" not in spectra.rows:
-        raise routes.no_reflectance("T alone,", nm, t)
+        limit, remedy = "needs R of layer and substrate together, measured", "name its trace; or take --mode lossless"
+        raise SpecError("--mode measured", limit=limit, remedy=remedy)
     r = reading(spectra.rows["R"], options.u_of("R"), name="R")
     return measured_on_substrate(nm, t, r, options.thickness, setup)
 

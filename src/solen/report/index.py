@@ -36,8 +36,8 @@ def index_figure(found: dict[str, Any]) -> Figure:
             axes.set_xlabel("wavelength (nm)")
             axes.set_title(letter, loc="left", fontweight="bold")
         simulated = "simulated, " if any(one["simulated"] for one in found["sources"]) else ""
-        where = " (layer on its substrate)" if found["substrate"] else ""
-        figure.suptitle(f"{simulated}index {TITLES[found['mode']]}{where}", fontsize=10)
+        layer = " of a layer on its substrate" if found.get("substrate") else ""
+        figure.suptitle(f"{simulated}index{layer} {TITLES.get(found['mode'], found['mode'])}", fontsize=10)
     return figure
 
 
@@ -76,7 +76,7 @@ def _draw_loss(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
     t, r = _array(found["T"]), _array(found["R"])
     absorbance = -np.log10(np.where(t > 0.0, t, np.nan))
     axes.plot(nm, absorbance, _style(nm), color=RIGHT, ms=3, lw=1.4, label="absorbance −log10 T")
-    if found["mode"] in {"measured", "absorptance"} and not _relative(found):
+    if found["mode"] in {"measured", "absorptance"} and not found.get("substrate"):  # T and R of one baseline
         axes.plot(nm, 1.0 - r - t, _style(nm), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
         axes.legend(fontsize=8)
     axes.axhline(0.0, color=INK, lw=0.6)
@@ -116,8 +116,10 @@ def _draw_literature(axes: Axes, nm: Array, found: dict[str, Any]) -> None:
 def _draw_fit(axes: Axes, found: dict[str, Any]) -> None:
     fit = found.get("fit")
     if fit:
-        curve = fit["curve"]
-        axes.plot(curve["wavelength_nm"], curve["n"], color=SPACE, lw=1.4, label=f"{fit['kind']}, {fit['terms']} terms")
+        nm, n, u = (_array(fit[key]) for key in ("wavelength_nm", "n", "u_n"))
+        axes.plot(nm, n, color=SPACE, lw=1.4, label=f"{fit['kind']} fit ± u")
+        for edge in (n - u, n + u):
+            axes.plot(nm, edge, "--", color=SPACE, lw=0.8)
 
 
 def _draw_masks(axes: Axes, nm: Array, n: Array) -> None:

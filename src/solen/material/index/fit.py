@@ -18,7 +18,7 @@ The interface: `fit` with a name of `FITS`, or `fit_cauchy` and `fit_sellmeier`;
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -75,8 +75,8 @@ class Fit:
     neighbours: float
     widened: float
     scores: Mapping[int, float]
-    refused: Mapping[int, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    refused: Mapping[int, str]
+    warnings: tuple[str, ...]
 
     def index(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Index and its standard uncertainty at wavelengths inside the formula's range, in nm."""
@@ -256,7 +256,7 @@ def _told(
         best.widened if known else 1.0,
         dict(scores),
         dict(refused),
-        tuple(_warnings(model, best, known, bool(points.shared.any()))),
+        tuple(_warnings(model, best, points)),
     )
 
 
@@ -296,7 +296,7 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
             raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
 
 
-def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool, shared: bool) -> list[str]:
+def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[str]:
     """What the numbers of a fit cannot be used for."""
     low, high = model.range_nm
     told = []
@@ -306,13 +306,13 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, known: bool, shared: bool)
         told.append(
             f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
         )
-    if known and one.widened > 1:
+    if points.u is not None and one.widened > 1:
         told.append(
             f"the points scatter about the formula, or err together with their neighbours (correlation "
             f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
             f"{one.widened:.2g}"
         )
-    if not known and not shared:
+    if points.u is None and not points.shared.size:
         told.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
     if isinstance(model, Sellmeier):
         told += [

@@ -90,6 +90,7 @@ def measured_on_substrate(
     told = [
         *_sensitivity(found.n, found.n_by, no_n),
         *_unstated(read, setup),
+        *_by_sheet(found.n_by, estimates[0], setup),
         *transmittance.remarks,
         *reflectance.remarks,
         *masked_at(estimates[0], "n"),
@@ -120,6 +121,7 @@ def lossless_on_substrate(wavelength_nm: ArrayLike, transmittance: Reading, setu
         "lossless: k = 0 is assumed, so that n is an upper bound: whatever the layer absorbs or scatters raises it",
         *_sensitivity(inverse.n, inverse.n_by, found.why),
         *_unstated({"T": transmittance}, setup),
+        *_by_sheet(inverse.n_by, found, setup),
         *transmittance.remarks,
         *masked_at(found, "n"),
     ]
@@ -205,7 +207,7 @@ def _bright(found: FloatArray, k: Combined) -> NDArray[np.bool_]:
 
 def _why_no_k(no_n: Codes, found: FloatArray, k: Combined) -> Codes:
     with np.errstate(invalid="ignore"):
-        tests = {Why.NEGATIVE: found < 0.0, Why.SMALL: found <= k.u}
+        tests = {Why.BELOW: found < 0.0, Why.SMALL: found <= k.u}
     return np.where(no_n != Why.FINE, no_n, first(tests)).astype(np.int8)
 
 
@@ -246,6 +248,21 @@ def _sensitivity(n: FloatArray, by: Mapping[str, FloatArray], why: Codes) -> lis
     moves = [f"{abs(by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in by]
     sheet = f"{abs(by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
     return [f"on this substrate n = {n[i]:.4f} moves {', '.join(moves)}, and {sheet}"]
+
+
+def _by_sheet(by: Mapping[str, FloatArray], n: Estimate, setup: Setup) -> list[str]:
+    """Where the substrate makes most of the uncertainty, and what to do about it."""
+    at = np.flatnonzero(n.known)
+    if not at.size:
+        return []
+    i = at[at.size // 2]
+    part = abs(float(by["sheet_n"][i] * np.broadcast_to(np.asarray(setup.substrate.u_n), by["sheet_n"].shape)[i]))
+    if not part**2 > float(n.u[i]) ** 2 / 2:
+        return []
+    return [
+        f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the doubt about the substrate's index: measure T of the bare "
+        "sheet in air, find its index by solen index --mode lossless, and state it: --substrate and --u-substrate-n"
+    ]
 
 
 def _unstated(read: Mapping[str, Reading], setup: Setup) -> list[str]:

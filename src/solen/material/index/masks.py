@@ -52,6 +52,7 @@ class Why(IntEnum):
     BRIGHT = 16
     TOO_CLEAR = 17
     TOO_DARK = 18
+    BELOW = 19
 
 
 WORDS = {
@@ -72,6 +73,7 @@ WORDS = {
     Why.INDISTINCT: "two indices fit T and R on this substrate within three standard uncertainties",
     Why.BRIGHT: "more light came out than went in, by more than three standard uncertainties",
     Why.TOO_CLEAR: "T is above the most that a layer of any index reads on this substrate",
+    Why.BELOW: "not resolved: k is below 0, within its uncertainty",
     Why.TOO_DARK: "T is below what a lossless layer of an index up to 3 reads on this substrate",
 }
 

@@ -10,7 +10,7 @@ from solen.material.index.masks import Codes, Why
 from solen.material.index.reading import Combined, Length
 from solen.material.index.slab import FloatArray
 
-UNRESOLVED = (Why.SMALL, Why.NEGATIVE)
+UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,191 @@
+"""`solen index` of a layer on its substrate, with a formula through n and the literature beside it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from solen.errors import DataError, SolenError, SpecError
+from solen.material import Cauchy, Sellmeier, library_resin
+from solen.material.index import forward
+from solen.material.index.stack import Substrate, on_substrate
+from solen.pipeline.index import index
+from solen.pipeline.indexroute import IndexOptions
+
+NM = np.arange(420.0, 901.0, 5.0)
+N = 1.472 + 0.0049 / (NM * 1e-3) ** 2
+PET = library_resin("pet")
+SHEET = Substrate(
+    np.array([PET.index.index(float(nm)) for nm in NM]), PET.loss.absorption_per_mm * NM / (4e6 * np.pi), 100.0
+)
+ON_PET: dict[str, Any] = {"baseline": "substrate", "substrate": "pet", "substrate_thickness_um": 100.0}
+
+Array = NDArray[np.float64]
+
+
+def table(folder: Path, **columns: Array) -> Path:
+    file = folder / "layer.csv"
+    rows = zip(NM.tolist(), *(column.tolist() for column in columns.values()), strict=True)
+    lines = [",".join(("wavelength_nm", *columns)), *(",".join(map(repr, row)) for row in rows)]
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+def found(folder: Path, columns: dict[str, Array], **more: Any) -> dict[str, Any]:
+    result = index(table(folder, **columns), IndexOptions(**{"thickness_um": 25.0} | more))
+    assert json.loads(json.dumps(result, allow_nan=False)) == result
+    return result
+
+
+def warned(result: dict[str, Any], words: str) -> bool:
+    return any(words in line for line in result["warnings"])
+
+
+def test_a_layer_measured_against_its_bare_substrate(tmp_path: Path) -> None:
+    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET)
+    result = found(tmp_path, {"T": t, "R": r}, **ON_PET, u={"T": "0.05%", "R": "0.05%"})
+    assert (result["mode"], result["baseline"]) == ("measured", "substrate")
+    assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
+    assert result["k"] == pytest.approx([5e-5] * NM.size, abs=1e-12)
+    assert result["u_n"][0] > 1.0 * 0.04
+    assert warned(result, "most of u(n) = 0.04")
+    assert warned(result, "0.01 in the substrate's index")
+    assert not warned(result, "say --baseline substrate")
+    assert result["substrate"]["name"] == "pet"
+    known = found(tmp_path, {"T": t, "R": r}, **ON_PET, u={"T": "0.05%", "R": "0.05%"}, u_substrate_n=0.001)
+    assert known["u_n"][0] < 0.01
+    assert not warned(known, "most of u(n)")
+
+
+def test_side_and_baselines_are_heard(tmp_path: Path) -> None:
+    way: Any = {"side": "substrate", "baseline": "air", "baseline_r": "substrate"}
+    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET, **way)
+    said = {**ON_PET, "baseline": "air", "side": "substrate", "r_baseline": "substrate"}
+    assert found(tmp_path, {"T": t, "R": r}, **said)["n"] == pytest.approx(N.tolist(), abs=1e-9)
+
+
+def test_a_substrate_is_a_file_or_a_number_too(tmp_path: Path) -> None:
+    t = on_substrate(N, 0.0, 25.0, NM, Substrate(1.6, 0.0, 100.0)).T
+    resin = tmp_path / "sheet.toml"
+    resin.write_text(
+        'schema = 1\nname = "sheet"\nsource = "own"\n[index]\nkind = "number"\nn = 1.6\nu_n = 0.02\n', encoding="utf-8"
+    )
+    for name, u in ((str(resin), None), ("1.6", 0.02)):
+        result = found(tmp_path, {"T": t}, **{**ON_PET, "substrate": name}, u_substrate_n=u, u={"T": "0.0001"})
+        assert result["mode"] == "lossless"
+        assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
+        assert result["u_n"][0] == pytest.approx(0.02 * 1.0, rel=0.2)
+    exact = found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "1.6"})
+    assert warned(exact, "taken as exact")
+
+
+def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
+    """A clear resin with an absorption tail in the blue, T alone: n would fall 2.6 times as fast as any polymer's."""
+    t = on_substrate(N, 2e-5 * (420 / NM) ** 4, 25.0, NM, SHEET).T
+    result = found(tmp_path, {"T": t}, **ON_PET)
+    assert warned(result, "lossless: k = 0 is assumed, so that n is an upper bound")
+    assert warned(result, "2.6 times the largest")
+    assert warned(result, "above the literature of acrylates and photoresins")
+
+
+@pytest.mark.parametrize(
+    ("more", "line"),
+    [
+        ({"baseline": "substrate"}, "--substrate; is missing beside --baseline substrate; say --substrate pet"),
+        ({"substrate": "pet"}, "--baseline; is missing beside --substrate"),
+        ({"substrate": "pet", "baseline": "air"}, "--substrate-thickness-um; is missing beside --substrate"),
+        ({"side": "layer"}, "--side; is of a layer on a substrate"),
+        ({"u_substrate_n": 0.1}, "--u-substrate-n; is of a layer on a substrate"),
+        ({**ON_PET, "mode": "as-published"}, "--mode = 'as-published'; knows no substrate"),
+        ({**ON_PET, "mode": "measured"}, "--mode measured; needs R of layer and substrate together"),
+        ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
+        ({**ON_PET, "substrate": "pett"}, "did you mean pet?"),
+        ({**ON_PET, "side": "top"}, "--side = 'top'; must be one of layer, substrate"),
+        ({"fit": "spline"}, "--fit = 'spline'; must be one of cauchy, sellmeier, none"),
+        ({"polymers": ("wax",)}, "--polymer = 'wax'; must be one of acrylate"),
+    ],
+)
+def test_what_is_not_said_or_cannot_be_is_refused(tmp_path: Path, more: dict[str, Any], line: str) -> None:
+    t = on_substrate(N, 0.0, 25.0, NM, SHEET).T
+    with pytest.raises((SpecError, DataError)) as refusal:
+        found(tmp_path, {"T": t}, **more)
+    assert line in str(refusal.value)
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+def test_a_substrate_that_is_not_known_there_is_told(tmp_path: Path) -> None:
+    t = on_substrate(N, 0.0, 25.0, NM, SHEET).T
+    with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; known from 436\.8 to 1052 nm only"):
+        found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "pc"})
+
+
+def free(**noise: float) -> dict[str, Array]:
+    rng = np.random.default_rng(6)
+    r, t = forward(N, 5e-5, 25.0, NM)
+    return {"T": t, "R": r + noise.get("r", 0.0) * rng.standard_normal(NM.size)}
+
+
+def test_a_formula_goes_through_n_with_its_covariance(tmp_path: Path) -> None:
+    result = found(tmp_path, free(r=5e-4), fit="cauchy", u={"R": "0.001", "T": "0.001"}, at_nm=(860.0,), led="VSMY1850")
+    fit = result["fit"]
+    assert fit["kind"] == "cauchy"
+    model = Cauchy(**{key: tuple(one) if key == "valid_nm" else one for key, one in fit["model"].items()})
+    assert model.index(860.0) == pytest.approx(1.472 + 0.0049 / 0.86**2, abs=1e-3)
+    # the stated accuracy is common to all wavelengths: a fit does not average it away
+    assert model.u_index(860.0) == pytest.approx(0.001 * np.hypot(3.9, 0.31), rel=0.1)
+    assert fit["at"][0]["n"] == pytest.approx(model.index(860.0), abs=1e-12)
+    assert fit["led"]["n"] == pytest.approx(model.index(850.0), abs=1e-4)
+    assert len(fit["n"]) == len(fit["wavelength_nm"]) == len(fit["u_n"])
+    one = found(tmp_path, free(r=5e-4), fit="sellmeier")["fit"]
+    assert Sellmeier(**{key: tuple(v) if key == "valid_nm" else v for key, v in one["model"].items()}).index(600) > 1.4
+    assert found(tmp_path, free(), fit="none")["fit"] is None
+
+
+def test_repeats_weight_a_formula(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    r, t = forward(N, 5e-5, 25.0, NM)
+    columns = {f"R{i}": r + 1e-3 * rng.standard_normal(NM.size) for i in range(5)} | {"T": t}
+    result = found(
+        tmp_path, columns, fit="cauchy", chosen={"R": tuple(f"R{i}" for i in range(5)), "T": ("T",)}, u={"T": "0.0001"}
+    )
+    fit = result["fit"]
+    assert fit["chi2_reduced"] == pytest.approx(1.0, abs=0.5)
+    assert fit["at"] == []
+    i = fit["wavelength_nm"].index(600.0)
+    assert abs(fit["n"][i] - 1.472 - 0.0049 / 0.36) < 3 * fit["u_n"][i] < 2e-3
+
+
+def test_what_is_no_measurement_gets_a_formula_without_uncertainty(tmp_path: Path) -> None:
+    result = found(tmp_path, {"T": free()["T"]}, fit="cauchy", mode="as-published", u={"T": "0.001"})
+    fit = result["fit"]
+    assert "covariance" not in fit["model"]
+    assert not fit["measurement"]
+    assert set(fit["u_n"]) == {None}
+
+
+def test_a_formula_that_cannot_be_is_refused_with_its_reason(tmp_path: Path) -> None:
+    n = 1.5 - 0.01 / (NM * 1e-3) ** 2
+    r, t = forward(n, 5e-5, 25.0, NM)
+    with pytest.raises(DataError, match="sellmeier fit of 1 term; has no resonance that would make this index"):
+        found(tmp_path, {"T": t, "R": r}, fit="sellmeier")
+    assert warned(found(tmp_path, {"T": t, "R": r}, fit="cauchy"), "rises with the wavelength")
+
+
+def test_the_class_of_polymers_is_asked_for(tmp_path: Path) -> None:
+    r, t = forward(N - 0.08, 5e-5, 25.0, NM)
+    assert warned(found(tmp_path, {"T": t, "R": r}), "below the literature of acrylates and photoresins")
+    assert not warned(found(tmp_path, {"T": t, "R": r}, polymers=("silicone",)), "the literature of")
+
+
+def test_the_figure_shows_layer_and_formula(tmp_path: Path) -> None:
+    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET)
+    figure = tmp_path / "n.svg"
+    options = IndexOptions(thickness_um=25.0, fit="cauchy", u={"T": "0.001", "R": "0.001"}, **ON_PET)
+    index(table(tmp_path, T=t, R=r), options, figure=figure)
+    text = figure.read_text(encoding="utf-8")
+    assert "index of a layer on its substrate from R and T, both measured" in text
+    assert "cauchy fit ± u" in text
+    assert "absorptance 1 − R − T" not in text
