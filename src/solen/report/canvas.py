@@ -4,6 +4,7 @@ import io
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
@@ -35,8 +36,11 @@ def svg(figure: Figure, salt: str) -> str:
 
 def encoded(figure: Figure, suffix: str, salt: str) -> bytes:
     """A figure as the bytes of a file that ends in ``.svg``, ``.png`` or ``.pdf``; no date is in it."""
-    no_date: dict[str, dict[str, Any]] = {".svg": {"Date": None, "Creator": None}, ".pdf": {"CreationDate": None}}
+    data = io.BytesIO()
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
-        data = io.BytesIO()
-        figure.savefig(data, format=suffix[1:], dpi=200, metadata=no_date.get(suffix))
+        if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same
+            FigureCanvasSVG(figure).print_svg(data, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
+        else:
+            no_date = {"CreationDate": None} if suffix == ".pdf" else None
+            figure.savefig(data, format=suffix[1:], dpi=200, metadata=no_date)
     return data.getvalue()
