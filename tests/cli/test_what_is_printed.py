@@ -379,6 +379,18 @@ def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
     assert run[-2].startswith("warning: the index is known to ± 0.02 only: within that the response moves by up to")
 
 
+def test_keys_without_effect_are_told(told: Told, design: str) -> None:
+    keys = ["--set", "receivers.height_mm=2", "--set", "material.absorption_per_mm=0.1"]
+    height = 'receivers.height_mm = 2 has no effect in the plane; set trace.dimension = "extruded"'
+    absorption = 'material.absorption_per_mm = 0.1 has no effect in mode "count"; set trace.mode = "power"'
+    assert told.json("trace", design, *keys, "--json")["warnings"] == [height, absorption]
+    assert told.json("trace", design, *keys, "--mode", "power", "--json")["warnings"] == [height]
+    assert told.json("trace", design, "--json")["warnings"] == []
+    assert told.json("check", design, *keys, "--json")["warnings"] == [height]
+    assert f"warning: {height}" in told.lines("trace", design, *keys)
+    assert f"warning: {height}" in told.lines("check", design, *keys)
+
+
 def test_check_says_that_all_angles_work(told: Told, design: str) -> None:
     lines = told.lines("check", design)
     assert lines[0] == "SOLen 860 nm: a valid sensor at all 25 angles"

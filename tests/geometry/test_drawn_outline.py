@@ -222,6 +222,39 @@ def test_an_open_outline_is_refused_with_the_place_and_the_gap(tmp_path: Path) -
     assert "wall" in found
 
 
+@pytest.mark.parametrize(
+    ("layer", "meant"),
+    [
+        ("Reciever-Right", "receiver-right"),
+        ("receivers", "receiver"),
+        ("receiverright", "receiver-right"),
+        ("miror", "mirror"),
+        ("balck_3", "black-3"),
+        ("emiter", "emitter"),
+    ],
+)
+def test_a_name_that_is_nearly_one_with_a_meaning_is_refused(tmp_path: Path, layer: str, meant: str) -> None:
+    """By a slip the receiver, mirror or black face would be a bare wall; and a line called emiter, an open outline."""
+    draws = [lens, *SIDES[:3], line(layer, (-0.2, HEIGHT), (-3.0, HEIGHT)), SIDES[4], LAMP]
+    told = refused(dxf(tmp_path / "slip.dxf", *draws))
+    assert told.startswith(f"body outline = {layer.lower()!r}; would be a bare wall; did you mean {meant}?")
+
+
+def test_a_point_that_is_nearly_the_emitter_is_refused(tmp_path: Path) -> None:
+    def point(space: Any) -> None:
+        space.add_point((0.0, -1.0), dxfattribs={"layer": "emmiter"})
+
+    assert "did you mean emitter?" in refused(dxf(tmp_path / "slip.dxf", lens, *SIDES, point))
+
+
+@pytest.mark.parametrize(
+    "layer", ["back", "block-2", "wall", "front", "lense", "detector", "reflector", "path1234", "0"]
+)
+def test_other_names_are_bare_walls(tmp_path: Path, layer: str) -> None:
+    draws = [lens, line(layer, (HALF, SAG), (3.0, HEIGHT)), *SIDES[1:], LAMP]
+    assert "receiver" in {face.part for face in built(dxf(tmp_path / "named.dxf", *draws)).all_faces}
+
+
 def test_small_gaps_are_joined_and_larger_ones_by_a_larger_tolerance(tmp_path: Path) -> None:
     sloppy = dxf(tmp_path / "sloppy.dxf", lens, *SIDES[:4], line("wall", (-3.0, HEIGHT), (-HALF, SAG + 5e-4)), LAMP)
     for face, following in pairwise(built(sloppy).faces):

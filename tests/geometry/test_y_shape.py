@@ -30,6 +30,31 @@ def built(angle_deg: float = 0.0, **tables: Any) -> Body:
     return y_body(made, lens_of(made, 1.44), angle_deg)
 
 
+@pytest.mark.parametrize(
+    ("tables", "same"),
+    [
+        ({"emitter": {"width_mm": 0.2, "pattern": "lambertian"}, "trace": {"dimension": "extruded"}}, True),
+        ({"material": {"index": 1.44, "absorption_per_mm": 0.1}, "name": "other"}, True),
+        ({"emitter": {"offset_mm": 0.01}}, False),
+        ({"emitter": {"distance_mm": 1.1}}, False),
+        ({"body": {"arm_length_mm": 20.0}}, False),
+        ({"receivers": {"coupling": "air-gap", "gap_mm": 0.5}}, False),
+        ({"wall": [{"face": "stem-*", "finish": "mirror"}]}, False),
+        ({"motion": {"pivot": "emitter"}}, False),
+        ({"motion": {"kind": "bend"}}, False),
+        ({"lens": {"half_width_mm": 1.9}}, False),
+    ],
+    ids=str,
+)
+def test_designs_share_a_body_where_nothing_that_makes_it_differs(tables: dict[str, Any], same: bool) -> None:
+    one, other = built(1.5), built(1.5, **tables)
+    assert (one is other) == same
+    assert one is built(1.5)
+    assert one is not built(1.25)
+    if not same:
+        assert one != other
+
+
 def built_or_refused(angle_deg: float, **tables: Any) -> Body | None:
     """The body, or None where it was refused in one line; no other error passes."""
     try:

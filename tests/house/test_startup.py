@@ -26,6 +26,24 @@ def test_help_loads_nothing_heavy() -> None:
     assert done.stderr.splitlines()[-1] == "heavy:", done.stderr
 
 
+SAMPLED = """
+import sys
+from solen.sensor import Sensor
+from solen.spec import loads, template
+Sensor.of(loads(template())).trace(0.5, "power", 64, sampling="sobol")
+print("heavy:", *(name for name in ("scipy.stats", "pandas", "matplotlib") if name in sys.modules), file=sys.stderr)
+"""
+
+
+def test_samples_are_drawn_without_the_statistics_of_scipy() -> None:
+    """To import them takes longer than most traces."""
+    done = subprocess.run(
+        [sys.executable, "-c", SAMPLED], capture_output=True, text=True, encoding="utf-8", check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[-1] == "heavy:", done.stderr
+
+
 @pytest.mark.evidence
 def test_help_takes_less_than_half_a_second() -> None:
     times_s = []

@@ -17,6 +17,7 @@ from scipy import stats
 from solen.plane import heading
 from solen.scene import Ambient, Beam, Chip, CosinePower, Emitter, Fan, Launch, RayFile, Rays, Source
 from solen.scene.json import SOURCES
+from solen.scene.sources.points import COPIES
 from tests.scene.rayfile_support import lambertian, zemax
 
 FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(57))
@@ -81,14 +82,18 @@ def test_rays_by_number_are_those_of_the_whole(source: Source, numbers: list[int
 
 
 @every_coloured
-def test_rays_by_number_are_rays_at_points_of_the_lattice(source: Source) -> None:
-    """The first coordinate is the midpoint rule whatever the others are, so colours leave a fan where it was."""
-    u = source.lattice(np.arange(source.rays, dtype=float))
-    assert u.shape == (source.rays, source.dimensions())
+@pytest.mark.parametrize("in_space", [False, True])
+def test_rays_by_number_are_rays_at_even_points(source: Source, in_space: bool) -> None:
+    """Up to two coordinates the first is the midpoint rule, so colours leave a fan where it was."""
+    u = source.even_points(np.arange(source.rays, dtype=float), in_space)
+    assert u.shape == (source.rays, source.dimensions(in_space))
     assert np.all((u >= 0.0) & (u < 1.0))
-    assert u[:, 0] == pytest.approx((np.arange(source.rays) + 0.5) / source.rays, abs=1e-15)
-    for column, whole in zip(columns(source.launch_at(u, source.rays)), columns(source.launch()), strict=True):
-        assert np.array_equal(column, whole)
+    assert source.copies(in_space) == (1 if source.dimensions(in_space) < 3 else COPIES)
+    if source.copies(in_space) == 1:
+        assert u[:, 0] == pytest.approx((np.arange(source.rays) + 0.5) / source.rays, abs=1e-15)
+    launched, whole = source.launch_at(u, source.rays, in_space), source.launch(in_space=in_space)
+    for column, same in zip(columns(launched), columns(whole), strict=True):
+        assert np.array_equal(column, same)
 
 
 @every_coloured

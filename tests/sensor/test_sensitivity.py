@@ -80,6 +80,31 @@ def test_every_key_agrees_with_differences_of_integrals(paper: Sensor) -> None:
     print("\n".join(compared(paper, KEYS)))
 
 
+def touched(**film: object) -> Sensor:
+    """Something of the body's own index touches both outer walls, behind a film or bare."""
+    wall = {"face": "outer-*", "outside": "skin", "index": 1.44, **film}
+    return Sensor.of(Design.model_validate({"name": "touched", "material": {"index": 1.44}, "wall": [wall]}))
+
+
+def test_behind_a_film_of_air_the_index_of_what_touches_may_be_the_same() -> None:
+    compared(touched(gap_um=0.3), ("material.index",))
+
+
+def test_where_the_same_index_touches_the_search_for_pieces_comes_to_an_end() -> None:
+    """On one side of the matched index light is reflected totally: pieces are lost there, and it is said."""
+    sensor = touched()
+    with pytest.raises(SpecError, match="something of the same index touches a wall"):
+        sensor.sensitivity(["material.index"], ANGLE_DEG)
+    found = sensor.derivative("material.index", ANGLE_DEG)
+    assert not found.reached
+    assert "the ways of light change" in found.why
+
+
+def test_the_search_for_pieces_has_a_bound(paper: Sensor, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("solen.trace.cone.MOST_LEGS_AGAIN", 1000)
+    assert not paper.derivative("body.arm_width_mm", ANGLE_DEG).reached
+
+
 def test_rows_are_of_the_design_s_own_numbers_and_the_steepest_comes_first(paper: Sensor) -> None:
     rows = paper.sensitivity(angle_deg=ANGLE_DEG)
     left_out = {"emitter.wavelength_nm", "emitter.width_mm", "lens.design_index", "receivers.gap_mm"}

@@ -29,6 +29,18 @@ def test_a_sensor_has_its_material_and_the_lens_cut_for_it(paper: Sensor) -> Non
     assert paper.has_lens
 
 
+def test_scenes_are_remembered_but_not_without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("solen.sensor.sensor.RECENT_SCENES", 3)
+    sensor = Sensor.of(design())
+    first = sensor.scene(0.5)
+    assert sensor.scene(0.5) is first
+    assert sensor.scene(0.5, 7) is not first
+    for angle_deg in (1.0, 1.5, 2.0):
+        sensor.scene(angle_deg)
+    assert sensor.scene(0.5) is not first
+    assert sensor.scene(0.5) == first
+
+
 def test_a_lens_is_cut_for_the_design_index_where_that_differs_from_the_material() -> None:
     sensor = Sensor.of(design(lens__design_index=1.49))
     assert isinstance(sensor.lens, OvalLens)

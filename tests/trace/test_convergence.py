@@ -53,6 +53,13 @@ def test_every_way_comes_to_the_closed_form(mode: Mode) -> None:
     assert np.isfinite(np.concatenate([fan.u, sobol.u, adaptive.u])).all()
 
 
+@pytest.mark.parametrize("many", [1, 2, 3, 5])
+def test_no_number_of_rays_comes_twice(many: int) -> None:
+    """Samples round the rays of each source up to sixteen."""
+    for series in convergence(scene(*[FAN] * many), "count", most_rays=256).series:
+        assert (np.diff(series.rays) > 0).all(), series.method
+
+
 def test_errors_are_the_largest_of_any_receiver() -> None:
     found = convergence(scene(FAN), "count", most_rays=16)
     (error,) = found.series[0].error

@@ -55,7 +55,7 @@ def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:
             *listing(_material(found["material"]) | found["lens"] | found["body"]),
             *_focus_lines(found["lens"]),
             f"faces: {', '.join(found['body']['faces'])}",
-            *_warning_lines(found["material"]),
+            *_warning_lines(found),
         ],
     )
 

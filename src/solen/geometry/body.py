@@ -46,7 +46,12 @@ class Face:
     @property
     def part(self) -> str:
         """What it is part of, by its name's first word: ``receiver`` of ``receiver-right.2``."""
-        return _words(self.name)[0]
+        return self.part_of(self.name)
+
+    @staticmethod
+    def part_of(name: str) -> str:
+        """First word of a name."""
+        return _words(name)[0]
 
     @property
     def whose(self) -> str:

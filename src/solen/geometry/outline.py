@@ -19,6 +19,7 @@ from solen.geometry.bend import Bend, bend_of, bent
 from solen.geometry.body import Body, Face, Pose, area, place_text, polyline
 from solen.geometry.drawing import Drawing, Lamp, read_drawing
 from solen.geometry.join import closed_outlines
+from solen.geometry.names import check_names
 from solen.geometry.stretch import behind_gap, with_walls
 from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
 from solen.spec import Design
@@ -52,6 +53,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 
 def _rest(design: Design, drawing: Drawing) -> Body:
     """Body as drawn, its walls divided."""
+    check_names(drawing)
     found, alone = closed_outlines(drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm)
     ordered = [_from_lens(outline) for outline in _oriented(found)]
     names = _names([face.name for faces in (*ordered, alone) for face in faces])

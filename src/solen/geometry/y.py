@@ -18,6 +18,7 @@ rest, and no join is needed.
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from solen.curve import Curve, Measure, Parabola, Segment, check_numbers
 from solen.errors import DesignError
@@ -26,7 +27,8 @@ from solen.geometry.body import GAP_MM, Body, Face, Pose
 from solen.geometry.stretch import behind_gap, with_walls
 from solen.lens import FlatFace, Lens
 from solen.plane import Point, Rigid, along
-from solen.spec import Design
+from solen.spec import Body as BodyTable
+from solen.spec import Design, Motion, Wall
 
 
 @dataclass(frozen=True)
@@ -40,23 +42,51 @@ class _Half:
     inner_end: Point
 
 
+@dataclass(frozen=True)
+class _Plan:
+    """What of a design its Y follows from, and nothing else, so that designs that differ elsewhere share their bodies.
+
+    ``emitter`` is the emitter's place at rest.
+    """
+
+    lens: Lens
+    body: BodyTable
+    motion: Motion
+    wall: tuple[Wall, ...]
+    gap_mm: float | None
+    emitter: Point
+
+    @classmethod
+    def of(cls, design: Design, lens: Lens) -> "_Plan":
+        emitter = (design.emitter.offset_mm, -design.emitter.distance_mm)
+        return cls(lens, design.body, design.motion, design.wall, design.receivers.gap_mm, emitter)
+
+
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` where it cannot be."""
+    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` where it cannot be.
+
+    It is built once for each state, whoever asks for it, as long as some hundred others have not been asked for since.
+    """
     check_numbers("angle_deg", angle_deg)
-    made = _bent(design, lens, angle_deg) if design.motion.kind == "bend" else _turned(design, lens, angle_deg)
-    return made.check()
+    return _built(_Plan.of(design, lens), angle_deg)
 
 
-def _turned(design: Design, lens: Lens, angle_deg: float) -> Body:
+@lru_cache(maxsize=256)
+def _built(plan: _Plan, angle_deg: float) -> Body:
+    return (_bent(plan, angle_deg) if plan.motion.kind == "bend" else _turned(plan, angle_deg)).check()
+
+
+def _turned(plan: _Plan, angle_deg: float) -> Body:
     """Body with its moving parts turned about the pivot."""
-    moves, turn = design.motion.moves, Rigid.about(_pivot(design, lens), angle_deg)
-    emitter = Pose((design.emitter.offset_mm, -design.emitter.distance_mm), 0.0)
+    lens = plan.lens
+    moves, turn = plan.motion.moves, Rigid.about(_pivot(plan), angle_deg)
+    emitter = Pose(plan.emitter, 0.0)
     if "emitter" in moves:
         emitter = Pose(turn.point(emitter.point), angle_deg)
     turns_lens = "lens" in moves and not isinstance(lens, FlatFace)
     front = lens.front.moved(turn) if turns_lens else lens.front
-    right, left = _half(design, lens, +1), _half(design, lens, -1)
-    crotch = _crotch(design, right)
+    right, left = _half(plan, +1), _half(plan, -1)
+    crotch = _crotch(plan.body, right)
     faces = (
         Face("lens", front),
         *_side("right", right, front.end, crotch),
@@ -66,18 +96,18 @@ def _turned(design: Design, lens: Lens, angle_deg: float) -> Body:
         ),
     )
     marks = {"crotch": crotch, "fork-right": right.fork, "fork-left": left.fork, "stem-base": (0.0, lens.depth_mm)}
-    faces, apart = behind_gap(faces, design.receivers.gap_mm)
+    faces, apart = behind_gap(faces, plan.gap_mm)
     if "receivers" in moves:
         apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
-    (walls,) = with_walls((faces,), design.wall)
+    (walls,) = with_walls((faces,), plan.wall)
     return Body(walls, emitter, marks, apart=apart)
 
 
-def _bent(design: Design, lens: Lens, angle_deg: float) -> Body:
+def _bent(plan: _Plan, angle_deg: float) -> Body:
     """Body with its stem bent between base and fork; lens and emitter are carried along, the arms stand still."""
-    rest = _turned(design, lens, 0.0)
-    base_mm = lens.depth_mm
-    bend = bend_of(design.motion.centre_line, base_mm, base_mm + design.body.stem_length_mm, angle_deg)
+    rest = _turned(plan, 0.0)
+    base_mm = plan.lens.depth_mm
+    bend = bend_of(plan.motion.centre_line, base_mm, base_mm + plan.body.stem_length_mm, angle_deg)
     carried = bend.section(base_mm)
 
     def moved(face: Face) -> Curve:
@@ -96,25 +126,28 @@ def _bent(design: Design, lens: Lens, angle_deg: float) -> Body:
 
 def arm_angle_deg(design: Design) -> float:
     """The arms' angle to the axis: as given, or the slope of the stem's edge at the fork."""
-    body = design.body
+    return _arm_angle_deg(design.body)
+
+
+def _arm_angle_deg(body: BodyTable) -> float:
     if body.arm_angle_deg is not None:
         return body.arm_angle_deg
     return math.degrees(math.atan(2.0 * body.stem_curve_per_mm * body.stem_length_mm))
 
 
-def _pivot(design: Design, lens: Lens) -> Point:
+def _pivot(plan: _Plan) -> Point:
     """Centre of the motion; the emitter's own place counts without its decentre, which is an error of that place."""
-    pivot = design.motion.pivot
+    pivot = plan.motion.pivot
     if pivot == "stem-base":
-        return (0.0, lens.depth_mm)
+        return (0.0, plan.lens.depth_mm)
     if pivot == "emitter":
-        return (0.0, -design.emitter.distance_mm)
+        return (0.0, plan.emitter[1])
     return pivot
 
 
-def _half(design: Design, lens: Lens, side: int) -> _Half:
-    body = design.body
-    angle = math.radians(arm_angle_deg(design))
+def _half(plan: _Plan, side: int) -> _Half:
+    body, lens = plan.body, plan.lens
+    angle = math.radians(_arm_angle_deg(body))
     outwards: Point = (side * math.sin(angle), math.cos(angle))
     inwards: Point = (-side * math.cos(angle), math.sin(angle))
     corner: Point = (side * lens.half_width_mm, lens.depth_mm)
@@ -123,23 +156,23 @@ def _half(design: Design, lens: Lens, side: int) -> _Half:
     return _Half(side, wall, wall.end, outer_end, along(outer_end, inwards, body.arm_width_mm))
 
 
-def _crotch(design: Design, right: _Half) -> Point:
+def _crotch(body: BodyTable, right: _Half) -> Point:
     """Where the inner edges meet on the axis."""
-    angle_deg = arm_angle_deg(design)
+    angle_deg = _arm_angle_deg(body)
     if not angle_deg > 0.0:
         raise DesignError(
             "body.stem_curve_per_mm",
-            value=design.body.stem_curve_per_mm,
+            value=body.stem_curve_per_mm,
             limit="must be above 0 where the arms continue the stem's edge, or they never part",
             remedy="raise it or give body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:
-        widest_mm = design.body.arm_width_mm + x / math.cos(math.radians(angle_deg))
+        widest_mm = body.arm_width_mm + x / math.cos(math.radians(angle_deg))
         parts = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width would do"
         raise DesignError(
             "body.arm_width_mm",
-            value=design.body.arm_width_mm,
+            value=body.arm_width_mm,
             limit=f"{parts}: the arms do not part before their ends",
             remedy="narrow the arms, lengthen them, open their angle or widen the stem",
         )

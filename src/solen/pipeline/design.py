@@ -12,7 +12,7 @@ from solen.errors import OutputError, SpecError
 from solen.pipeline.options import Sampling, check_netcdf, check_paths
 from solen.pipeline.outputs import check_figure
 from solen.report import results as numbers
-from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, study
+from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, idle_keys, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
 from solen.trace import Series, Slope, Trace, convergence
 from solen.trace.dataset import writer
@@ -58,6 +58,7 @@ def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:
         "material": numbers.material_numbers(sensor),
         "lens": numbers.lens_numbers(sensor.cut, sensor.material),
         "body": numbers.body_numbers(sensor),
+        "warnings": [*sensor.material.warnings, *idle_keys(sensor)],
     }
 
 
@@ -230,7 +231,7 @@ def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
         "lens": sensor.design.lens.shape,
         **numbers.trace_numbers(result, in_space=scene.extrusion is not None),
         "detectors": {name: numbers.detected_numbers(result.detectors[name], faces[name]) for name in sorted(faces)},
-        "warnings": list(sensor.material.warnings),
+        "warnings": [*sensor.material.warnings, *idle_keys(sensor, result.mode)],
     }
     if result.legs is not None:
         found["paths"] = [

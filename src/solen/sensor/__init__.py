@@ -7,6 +7,7 @@ compares with those of a real chip, in space, moved and in another index.
 """
 
 from solen.sensor.budget import Budget
+from solen.sensor.idle import idle_keys
 from solen.sensor.off_index import OffIndex
 from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
@@ -32,6 +33,7 @@ __all__ = [
     "Shift",
     "Study",
     "TraceOptions",
+    "idle_keys",
     "practice",
     "study",
 ]

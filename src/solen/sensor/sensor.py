@@ -32,6 +32,8 @@ FAILURES = 2
 DENSE_TOLERANCE = 1e-4
 SAMPLED_TOLERANCE, FIRST_SAMPLED, MOST_SAMPLED = 2e-4, 2**15, 2**19
 """To what standard error rays in space and scattered light are sampled, and their least and largest number."""
+RECENT_SCENES = 64
+"""Scenes that a sensor remembers."""
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
 SLOPE_DEG = 0.04
@@ -46,6 +48,9 @@ OPTICAL_KEYS = (
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
 
+MATCHED = (
+    "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
+)
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
 
@@ -129,7 +134,18 @@ class Sensor:
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
         """Scene at an angle, with ``rays`` rays in place of the design's."""
-        return sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+        found = self._scenes.get((angle_deg, rays))
+        if found is None:
+            found = sensor_scene(self.design, self.body(angle_deg), self.material, rays)
+            while len(self._scenes) >= RECENT_SCENES:
+                self._scenes.pop(next(iter(self._scenes)), None)
+            self._scenes[angle_deg, rays] = found
+        return found
+
+    @cached_property
+    def _scenes(self) -> dict[tuple[float, int | None], Scene]:
+        """Scenes lately asked for: an angle is counted, integrated and drawn."""
+        return {}
 
     def trace(
         self,
@@ -235,7 +251,7 @@ class Sensor:
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
             "material.index": (
                 resin or self._is_matched,
-                "follows from the resin and the wavelength" if resin else "something of the same index touches a wall",
+                "follows from the resin and the wavelength" if resin else MATCHED,
             ),
             "material.absorption_per_mm": (resin and not design.material.states_absorption, "follows from the resin"),
             "lens.focus_mm": (not self.has_lens, "the design has no lens"),
@@ -250,8 +266,9 @@ class Sensor:
 
     @property
     def _is_matched(self) -> bool:
-        """Whether something of the body's own index touches a wall: either way from there light is reflected."""
-        return any(wall.index == self.material.index for wall in self.design.wall)
+        """Whether something of the body's own index touches a bare wall; through a film both ways are smooth."""
+        bare = [wall for wall in self.design.wall if wall.gap_um is None and not wall.coating]
+        return any(wall.index == self.material.index for wall in bare)
 
     def doubled(self, angle_deg: float = 0.0, tolerance: float = DENSE_TOLERANCE) -> tuple[Trace, float]:
         """Power by fans of twice as many rays until no receiver changes by more than ``tolerance``.

@@ -163,7 +163,7 @@ class Light:
 
     def _point(self, place: float, tolerance: float, most_legs: int) -> Found:
         """All colours of the point at a place."""
-        found = [self.cone(place, colour).integral(tolerance, most_legs)[0] for colour, _ in self.colours]
+        found = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
         return found[0] if len(found) == 1 else together(found, [weight for _, weight in self.colours])
 
 

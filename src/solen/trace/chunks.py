@@ -1,7 +1,7 @@
 """What is to be traced, and the chunks that its rays come in.
 
-Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: a fan's
-even and odd rays, or sixteen independent samples.
+Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: the
+even and odd rays of a lattice, or sixteen independent samples.
 """
 
 import math
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
+from solen.scene.sources.points import COPIES, sample
 from solen.trace.kernel import loop
 from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.rows import Precision
@@ -24,7 +25,7 @@ from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode
 from solen.trace.tables import Tables, compile_scene
 
-HALVES, REPLICATES = 2, 16
+HALVES, REPLICATES = 2, COPIES
 DTYPES: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.float32}
 Sampling = Literal["fan", "sobol"]
 Device = Literal["cpu", "cuda"]
@@ -59,11 +60,10 @@ class Job:
         """Job on a scene in a precision; ``rest`` are its other fields by name."""
         return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
-    @property
-    def groups(self) -> int:
-        """Estimates that the rays are divided into."""
+    def groups(self, source: Source) -> int:
+        """Estimates that the rays of a source are divided into."""
         regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
-        return HALVES if regular else REPLICATES
+        return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
     before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
-            yield from _of_a_fan(source, number, before, job.groups, most, in_space)
+            yield from _of_a_fan(source, number, before, job.groups(source), most, in_space)
             before += source.rays
         else:
             each = _sample_size(source)
@@ -110,19 +110,14 @@ def _sample_size(source: Source) -> int:
 def _of_a_sample(
     source: Source, number: int, before: int, each: int, seed: int, most: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
-    """Points are drawn in order, whoever traces them."""
-    from scipy.stats import qmc  # it takes long to import, and few traces need it
-
-    def make(points: NDArray[np.float64], first: int, group: int) -> Chunk:
-        return Chunk(number, group, first, 1, source.launch_at(points, REPLICATES * each, in_space))
+    def make(draw: Callable[[int, int], NDArray[np.float64]], start: int, group: int) -> Chunk:
+        launch = source.launch_at(draw(start, min(start + most, each)), REPLICATES * each, in_space)
+        return Chunk(number, group, before + group * each + start, 1, launch)
 
     for group in range(REPLICATES):
-        sequence = qmc.Sobol(
-            source.dimensions(in_space), scramble=True, rng=np.random.default_rng((seed, number, group))
-        )
+        draw = sample(source.dimensions(in_space), (seed, number, group))
         for start in range(0, each, most):
-            points = sequence.random(min(most, each - start))
-            yield partial(make, points, before + group * each + start, group)
+            yield partial(make, draw, start, group)
 
 
 def rows_of(job: Job, chunk: Chunk) -> loop.Rows:

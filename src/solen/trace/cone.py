@@ -18,6 +18,7 @@ as tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 
 """
 
 import math
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -37,6 +38,8 @@ NARROWEST_DEG = 1e-11
 GAP_SHARE = 0.01
 """How wide, as a share of the tolerance times the cone, a gap may be that is not cut on at first."""
 MOST_LEGS = 200_000
+MOST_LEGS_AGAIN = 20_000_000
+"""Straight stretches after which pieces count as lost: each edge is bisected, which takes some eighty rays."""
 SLIVER = 1e-10
 """Share of the cone below which a piece comes from how far curves reach beyond their ends, and is not followed."""
 NEW_GAPS = 1e-11
@@ -145,15 +148,16 @@ class Cone:
     families: tuple[Family, ...]
     whole: float
 
-    def integral(self, tolerance: float, most_legs: int) -> tuple[Found, tuple[Parts, ...]]:
-        """Cut and integrate; how it was cut."""
+    def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Found:
+        """Cut and integrate; ``parts`` takes how it was cut, where that is asked for."""
         width = math.fsum(family.high - family.low for family in self.families)
-        pairs = [self._stretch(family, width, tolerance, most_legs) for family in self.families]
-        found = pairs[0][0] if len(pairs) == 1 else together([one for one, _ in pairs], [1.0] * len(pairs))
-        return found, tuple(parts for _, parts in pairs)
+        found = [self._stretch(family, width, tolerance, most_legs, parts) for family in self.families]
+        return found[0] if len(found) == 1 else together(found, [1.0] * len(found))
 
-    def _stretch(self, family: Family, width: float, tolerance: float, most_legs: int) -> tuple[Found, Parts]:
-        """One stretch: its part of the source's power, and how it was cut."""
+    def _stretch(
+        self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
+    ) -> Found:
+        """One stretch: its part of the source's power."""
         samples, pieces = room(most_legs, self.columns)
         total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
         here = family.high - family.low
@@ -165,12 +169,12 @@ class Cone:
             0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_STRETCHES * share), LEAST_STRETCHES),
             most_legs, np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
-        many = int(samples.counts[adapt.PIECES])
+        if kept is not None:
+            kept.append(Parts.of(pieces, int(samples.counts[adapt.PIECES]), parts, SLIVER * here))
         counts = samples.counts[[adapt.RAYS, adapt.ALL_LEGS, adapt.UNDEFINED, adapt.PIECES]]
-        found = Found(total / self.whole * ended, error / self.whole, gaps * most / self.whole, counts, ended)
-        return found, Parts.of(pieces, many, parts, SLIVER * here)
+        return Found(total / self.whole * ended, error / self.whole, gaps * most / self.whole, counts, ended)
 
-    def again(self, before: tuple[Parts, ...]) -> np.ndarray | None:
+    def again(self, before: Sequence[Parts]) -> np.ndarray | None:
         """Powers (D + 2,) of this point over the pieces of another one that differs a little; None if they are lost."""
         total = np.zeros(self.columns)
         for family, parts in zip(self.families, before, strict=True):
@@ -182,19 +186,39 @@ class Cone:
 
     def _stretch_again(self, family: Family, parts: Parts) -> np.ndarray | None:
         samples, pieces = room(MOST_LEGS, self.columns)
+        samples.counts[:] = 0
         for name in Parts._fields:
             getattr(pieces, name)[: len(getattr(parts, name))] = getattr(parts, name)
         total, here = np.zeros(self.columns), family.high - family.low
         gaps, found = adapt.integrate_again(
-            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE,
+            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MOST_LEGS_AGAIN,
             np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
         widths_before = here - float(np.sum(parts.high - parts.low))
         return total if found and gaps <= widths_before + NEW_GAPS * here else None
 
 
+class _Rooms(threading.local):
+    """The room of each thread, by what it was asked for."""
+
+    def __init__(self) -> None:
+        self.rooms: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}
+
+
+_ROOMS = _Rooms()
+
+
 def room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
-    """Room to integrate in; untouched memory costs nothing."""
+    """Room to integrate in, the same for every call of a thread: what is in it does not outlive the next one."""
+    rooms = _ROOMS.rooms
+    if (most_legs, columns) not in rooms:
+        rooms.clear()
+        rooms[most_legs, columns] = _room(most_legs, columns)
+    return rooms[most_legs, columns]
+
+
+def _room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
+    """New room; untouched memory costs nothing."""
     n = MOST_SAMPLES
 
     def whole() -> np.ndarray:

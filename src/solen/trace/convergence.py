@@ -117,7 +117,10 @@ def _with_rays(scene: Scene, rays: int) -> Scene:
     return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
 
 
-def _series(reference: Trace, traces: list[Trace]) -> Series:
+def _series(reference: Trace, found: list[Trace]) -> Series:
+    """Errors of traces by their number of rays: of two with the same, as of samples that round it up, the later one."""
+    traces = list({one.rays: one for one in found}.values())
+
     def error(one: Trace) -> float:
         return max(abs(one.detectors[name].power - it.power) for name, it in reference.detectors.items())
 

@@ -13,7 +13,7 @@ serve: over larger steps, and to the error of the integral over the step.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,8 +111,8 @@ At = Callable[[float], Lights]
 def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivative:
     """Derivative for a point source in one colour, over pieces that are found again."""
     lights = at(value)
-    found, parts = lights.each[0].cone().integral(tolerance, MOST_LEGS)
-    base = lights.trace_of([found], tolerance)
+    parts: list[Parts] = []
+    base = lights.trace_of([lights.each[0].cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
     if not base.reached:
         raise DesignError("derivative", value=base.why, limit=f"the integral must reach {tolerance:g}")
     names = lights.scene.receivers
@@ -127,7 +127,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
     return Derivative(nothing, step, reached=False, why=why)
 
 
-def _difference(at: At, value: float, step: float, parts: tuple[Parts, ...]) -> NDArray[np.float64] | None:
+def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> NDArray[np.float64] | None:
     """Central difference of the powers, None where a piece is not found again."""
     ends = []
     for sign in (1.0, -1.0):

@@ -251,14 +251,15 @@ def _single_error(job: Job, threads: int) -> float:
 
 def _run(job: Job, threads: int, progress: Progress | None = None) -> Trace:
     """Trace all chunks of a job and add them up."""
-    totals = [[empty(job) for _ in range(job.groups)] for _ in job.scene.sources]
-    rays = np.zeros((len(job.scene.sources), job.groups), dtype=np.int64)
+    totals = [[empty(job) for _ in range(job.groups(source))] for source in job.scene.sources]
+    rays, done = [np.zeros(len(groups), dtype=np.int64) for groups in totals], 0
     kept: list[NDArray[np.void]] = []
     for chunk, sums in _traced(job, threads):
         totals[chunk.source][chunk.group] = add(totals[chunk.source][chunk.group], sums)
-        rays[chunk.source, chunk.group] += len(chunk.launch)
+        rays[chunk.source][chunk.group] += len(chunk.launch)
         if job.legs:
             kept.append(legs_of(sums, job.scene.emitted))
+        done += len(chunk.launch)
         if progress is not None:
-            progress(int(rays.sum()))
+            progress(done)
     return result(job, totals, rays, in_order(np.concatenate(kept)) if kept else None)

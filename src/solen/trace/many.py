@@ -145,15 +145,15 @@ class _Batch:
     def results(self) -> list[Trace]:
         """Results scene by scene."""
         parts: list[list[list[loop.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
-        rays = [np.zeros((len(job.scene.sources), job.groups), dtype=np.int64) for job in self.jobs]
+        rays = [[np.zeros(job.groups(one), dtype=np.int64) for one in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):
             while len(parts[i][chunk.source]) < chunk.group:  # a group without rays has no task
                 parts[i][chunk.source].append(empty(self.jobs[i]))
             parts[i][chunk.source].append(self._of_task(task))
-            rays[i][chunk.source, chunk.group] += len(chunk.launch)
+            rays[i][chunk.source][chunk.group] += len(chunk.launch)
         for job, sources in zip(self.jobs, parts, strict=True):
-            for groups in sources:
-                groups.extend(empty(job) for _ in range(job.groups - len(groups)))
+            for source, groups in zip(job.scene.sources, sources, strict=True):
+                groups.extend(empty(job) for _ in range(job.groups(source) - len(groups)))
         return [result(job, *found, None) for job, found in zip(self.jobs, zip(parts, rays, strict=True), strict=True)]
 
 

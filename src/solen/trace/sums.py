@@ -9,6 +9,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.scene import Source
 from solen.trace.chunks import HALVES, Job
 from solen.trace.kernel import loop
 from solen.trace.result import (
@@ -75,28 +76,23 @@ def legs_of(sums: loop.Sums, emitted: float) -> NDArray[np.void]:
     return legs
 
 
-def result(job: Job, totals: list[list[loop.Sums]], rays: NDArray[np.int64], legs: NDArray[np.void] | None) -> Trace:
-    """Trace of a job from its sums by source and group, and the rays (S, G) in each."""
+Counts = list[NDArray[np.int64]]
+"""Rays of each source (G,) by group; sources need not have as many groups."""
+
+
+def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
+    """Trace of a job from its sums by source and group, and the rays in each."""
     scene, emitted = job.scene, job.scene.emitted
     of_source = [reduce(add, groups) for groups in totals]
     total = reduce(add, of_source)
-    shares = rays / np.maximum(rays.sum(axis=1, keepdims=True), 1)  # of each source's power in each group
-    power = np.array([source.power for source in scene.sources])
-    weight, share = power @ shares, float(np.max(power / np.maximum(rays.sum(axis=1), 1)) / emitted)
-
-    def spread(name: str) -> NDArray[np.float64]:
-        """Uncertainty of each entry of a sum, from what the groups have found."""
-        found = np.sum([[getattr(sums, name) for sums in groups] for groups in totals], axis=0)
-        return _spread(found, weight, share)
-
     ends = np.cumsum([monitor.bins for monitor in scene.monitors], dtype=int)[:-1]
     maps = np.split(total.maps / emitted, ends) if scene.monitors else []
-    u_detected, u_crossed = spread("detected"), spread("crossed")
+    u_detected, u_crossed = (_uncertainty(job, totals, rays, name) for name in ("detected", "crossed"))
     undefined_at, truncated_at = (tuple((float(x), float(z)) for x, z in at if not math.isnan(x)) for at in total.place)
     return Trace(
         mode=job.mode,
         method=job.sampling,
-        rays=int(rays.sum()),
+        rays=sum(int(each.sum()) for each in rays),
         detectors={
             name: Detected(
                 power=float(total.detected[i] / emitted),
@@ -127,20 +123,51 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: NDArray[np.int64], leg
     )
 
 
-def _spread(found: NDArray[np.float64], weight: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+def _uncertainty(job: Job, totals: list[list[loop.Sums]], rays: Counts, name: str) -> NDArray[np.float64]:
+    """Uncertainty of each entry of a sum as a fraction of the emitted power, from what the groups have found.
+
+    Sources whose rays are divided alike are taken together, as their errors may go together; the kinds are independent.
+    """
+    parts = []
+    for many in sorted({len(groups) for groups in totals}):
+        mine = [i for i, groups in enumerate(totals) if len(groups) == many]
+        found = np.sum([[getattr(sums, name) for sums in totals[i]] for i in mine], axis=0)
+        power = np.array([job.scene.sources[i].power for i in mine])
+        counts = np.array([rays[i] for i in mine])
+        all_rays = np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        unseen = np.array([_unseen(job.scene.sources[i], job.scene.extrusion is not None, many) for i in mine])
+        least = float(np.max(power * unseen / all_rays[:, 0]))
+        parts.append(
+            _spread(found, power @ (counts / all_rays), least / power.sum()) * (power.sum() / job.scene.emitted)
+        )
+    return np.asarray(reduce(np.hypot, parts))
+
+
+def _unseen(source: Source, in_space: bool, groups: int) -> float:
+    """Rays of a source that two halves of it may both be wrong by.
+
+    With one coordinate a jump is missed by one ray at most. With two it lies along a line, which goes through about √N
+    of the N cells of a lattice; each is cut at a place as good as random, and is wrong by 1/√12 of a ray. What is seen
+    lies between two such lines.
+    """
+    if groups == HALVES and source.dimensions(in_space) > 1:
+        return max(1.0, math.sqrt(math.sqrt(source.rays) / 6.0))
+    return 1.0
+
+
+def _spread(found: NDArray[np.float64], weight: NDArray[np.float64], least: float) -> NDArray[np.float64]:
     """Uncertainty of the whole from what each group (G, …) found of its emitted power (G,).
 
-    Of two halves of a fan, half their difference; but at least the share of one ray, by which any jump can be missed:
-    two fans can agree by chance. Of independent samples the standard error of their mean. NaN where a group has no
-    rays.
+    Of two halves of a lattice, half their difference, but at least ``least``: they can agree by chance. Of independent
+    samples the standard error of their mean. NaN where a group has no rays.
     """
     if not np.all(weight > 0.0):
         return np.full(found.shape[1:], math.nan)
     estimates = found / weight[:, None]
     if len(weight) == HALVES:
-        return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), share))
+        return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), least))
     error = np.std(estimates, axis=0, ddof=1) / math.sqrt(len(weight))
-    return np.where(error > 0.0, error, share)  # that no sample has seen it does not mean that there is nothing
+    return np.where(error > 0.0, error, least)  # that no sample has seen it does not mean that there is nothing
 
 
 def _positions(job: Job, receiver: str, total: loop.Sums) -> NDArray[np.float64]:

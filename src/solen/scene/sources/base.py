@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
 from solen.scene.sources.pattern import Real, Stretch
+from solen.scene.sources.points import copies, points
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
 """Powers of sources: what even single precision can divide among any number of rays."""
@@ -72,7 +73,7 @@ class Source(ABC):
     """Something that launches rays; they are numbered, so that any of them can be launched on their own.
 
     A ray is a point of the unit cube of so many ``dimensions``: an angle, a place, a wavelength. By number the points
-    form a regular lattice; a sample hands in its own. Where ``spectrum`` names lines, each ray has the wavelength of
+    fill it evenly; a sample hands in its own. Where ``spectrum`` names lines, each ray has the wavelength of
     one, drawn by their weights; without it the wavelength is unknown, which serves where no index depends on it.
 
     Directions are those in the medium that the source stands in.
@@ -134,26 +135,18 @@ class Source(ABC):
         """The same source with other values of some fields."""
         return dataclasses.replace(self, **values)  # type: ignore[type-var]  # all sources are dataclasses
 
-    def lattice(self, number: Real, in_space: bool = False) -> Real:
-        """Points (N, dimensions) of the rays of those numbers.
+    def copies(self, in_space: bool = False) -> int:
+        """Independent copies that the rays are dealt to in turn by their numbers; 1 where they are one lattice."""
+        return copies(self.dimensions(in_space))
 
-        The first coordinate has equal steps, a ray in the middle of each, so that one dimension is the midpoint rule.
-        The others follow a rank-1 lattice by powers of the generalised golden ratio (the root of x^d = x + 1).
-        """
-        first = ((number + 0.5) / self.rays)[:, None]
-        dimensions = self.dimensions(in_space)
-        if dimensions == 1:
-            return first
-        ratio = 2.0
-        for _ in range(60):
-            ratio = (1.0 + ratio) ** (1.0 / dimensions)
-        powers = ratio ** -np.arange(1.0, dimensions)
-        return np.hstack([first, ((number + 0.5)[:, None] * powers + 0.5) % 1.0])
+    def even_points(self, number: Real, in_space: bool = False) -> Real:
+        """Points (N, dimensions) of the rays of those numbers; see `solen.scene.sources.points`."""
+        return points(number, self.rays, self.dimensions(in_space))
 
     def launch(self, numbers: Real | None = None, in_space: bool = False) -> Launch:
         """Rays of those numbers, by default all; together they have the source's power."""
         numbers = np.arange(self.rays, dtype=float) if numbers is None else numbers
-        return self.launch_at(self.lattice(numbers, in_space), self.rays, in_space)
+        return self.launch_at(self.even_points(numbers, in_space), self.rays, in_space)
 
     def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
         """Rays at points (N, dimensions), each with the share of the source's power that one of ``rays`` has."""

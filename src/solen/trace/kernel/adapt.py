@@ -334,8 +334,9 @@ def integrate_cone(
 
 @called
 def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float, tree: np.uint64) -> bool:
-    """Whether the ray at an angle has a tree."""
+    """Whether the ray at an angle has a tree; what it took is counted."""
     many, found, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs, samples.stack)
+    samples.counts[ALL_LEGS] += len(samples.legs) if many == NO_ROOM else many
     return many != NO_ROOM and found == tree
 
 
@@ -349,17 +350,20 @@ def moved_edge(
     edge: float,
     middle: float,
     limit: float,
+    most_legs: int,
 ) -> float:
     """Where the edge of a piece has gone in a scene that was changed a little; NaN where it is not found.
 
     The search begins at the old edge and goes outwards while the tree is the piece's, up to ``limit``, or else inwards,
-    up to ``middle``; then the place is bisected as far as numbers go.
+    up to ``middle``; then the place is bisected as far as numbers go. It ends after so many straight stretches.
     """
     outwards = 1.0 if edge > middle else -1.0
     inside = has_tree(k, tables, family, samples, edge, tree)
     step = 1e-12
     same, other = edge, edge
     while True:
+        if samples.counts[ALL_LEGS] > most_legs:
+            return math.nan
         new = edge + (outwards if inside else -outwards) * step
         if inside and (new - limit) * outwards >= 0.0:
             return limit
@@ -390,6 +394,7 @@ def integrate_again(
     many: int,
     parts: int,
     rule: Rule,
+    most_legs: int,
     work: Real,
     total: Real,
 ) -> tuple[float, bool]:
@@ -397,7 +402,8 @@ def integrate_again(
 
     ``pieces`` are those of the scene before, and become those of this one. Every part keeps its share of its piece, so
     that what the rule leaves out is the same to first order and drops out of differences. Returns the width of what
-    lies between the pieces, and whether all edges and all nodes were found where they belong.
+    lies between the pieces, and whether all edges and all nodes were found where they belong, within ``most_legs``
+    straight stretches of all rays together.
     """
     for d in range(len(total)):
         total[d] = 0.0
@@ -408,10 +414,13 @@ def integrate_again(
         if low - before > NEIGHBOURS:
             shift = 0.0  # else the piece is sought where the one before it has gone: it may be narrower than that
         if low > family.low:
-            new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, family.low)
+            new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, family.low, most_legs)
+            if math.isnan(new_low):
+                return math.inf, False
             shift = new_low - low
         if high < family.high:
-            new_high = moved_edge(k, tables, family, samples, tree, high + shift, middle + shift, family.high)
+            edge = high + shift
+            new_high = moved_edge(k, tables, family, samples, tree, edge, middle + shift, family.high, most_legs)
         if not new_low < new_high:
             return math.inf, False
         before, shift = high, new_high - high
@@ -423,7 +432,8 @@ def integrate_again(
             for node in range(len(rule.nodes)):
                 angle = 0.5 * (a + b) + 0.5 * (b - a) * rule.nodes[node]
                 found, tree_there, _ = trace_tree(k, tables, family, angle, work[node], samples.legs, samples.stack)
-                if found == NO_ROOM or tree_there != tree:
+                samples.counts[ALL_LEGS] += max(found, 0)
+                if found == NO_ROOM or tree_there != tree or samples.counts[ALL_LEGS] > most_legs:
                     return math.inf, False
                 weigh(family, angle, work[node])
                 for d in range(len(total)):

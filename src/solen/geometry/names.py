@@ -1,0 +1,39 @@
+"""Names that mean something in a drawing, and those that nearly do: by a slip a receiver would become a bare wall."""
+
+import difflib
+
+from solen.errors import DesignError
+from solen.geometry.body import Face
+from solen.geometry.drawing import Drawing
+from solen.geometry.drawing.model import EMITTER, PIVOT
+
+WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
+"""What the first word of a name says, beside ``lens``, which is a wall like any other."""
+ORDINARY = {"back", "blank", "block", "slack", "pilot"}
+"""Words of their own, however near."""
+NEAR = 0.79
+"""Share of letters in common, by `difflib`, from which on a word is a slip."""
+
+
+def check_names(drawing: Drawing) -> None:
+    """`DesignError` for a name that is nearly one of those that mean something, and so would mean nothing."""
+    named = [(stroke.name, "a bare wall") for stroke in drawing.strokes]
+    named += [(name, "a point without meaning") for name, _ in drawing.points]
+    for name, otherwise in named:
+        meant = _meant(name)
+        if meant is not None:
+            remedy = f"did you mean {meant}? if not, choose a name that is less like it"
+            raise DesignError("body outline", value=name, limit=f"would be {otherwise}", remedy=remedy)
+
+
+def _meant(name: str) -> str | None:
+    """The name that a slip stands for; None where its first word is one that is known, or is far from all of them."""
+    word = Face.part_of(name)
+    if word in WORDS or word in ORDINARY:
+        return None
+    rest = name[len(word) :].strip("-_ .")
+    for known in WORDS:
+        if word.startswith(known):  # receivers, receiverright
+            return "-".join(part for part in (known, word[len(known) :].removesuffix("s"), rest) if part)
+    near = difflib.get_close_matches(word, WORDS, n=1, cutoff=NEAR)
+    return "-".join(part for part in (*near, rest) if part) if near else None

@@ -1,0 +1,57 @@
+"""What a design states that a trace of it does not see: told, so that nobody waits for an effect.
+
+Such a key is not refused, as it has its part elsewhere: `solen run` compares the plane with space and counting with
+power, whatever the design's own dimension and mode.
+"""
+
+from collections.abc import Iterator
+
+from solen.sensor.sensor import Sensor
+from solen.spec import Wall
+from solen.trace import Mode
+
+
+def idle_keys(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
+    """A sentence for each key that the design states and that has no effect in its dimension, or in a mode."""
+    found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
+    if mode == "count":
+        found += _counting(sensor)
+    return tuple(found)
+
+
+def _in_the_plane(sensor: Sensor) -> Iterator[str]:
+    design, remedy = sensor.design, 'has no effect in the plane; set trace.dimension = "extruded"'
+    if design.receivers.height_mm is not None:
+        yield f"receivers.height_mm = {design.receivers.height_mm:g} {remedy}"
+    if design.emitter.height_mm > 0.0:
+        yield f"emitter.height_mm = {design.emitter.height_mm:g} {remedy}"
+    for i, wall in enumerate(design.wall):
+        if wall.texture_pitch_um is not None and wall.texture_direction == "across":
+            yield f'wall[{i}].texture_direction = "across" {remedy}'
+
+
+def _counting(sensor: Sensor) -> Iterator[str]:
+    """Counting has no powers and no waves."""
+    design, remedy = sensor.design, 'has no effect in mode "count"; set trace.mode = "power"'
+    if design.material.absorption_per_mm > 0.0:
+        yield f"material.absorption_per_mm = {design.material.absorption_per_mm:g} {remedy}"
+    for i, wall in enumerate(design.wall):
+        if wall.absorption_per_mm > 0.0:
+            yield f"wall[{i}].absorption_per_mm = {wall.absorption_per_mm:g} {remedy}"
+        if wall.reflectance < 1.0:
+            yield f"wall[{i}].reflectance = {wall.reflectance:g} {remedy}"
+        for key, films in _films(wall).items():
+            if films and not any(_shuts(sensor, wall, index, nm) for index, nm in films):
+                yield f"wall[{i}].{key} {remedy}: of films it sees those thicker than the wavelength, where they shut"
+
+
+def _films(wall: Wall) -> dict[str, list[tuple[float, float]]]:
+    """Index and thickness in nm of the films that each key puts on a wall."""
+    gap = [] if wall.gap_um is None else [(1.0, 1e3 * wall.gap_um)]
+    return {"coating": [(film.index, film.thickness_nm) for film in wall.coating], "gap_um": gap}
+
+
+def _shuts(sensor: Sensor, wall: Wall, index: float, thickness_nm: float) -> bool:
+    """Whether counting can see a film: light of some wavelength and angle is reflected totally by it."""
+    wavelengths = [nm for nm, _ in sensor.light.spectrum] or [sensor.light.wavelength_nm]
+    return thickness_nm > min(wavelengths) and index < max(sensor.material.index, wall.index or 1.0)
