@@ -4,12 +4,12 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Out, app, short, show
+from solen.cli.app import MATERIAL, FigureFile, Json, Out, app, short, show
 
 Numbers = Annotated[list[float] | None, Parameter(negative=())]
 
 
-@app.command(sort_key=23)
+@app.command(group=MATERIAL, sort_key=22)
 def refractometer(
     n: list[float],
     /,

@@ -28,7 +28,7 @@ def stiffness(
     thickness_mm: float | None = None,
     diameter_mm: float | None = None,
     u_geometry_mm: float | None = None,
-    strain_range_percent: tuple[float, float] | None = None,
+    strain_range_percent: Annotated[tuple[float, float] | None, Parameter(negative=())] = None,
     secant_percent: _Numbers = None,
     toe: str = "auto",
     cycle: str = "first",
