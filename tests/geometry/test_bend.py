@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -153,6 +153,7 @@ def built_or_refused(angle_deg: float, motion: dict[str, Any], **tables: Any) ->
 
 
 @settings(max_examples=100, deadline=None)
+@example(angle=5e-324, length=8.0, curve=0.0, centre_line=None, shape="none")
 @given(
     angle=st.floats(-60, 60),
     length=st.floats(8, 40),
