@@ -47,7 +47,7 @@ def test_it_saturates_where_the_data_sheet_says() -> None:
     per_mW_cm2 = 0.12 / float(circuit.drive.power_mW())
     reached = circuit.load_line(circuit.current_mA(np.array([[5.0, 5.6]]) * per_mW_cm2))
     assert reached.volts[0, 0] == pytest.approx(0.5, abs=0.07), "but for the knee"
-    assert reached.volts[0, 1] < 0.35
+    assert reached.volts[0, 1] < 0.42
 
 
 @given(asked=st.floats(0.0, 1e3), load=st.floats(1.0, 1e6), supply=st.floats(1.0, 20.0), knee=st.floats(0.02, 0.5))
