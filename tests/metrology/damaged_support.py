@@ -76,9 +76,8 @@ def mutations(data: bytes, count: int, rng: np.random.Generator) -> Iterator[byt
     for _ in range(count):
         damaged = bytearray(data)
         for _ in range(rng.integers(1, 5)):
-            place = int(
-                rng.choice([rng.integers(min(400, len(data))), len(data) - 1 - rng.integers(min(400, len(data)))])
-            )
+            near = int(rng.integers(min(400, len(data))))
+            place = near if rng.random() < 0.5 else len(data) - 1 - near
             damaged[place] = int(rng.choice([0, 1, 255, 127, rng.integers(256)]))
         kind = rng.integers(10)
         if kind == 0:
