@@ -11,12 +11,13 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import coupons, cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
     "app",
+    "coupons",
     "cure",
     "cutback",
     "design",
