@@ -187,17 +187,13 @@ class _Gradients:
         """The best places (x, y) of the vertex at a rotation, with their scores."""
         scores = self._scores(Pose(float(angle), (0.0, 0.0), um_per_px, mirrored), ideal)
         rows, columns = self.padded
+        least = max(4, int(0.1 * ideal.width_mm * 1e3 / um_per_px))
         for _ in range(1 if near is not None else PEAKS):
-            if near is not None:
-                where = _nearby(scores, near)
-            else:
-                where = np.unravel_index(int(np.argmax(scores)), scores.shape)
-            row, column = int(where[0]), int(where[1])
+            row, column = divmod(int(np.argmax(scores)), columns) if near is None else _nearby(scores, near)
             score = float(scores[row, column])
-            reach = max(4, int(0.1 * ideal.width_mm * 1e3 / um_per_px))
-            scores[np.ix_(np.arange(row - reach, row + reach + 1) % rows, np.arange(column - reach, column + reach + 1) % columns)] = 0.0
-            # a vertex left of or above the picture wraps around to the far end of the padding
-            y, x = (at - size if at >= 1.5 * own else at for at, size, own in zip((row, column), self.padded, self.shape, strict=True))
+            reach = np.arange(-least, least + 1)
+            scores[np.ix_((row + reach) % rows, (column + reach) % columns)] = 0.0
+            y, x = _unwrapped(row, rows, self.shape[0]), _unwrapped(column, columns, self.shape[1])
             yield float(x), float(y), score
 
     def _scores(self, pose: Pose, ideal: Ideal) -> Floats:
@@ -211,6 +207,11 @@ class _Gradients:
             np.add.at(kernel, (at[:, 1] % self.padded[0], at[:, 0] % self.padded[1]), weights * product)
             total += spectrum * np.conj(fft.rfft2(kernel))
         return np.asarray(fft.irfft2(total, self.padded) / weights.sum())
+
+
+def _unwrapped(at: int, padded: int, own: int) -> int:
+    """Place along an axis where one before the picture's begin stands at the far end of the padding."""
+    return at - padded if at >= 1.5 * own else at
 
 
 def _nearby(scores: Floats, near: tuple[float, float], reach: int = 4) -> tuple[int, int]:

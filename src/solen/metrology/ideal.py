@@ -116,9 +116,9 @@ class Ideal:
         _, nearest = self._tree.query(points_mm)
         last = len(self.front_mm) - 2
         before, after = np.clip(nearest - 1, 0, last), np.clip(nearest, 0, last)
-        share, square = zip(*(self._foot(points_mm, segment) for segment in (before, after)), strict=True)
-        second = square[1] < square[0]
-        segment, part = np.where(second, after, before), np.where(second, share[1], share[0])
+        (one, first), (other, second) = (self._foot(points_mm, segment) for segment in (before, after))
+        later = second < first
+        segment, part = np.where(later, after, before), np.where(later, other, one)
         start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
         foot = start + np.clip(part, 0.0, 1.0)[:, None] * way
         length = np.hypot(*way.T)
@@ -144,7 +144,7 @@ class Ideal:
 def outward(points: Floats) -> Floats:
     """Unit normals (N, 2) to the right of the way along points."""
     way = np.gradient(points, axis=0)
-    return np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None]
+    return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
 
 
 def _dense(curve: Curve) -> Floats:

@@ -104,14 +104,16 @@ def cautions(rivals: Sequence[Rival], u_scale: float = 0.0) -> list[str]:
             f"{second.registration.rms_um:.3g} µm (rms) from them, and neighbouring points are not independent "
             f"({first.registration.independent:.0f} independent values)"
         ]
-    found = []
     likely = 3.0 * u_scale if u_scale > 0.0 else DOUBTFUL_SCALE
-    for other in rivals[1:]:
-        if abs(other.scale_factor - 1.0) < likely and other.scaled_rms_um < min(rms, first.scaled_rms_um):
-            found.append(
-                f"were the scale {100.0 * (other.scale_factor - 1.0):+.1f} % off, the outline would be nearest to "
-                f"{other.name}: an error of scale looks like another index"
-            )
+    least = min(rms, first.scaled_rms_um)
+    found = [
+        f"were the scale {100.0 * (other.scale_factor - 1.0):+.1f} % off, the outline would be nearest to "
+        f"{other.name}: an error of scale looks like another index"
+        for other in rivals[1:]
+        if abs(other.scale_factor - 1.0) < likely and other.scaled_rms_um < least
+    ]
     if rms > 0.5 * second.registration.rms_um:
-        found.append(f"the outline is {rms:.3g} µm (rms) from {first.name}, the nearest design: it is near to none of them")
+        found.append(
+            f"the outline is {rms:.3g} µm (rms) from {first.name}, the nearest design: it is near to none of them"
+        )
     return found

@@ -5,7 +5,7 @@ values alone say. A thick transparent part shows the rim of its upper face and t
 along the front, both are measured: `outer` and `inner` by their place, and where one is clearly sharper than the other,
 that is the face on which the microscope was focused, usually the upper one, and it is taken for the outline.
 
-The interface: `measure` gives an `Outline`: the edges with their points in the order of the front, the chosen one first.
+The interface: `measure` gives an `Outline`: the edges, their points in the order of the front, the chosen one first.
 """
 
 from dataclasses import dataclass
@@ -158,10 +158,11 @@ def _found(image: Image, ideal: Ideal) -> tuple[Found, list[str]]:
     rivals = [
         one
         for one in found[1:]
-        if one.score > RIVAL * found[0].score and np.hypot(*np.subtract(one.pose.vertex_px, found[0].pose.vertex_px)) > far
+        if one.score > RIVAL * found[0].score
+        and np.hypot(*np.subtract(one.pose.vertex_px, found[0].pose.vertex_px)) > far
     ]
     x, y = found[0].pose.vertex_px
-    said = f"the picture shows {len(rivals) + 1} places like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) is taken"
+    said = f"{len(rivals) + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
     return found[0], [said] if rivals else []
 
 
@@ -218,18 +219,19 @@ def _smooth(off: Floats) -> Floats:
 def _spaces(off: Floats, px_per_mm: float) -> list[float]:
     """For each line the median distance in px to the nearest other one; infinite for one alone."""
     return [
-        min((float(np.median(np.abs(own - other))) * px_per_mm for j, other in enumerate(off) if j != i), default=np.inf)
+        min(
+            (float(np.median(np.abs(own - other))) * px_per_mm for j, other in enumerate(off) if j != i), default=np.inf
+        )
         for i, own in enumerate(off)
     ]
 
 
-def _named(
-    edges: list[Edge], image: Image, pose: Pose, ideal: Ideal
-) -> tuple[list[NamedEdge], list[str]]:
+def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> tuple[list[NamedEdge], list[str]]:
     """Edges of which enough can be measured, with names."""
     kept = [edge for edge in edges if _share(edge) >= LEAST_KEPT]
     scale = image.scale.u_um_per_px
     u_scale = 0.0 if scale is None else scale / image.um_per_px
+    names: tuple[str, ...]
     if len(kept) == 2 and (crossed := _by_focus(*kept)) is not None:
         kept, names = list(crossed), ("sharper", "softer")
     elif len(kept) == 1:
@@ -317,7 +319,9 @@ def _apart_um(one: NamedEdge, other: NamedEdge) -> float:
 def _cropped(seen: float, ends: tuple[float, float]) -> list[str]:
     if seen > 0.99:
         return []
-    return [f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm alone"]
+    return [
+        f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm alone"
+    ]
 
 
 def _check_seen(image: Image, seen: float) -> None:

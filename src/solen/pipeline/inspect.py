@@ -1,4 +1,4 @@
-"""What `solen inspect` does: a picture of a printed lens laid on its design, from the files to plain data and a figure."""
+"""What `solen inspect` does: a picture of a printed lens laid on its design, from files to plain data and a figure."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from solen import files
-from solen.errors import DataError, SolenError
+from solen.curve import Curve
+from solen.errors import DataError
 from solen.geometry import Body
 from solen.lens import OvalLens
 from solen.metrology import Image, read_image
@@ -105,7 +106,7 @@ def ideal_of(design: Design, name: str | None = None) -> Ideal:
     walls = {face.name: face.curve for face in body.all_faces}
     left, right = (walls.get(f"stem-{side}") for side in ("left", "right"))
     front = sensor.lens.front
-    beside = []
+    beside: list[Curve | None] = []
     for wall, end in ((left, front.start), (right, front.end)):
         if wall is None:
             beside.append(None)
@@ -187,8 +188,8 @@ def _told(image: Image, design: Design, outline: Outline, rivals: Sequence[Rival
         "scale_check": {
             "factor": laid.scale_factor,
             "u_factor": laid.u_scale_factor,
-            "note": "the factor by which the outline would have to grow to lie best on the design; it is not applied: an "
-            "error of scale and one of curvature look alike",
+            "note": "factor by which the outline would have to grow to lie best on the design; it is not applied, as "
+            "an error of scale and one of curvature look alike",
         },
         "nearest": rivals[0].name,
         "likelihood": {rival.name: _rival(rival) for rival in rivals},
@@ -266,16 +267,16 @@ def _about(image: Image, laid: Registration) -> list[str]:
     percent = 0.01 * float(np.sqrt(np.mean(laid.by_scale_um**2)))
     if image.scale.u_um_per_px is None:
         found.append(
-            f"no uncertainty of the scale is stated (--u-um-per-px), so none is in the deviations: 1 % of it changes them "
-            f"by {percent:.2g} µm (rms)"
+            f"no uncertainty of the scale is stated (--u-um-per-px), so none is in the deviations: 1 % of it changes "
+            f"them by {percent:.2g} µm (rms)"
         )
     off = abs(laid.scale_factor - 1.0)
     if off > 0.01 and off > 3.0 * laid.u_scale_factor:
         found.append(
-            f"the outline would lie better on the design were it {100.0 * (laid.scale_factor - 1.0):+.2f} % larger: the "
-            "scale is off, or the print's curvature; this picture cannot tell which"
+            f"the outline would lie better on the design were it {100.0 * (laid.scale_factor - 1.0):+.2f} % larger: "
+            "the scale is off, or the print's curvature; this picture cannot tell which"
         )
     return found
 
 
-__all__ = ["SolenError", "deviation", "ideal_of", "inspect"]
+__all__ = ["deviation", "ideal_of", "inspect"]
