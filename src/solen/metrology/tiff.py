@@ -67,7 +67,7 @@ def _plane(file: str, data: bytes, opened: "tifffile.TiffFile") -> Plane:
     if opened.is_imagej:
         kind = "imagej-tiff"
     tags = (*tags, *_imagej(opened), *_resolution(opened))
-    description, software = page.description, str(page.software or "")
+    description, software = f"{page.description} {opened.imagej_metadata or ''}", str(page.software or "")
     return Plane(
         upright(grey, int(_value(page, "Orientation", 1))),
         bits,
