@@ -11,11 +11,12 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import analyse, cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
+    "analyse",
     "app",
     "cure",
     "cutback",
