@@ -13,6 +13,7 @@ from solen.fabricate.measures import area_mm2, perimeter_mm
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import as_glb, as_stl, as_threemf
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
+from solen.fabricate.raster import coverage, coverage_bytes, rings_of
 from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step, check_kernel
 from solen.fabricate.svg import as_svg
@@ -34,10 +35,13 @@ __all__ = [
     "as_threemf",
     "check_kernel",
     "check_writer",
+    "coverage",
+    "coverage_bytes",
     "label_of",
     "mesh_of",
     "perimeter_mm",
     "primitives",
+    "rings_of",
     "sensor_part",
     "sensor_prism",
 ]

@@ -1,7 +1,6 @@
 """Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
 
 import json
-import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURE_KINDS = (".svg", ".png", ".pdf")
+SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
+"""Wavelengths that a result can be of; below, a wavelength was given in µm."""
 
 
 def check_figure(figure: Path | None) -> None:
@@ -33,10 +34,10 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
 
 
-def check_wavelength(wavelength_nm: float | None) -> None:
+def check_wavelength(wavelength_nm: float | None, option: str = "--wavelength-nm") -> None:
     """`SpecError` where a wavelength that a result is to state is none."""
-    if wavelength_nm is not None and not 0.0 < wavelength_nm < math.inf:
-        raise SpecError("--wavelength-nm", value=wavelength_nm, limit="must be above 0")
+    if wavelength_nm is not None and not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
+        raise SpecError(option, value=wavelength_nm, limit=f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm")
 
 
 def leave(

@@ -1,0 +1,202 @@
+"""How much of each pixel an area covers: exactly, from the corners of its outlines.
+
+The idea is that of font rasterisers. An edge is cut wherever it passes from one pixel to another; each piece then lies
+in one pixel, whose area it changes by what stands between it and the pixel's right side, and that of all pixels farther
+right in the row by the whole height that it climbs. Summed from left to right these changes are the covered areas.
+Nothing is sampled: an edge costs what it costs to find the pixels that it passes.
+
+The interface: `coverage` gives shares from 0 to 1, `coverage_bytes` the same as 0 to 255 in little memory, `rings_of`
+the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower left corner
+is ``origin + (j, i) pitch``.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+
+if TYPE_CHECKING:
+    import shapely.geometry.base
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+BAND = 64
+"""Rows that are summed at a time: few enough to stay in a processor's cache."""
+FULL = 255
+"""Grey value of a pixel that is covered wholly."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square pixels: their ``pitch_mm``, the lower left corner of the first, rows and columns."""
+
+    pitch_mm: float
+    origin_mm: tuple[float, float]
+    shape: tuple[int, int]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.pitch_mm) and self.pitch_mm > 0.0):
+            raise DataError("pixel pitch", value=self.pitch_mm, limit="must be above 0 mm")
+        if not np.isfinite(self.origin_mm).all():
+            raise DataError("origin of the pixels", value=self.origin_mm, limit="must be finite, in mm")
+        if min(self.shape) < 1:
+            raise DataError("pixels", value=self.shape, limit="must be at least one row and one column")
+
+    def placed(self, ring: Floats) -> Floats:
+        """Points (N, 2) in mm as columns and rows."""
+        return (np.asarray(ring, float) - self.origin_mm) / self.pitch_mm
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Edges cut at pixels, by ascending row: the height that each descends, and the share of it for its own pixel."""
+
+    row: Ints
+    column: Ints
+    climb: Floats
+    own: Floats
+
+    def summed(self, first: int, last: int, columns: int) -> Floats:
+        """Covered shares (last - first, columns) of some rows."""
+        chosen = slice(*np.searchsorted(self.row, [first, last]))
+        at = (self.row[chosen] - first) * (columns + 1) + self.column[chosen]
+        climb, own = self.climb[chosen], self.climb[chosen] * self.own[chosen]
+        places, changes = np.concatenate([at, at + 1]), np.concatenate([own, climb - own])
+        change = np.bincount(places, changes, (last - first) * (columns + 1) + 1)[:-1]
+        cells = change.reshape(last - first, columns + 1)
+        np.cumsum(cells, axis=1, out=cells)
+        return np.clip(cells[:, :columns], 0.0, 1.0)
+
+
+def coverage(
+    rings: Sequence[Floats], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+) -> Floats:
+    """Share of each pixel that lies within closed polygons.
+
+    Parameters
+    ----------
+    rings
+        Polygons (N, 2) in mm, counter-clockwise with the area on their left, holes clockwise; the last point may repeat
+        the first. They must not overlap. What lies beyond the grid is left out.
+    pitch_mm, origin_mm, shape
+        Side of a pixel, lower left corner of the first, and rows and columns.
+
+    Returns
+    -------
+    shares
+        Shape ``shape``, 0 to 1; exact but for rounding, about 1e-15 times the columns.
+
+    Raises
+    ------
+    DataError
+        Where the grid is none, or a point is not finite.
+    """
+    grid = Grid(pitch_mm, origin_mm, shape)
+    pieces, found = _pieces(rings, grid), np.empty(shape)
+    for first, last in _bands(0, shape[0]):
+        found[first:last] = pieces.summed(first, last, shape[1])
+    return found
+
+
+def coverage_bytes(
+    rings: Sequence[Floats], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+) -> NDArray[np.uint8]:
+    """`coverage` as grey values 0 to 255, rounded to the nearest; the sums take a few rows of memory at a time."""
+    grid, found = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
+    rings = [ring for ring in rings if len(ring)]
+    if not rings:
+        return found
+    low, high = _extent(rings, grid)
+    rows, columns = high - low
+    if rows <= 0 or columns <= 0:
+        return found
+    corner = (origin_mm[0] + low[1] * pitch_mm, origin_mm[1] + low[0] * pitch_mm)
+    window = found[low[0] : high[0], low[1] : high[1]]
+    pieces = _pieces(rings, Grid(pitch_mm, corner, (rows, columns)))
+    for first, last in _bands(0, rows):
+        window[first:last] = np.rint(FULL * pieces.summed(first, last, columns))
+    return found
+
+
+def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[Floats]:
+    """Rings of a shapely area as `coverage` wants them; lines and points in it are left out."""
+    import shapely
+
+    polygons = [one for one in shapely.get_parts(area).tolist() if isinstance(one, shapely.Polygon)]
+    turned = (shapely.geometry.polygon.orient(one) for one in polygons if not one.is_empty)
+    return [np.asarray(ring.coords)[:, :2] for one in turned for ring in (one.exterior, *one.interiors)]
+
+
+def _bands(first: int, last: int) -> Iterator[tuple[int, int]]:
+    return ((row, min(row + BAND, last)) for row in range(first, last, BAND))
+
+
+def _extent(rings: Sequence[Floats], grid: Grid) -> tuple[Ints, Ints]:
+    """First and last + 1 (row, column) of the grid that polygons reach."""
+    placed = [grid.placed(ring) for ring in rings]
+    low, high = np.min([one.min(axis=0) for one in placed], axis=0), np.max([one.max(axis=0) for one in placed], axis=0)
+    if not np.isfinite([low, high]).all():
+        raise DataError("outline", value="a point that is not finite", limit="must be in mm")
+    limits = np.array(grid.shape)
+    return (
+        np.clip(np.floor(low[::-1]), 0, limits).astype(np.int64),
+        np.clip(np.ceil(high[::-1]), 0, limits).astype(np.int64),
+    )
+
+
+def _pieces(rings: Sequence[Floats], grid: Grid) -> Pieces:
+    """Edges of polygons, cut at the sides of pixels."""
+    rows, columns = grid.shape
+    starts, ends = _edges([grid.placed(ring) for ring in rings])
+    begin, end = _cut(starts, ends, rows, columns)
+    middle = 0.5 * (begin + end)
+    inside = (middle[:, 1] > 0.0) & (middle[:, 1] < rows) & (middle[:, 0] < columns)
+    begin, end, middle = begin[inside], end[inside], middle[inside]
+    row, column = np.floor(middle[:, 1]).astype(np.int64), np.floor(middle[:, 0]).astype(np.int64)
+    own = np.where(column < 0, 1.0, column + 1.0 - middle[:, 0])
+    order = np.argsort(row, kind="stable")
+    climb = begin[:, 1] - end[:, 1]  # a side that goes down has the area on its left: to the right of the row
+    return Pieces(row[order], np.maximum(column, 0)[order], climb[order], own[order])
+
+
+def _edges(placed: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Starts and ends (N, 2) of the sides of closed polygons; level ones change nothing and are left out."""
+    starts = np.vstack([np.empty((0, 2)), *placed])
+    ends = np.vstack([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in placed)])
+    if not np.isfinite(starts).all():
+        raise DataError("outline", value="a point that is not finite", limit="must be in mm")
+    climbs = starts[:, 1] != ends[:, 1]
+    return starts[climbs], ends[climbs]
+
+
+def _cut(starts: Floats, ends: Floats, rows: int, columns: int) -> tuple[Floats, Floats]:
+    """Starts and ends (M, 2) of the pieces of edges between the lines that divide pixels."""
+    count = len(starts)
+    across, up = (_crossings(starts, ends, axis, most) for axis, most in ((0, columns), (1, rows)))
+    edge = np.concatenate([np.arange(count), across[0], up[0], np.arange(count)])
+    share = np.concatenate([np.zeros(count), across[1], up[1], np.ones(count)])
+    points = np.concatenate([starts, across[2], up[2], ends])
+    order = np.lexsort((share, edge))
+    edge, points = edge[order], points[order]
+    same = edge[:-1] == edge[1:]
+    return points[:-1][same], points[1:][same]
+
+
+def _crossings(starts: Floats, ends: Floats, axis: int, most: int) -> tuple[Ints, Floats, Floats]:
+    """Where edges cross the lines 0 to ``most`` of an axis: number of the edge, share of its length, point."""
+    low = np.clip(np.ceil(np.minimum(starts[:, axis], ends[:, axis])), 0, most + 1).astype(np.int64)
+    high = np.clip(np.floor(np.maximum(starts[:, axis], ends[:, axis])), -1, most).astype(np.int64)
+    number = np.maximum(high - low + 1, 0)
+    number[starts[:, axis] == ends[:, axis]] = 0
+    edge = np.repeat(np.arange(len(starts)), number)
+    line = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number) + low[edge]
+    begin, way = starts[edge], ends[edge] - starts[edge]
+    share = np.clip((line - begin[:, axis]) / way[:, axis], 0.0, 1.0)
+    points = begin + share[:, None] * way
+    points[:, axis] = line
+    return edge, share, points
