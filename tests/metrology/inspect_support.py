@@ -46,9 +46,7 @@ class Shot:
     def placing(self) -> Placing:
         """Where the part lies; the vertex stands at ``vertex_um`` from the picture's upper left corner."""
         origin = (self.vertex_um[0] / self.um_per_px, self.vertex_um[1] / self.um_per_px)
-        return Placing(
-            self.um_per_px, origin, self.angle_deg, magnification=self.magnification, tilt_deg=self.tilt_deg
-        )
+        return Placing(self.um_per_px, origin, self.angle_deg, magnification=self.magnification, tilt_deg=self.tilt_deg)
 
     @property
     def _levels(self) -> tuple[list[Level], float]:

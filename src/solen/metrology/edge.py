@@ -107,7 +107,7 @@ def normals_of(contour_px: Floats, *, closed: bool, over: int = 5) -> Floats:
 
 
 def profiles(
-    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES, order: int = 3
+    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES, order: Literal[1, 3] = 3
 ) -> tuple[Floats, Flags]:
     """Grey values (N, M) at distances ``t_px`` (M,) along normals, and whether they lie in the picture.
 
@@ -127,7 +127,7 @@ def profiles(
     return values / lines, inside
 
 
-def _patch(grey: Floats, points: Floats, reach: float, order: int) -> tuple[Floats, tuple[int, int]]:
+def _patch(grey: Floats, points: Floats, reach: float, order: Literal[1, 3]) -> tuple[Floats, tuple[int, int]]:
     """Spline coefficients of the part of the picture that is needed, and its first column and row."""
     rows, columns = grey.shape
     margin = reach + 12.0  # the spline's memory is a few pixels
