@@ -8,6 +8,7 @@ programming, then the next one beside it: the two rims of a thick transparent pa
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -139,14 +140,16 @@ def best_path(gain: Floats) -> NDArray[np.intp]:
     """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
     rows, columns = gain.shape
     moves = np.arange(-JUMP, JUMP + 1)
+    cost = JUMP_COST * np.abs(moves)
     came = np.zeros((rows, columns), dtype=np.int8)
-    total = gain[0].copy()
+    padded = np.full(columns + 2 * JUMP, -np.inf)
+    total, beside = padded[JUMP : JUMP + columns], sliding_window_view(padded, len(moves))
+    total[:] = gain[0]
     for row in range(1, rows):
-        padded = np.pad(total, JUMP, constant_values=-np.inf)
-        reached = np.stack([padded[JUMP + move : JUMP + move + columns] - JUMP_COST * abs(move) for move in moves])
-        best = np.argmax(reached, axis=0)
+        reached = beside - cost
+        best = reached.argmax(axis=1)
         came[row] = moves[best]
-        total = reached[best, np.arange(columns)] + gain[row]
+        total[:] = reached.max(axis=1) + gain[row]
     path = np.zeros(rows, dtype=np.intp)
     path[-1] = int(np.argmax(total))
     for row in range(rows - 1, 0, -1):
