@@ -26,6 +26,8 @@ JUMP = 2
 JUMP_COST = 0.08
 APART = 3.5
 """Smoothing widths between two lines, at least."""
+FLANK = 3
+"""Pixels to each side at which the change must be less than on a line."""
 MOST_LINES = 4
 LEAST_COVERED = 0.5
 LEAST_SNR = 5.0
@@ -57,11 +59,15 @@ class Strip:
     @classmethod
     def of(cls, grey: Floats, pose: Pose, ideal: Ideal, reach_mm: float) -> "Strip":
         """Strip of a picture, ``reach_mm`` to each side of the front."""
+        arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
+        return cls.along(grey, pose, arc, *ideal.at(arc), reach_mm)
+
+    @classmethod
+    def along(cls, grey: Floats, pose: Pose, arc: Floats, points: Floats, normals: Floats, reach_mm: float) -> "Strip":
+        """Strip along any points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
         reach_px = reach_mm * 1e3 / pose.um_per_px
         factor = max(1, int(reach_px / ACROSS))
         coarse = binned(grey, factor)
-        arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
-        points, normals = ideal.at(arc)
         off_px = np.arange(-np.ceil(reach_px / factor), np.ceil(reach_px / factor) + 0.5) * factor
         places, ways = pose.to_px(points), pose.direction_px(normals)
         x, y = ((places[:, i : i + 1] + ways[:, i : i + 1] * off_px - 0.5 * (factor - 1)) / factor for i in (0, 1))
@@ -126,14 +132,23 @@ def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, b
     change = np.where(free, strip.change if rising else -strip.change, 0.0)
     gain = np.maximum(change, 0.0)
     path = best_path(gain / (gain + scale))
+    gain = np.maximum(strip.change if rising else -strip.change, 0.0)
     along = np.arange(len(path))
-    own = change[along, path]
+    own = np.where(_peaks(gain, path), change[along, path], 0.0)
     least = max(LEAST_SNR * noise, FAINTEST * before[0].strength if before else 0.0)
     shown = own > least
     seen = strip.seen[along, path]
     covered = float(shown.sum()) / max(int(seen.sum()), 1)
     strength = float(np.median(own[shown])) if shown.any() else 0.0
     return Line(strip.off_mm[path], rising, strength, covered, shown)
+
+
+def _peaks(gain: Floats, path: NDArray[np.intp]) -> Flags:
+    """Where a line stands on a maximum across, and not on the flank of the broader line beside it."""
+    along, last = np.arange(len(path)), gain.shape[1] - 1
+    own = gain[along, path]
+    sides = [gain[along, np.clip(path + side * FLANK, 0, last)] for side in (-1, 1)]
+    return np.asarray((own >= sides[0]) & (own >= sides[1]))
 
 
 def best_path(gain: Floats) -> NDArray[np.intp]:

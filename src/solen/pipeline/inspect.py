@@ -186,6 +186,7 @@ def _told(image: Image, design: Design, outline: Outline, rivals: Sequence[Rival
         "seen": outline.seen,
         "measured_x_mm": list(outline.ends_x_mm),
         "deviation_um": deviation(chosen, image),
+        "width_mm": outline.width_mm,
         "scale_check": {
             "factor": laid.scale_factor,
             "u_factor": laid.u_scale_factor,
