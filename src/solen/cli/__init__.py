@@ -11,7 +11,20 @@ import sys
 
 import cyclopts
 
-from solen.cli import coupons, cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import (
+    coupons,
+    cure,
+    cutback,
+    demodulate,
+    design,
+    export,
+    index,
+    readout,
+    refractometer,
+    resin,
+    spectra,
+    stiffness,
+)
 from solen.cli.app import app
 from solen.errors import SolenError
 
@@ -20,10 +33,12 @@ __all__ = [
     "coupons",
     "cure",
     "cutback",
+    "demodulate",
     "design",
     "export",
     "index",
     "main",
+    "readout",
     "refractometer",
     "resin",
     "spectra",
