@@ -12,6 +12,7 @@ import sys
 import cyclopts
 
 from solen.cli import (
+    analyse,
     coupons,
     cure,
     cutback,
@@ -19,6 +20,7 @@ from solen.cli import (
     design,
     export,
     index,
+    inspect,
     readout,
     refractometer,
     resin,
@@ -29,6 +31,7 @@ from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
+    "analyse",
     "app",
     "coupons",
     "cure",
@@ -37,6 +40,7 @@ __all__ = [
     "design",
     "export",
     "index",
+    "inspect",
     "main",
     "readout",
     "refractometer",

@@ -3,16 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Group, Parameter
+from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, app, short, show, text
-
-RECORDINGS = Group("Recordings of a sensor", sort_key=4)
+from solen.cli.app import BENCH, FigureFile, Json, app, short, show, text
 
 Table = Annotated[Path | None, Parameter(name="--out", help="Write the readings to this .csv.")]
 
 
-@app.command(group=RECORDINGS, sort_key=1)
+@app.command(group=BENCH, sort_key=39)
 def demodulate(
     file: Path,
     /,
