@@ -48,7 +48,7 @@ def test_one_sided_lets_a_ramp_through() -> None:
 
 def test_several_emitters_with_one_off_phase_between_rounds() -> None:
     """on 1, on 2, off: emitter 1 is nearer to the off slot before, emitter 2 to that after; ramps go all the same."""
-    time = np.arange(300) * 1e-3
+    time = np.arange(300.0) * 1e-3
     state = np.tile([0, 1, 2], 100)
     values = (3.0 + 7.0 * time - state)[:, None]
     found = subtract(slots_of(time, values, state))
@@ -146,7 +146,7 @@ def test_samples_without_a_number_leave_their_channel_alone() -> None:
 
 
 def test_settling_samples_are_dropped_and_emptied_slots_counted() -> None:
-    time = np.arange(400) * 1e-4
+    time = np.arange(400.0) * 1e-4
     state = (np.arange(400) // 10 + 1) % 2
     lag = np.arange(400) % 10 < 3
     values = np.where(lag, 9.0, -1.0 * state)[:, None]
