@@ -16,10 +16,10 @@ KERNELS: dict[str, Optics] = {
 }
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", ["gaussian 2 px", "no blur", "airy 5 px", "disc 4 px"])
 def test_an_edge_is_where_it_was_drawn(kernel: str) -> None:
     """Noise of 3 % of full scale, a step of 60 %: bias below 0.05 px and RMS below 0.1 px."""
-    found = lens_edge(KERNELS[kernel], seed=3)
+    found = lens_edge(KERNELS[kernel], seed=3, sub=1)
     assert found.edge.kept.mean() > 0.98
     assert abs(found.error_px.mean()) < 0.05
     assert np.sqrt(np.mean(found.error_px**2)) < 0.1
