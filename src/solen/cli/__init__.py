@@ -11,7 +11,7 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import cure, cutback, design, export, index, layers, refractometer, resin, spectra, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
@@ -22,6 +22,7 @@ __all__ = [
     "design",
     "export",
     "index",
+    "layers",
     "main",
     "refractometer",
     "resin",
