@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from solen.fabricate.layers import Job, Layer
+from solen.fabricate.raster import FULL
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
@@ -49,7 +50,7 @@ def _draw_layer(axes: Axes, job: Job, layer: Layer) -> None:
     rows, columns = picture.shape
     step = max(1, max(rows, columns) // MOST_PIXELS)
     extent = (-0.5 * columns * pitch, 0.5 * columns * pitch, -0.5 * rows * pitch, 0.5 * rows * pitch)
-    axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=255, origin="lower", extent=extent)
+    axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer.from_mm:.3f}–{layer.to_mm:.3f} mm"
     axes.set_title(f"layer {layer.index + 1}: {layer.exposure_s:g} s\n{heights}", fontsize=8)
     axes.tick_params(labelsize=7)
@@ -57,21 +58,27 @@ def _draw_layer(axes: Axes, job: Job, layer: Layer) -> None:
 
 
 def _draw_edge(axes: Axes, job: Job, layer: Layer) -> None:
-    """Pixels about the lowest lit place of a layer, as they are."""
+    """Pixels about the lowest one of a layer that is partly lit, as they are."""
     picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
     rows, columns = picture.shape
-    lit = np.argwhere(picture)
-    row, column = lit[np.lexsort((np.abs(lit[:, 1] - 0.5 * columns), lit[:, 0]))[0]] if len(lit) else (0, 0)
-    low, left = max(0, row - 4), max(0, column - EDGE_PIXELS // 2)
+    grey = np.argwhere((picture > 0) & (picture < FULL))
+    places = grey if len(grey) else np.argwhere(picture)
+    row, column = places[np.lexsort((np.abs(places[:, 1] - 0.5 * columns), places[:, 0]))[0]] if len(places) else (0, 0)
+    low, left = (_window(at, most) for at, most in ((int(row), rows), (int(column), columns)))
     window = picture[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
     start = np.array([left - 0.5 * columns, low - 0.5 * rows]) * pitch
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
-    axes.imshow(window, cmap=LIT, vmin=0, vmax=255, origin="lower", extent=extent, interpolation="nearest")
+    axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
     axes.set_title(f"layer {layer.index + 1}: its pixels", fontsize=9)
     axes.tick_params(labelsize=7)
     axes.set(xlabel="mm from the middle")
     axes.grid(visible=False)
+
+
+def _window(at: int, most: int) -> int:
+    """First of some pixels about one, inside the picture."""
+    return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
 
 
 def _draw_plate(axes: Axes, job: Job) -> None:
