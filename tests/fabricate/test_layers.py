@@ -166,10 +166,23 @@ def test_every_copy_is_drawn_by_the_same_pixels() -> None:
 
 
 def test_a_symmetric_part_gives_a_symmetric_picture() -> None:
-    """The lens' axis lies between two pixels, so its two halves are the same to one grey value."""
-    job = Job(solid_of(part_of(design()), FLAT), printer())
-    picture = job.first_copy(next(job.layers()).image).astype(int)
-    assert np.abs(picture - picture[:, ::-1]).max() <= 1
+    """The lens' axis lies between two pixels, so its two halves are the same to one grey value, at any pitch."""
+    for pitch_um in (27.0, 50.0, 62.0):
+        job = Job(solid_of(part_of(design()), FLAT), printer(pitch_um, 2500, 2500), layer_um=1000.0)
+        picture = job.first_copy(next(job.layers()).image).astype(int)
+        assert np.abs(picture - picture[:, ::-1]).max() <= 1
+
+
+def test_the_origin_lies_on_a_corner_of_pixels() -> None:
+    """A square from 0.1 to 0.5 mm of the origin on pixels of 0.1 mm: 4 by 4 of them are lit, none partly."""
+    box = trimesh.creation.box(bounds=[(0.1, 0.1, 0), (0.5, 0.5, 1)])
+    job = Job(mesh_solid(closed(box), FLAT), printer(100.0, 21, 21), layer_um=1000.0)
+    picture = next(job.layers()).image
+    assert set(np.unique(picture).tolist()) == {0, 255}
+    assert (picture == 255).sum() == 16
+    (x, y), lit = job.places_mm[0], np.argwhere(picture[::-1])
+    middle = (lit.mean(axis=0) + 0.5 - 10.5) * 0.1
+    assert (y, x) == pytest.approx(tuple(middle), abs=1e-12)
 
 
 def test_mirrors_flip_the_picture() -> None:

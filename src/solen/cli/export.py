@@ -107,7 +107,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         )
     job = found.get("layers")
     notes = [line for line in found["warnings"] if job is None or line not in job["warnings"]]
-    lines += [f"note: {line}" for line in notes]
+    lines += [f"warning: {line}" for line in notes]
     lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
     lines += layers_told(job)[1:] if job is not None else []
     return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])

@@ -62,7 +62,7 @@ def told(found: dict[str, Any]) -> list[str]:
         plain |= {"stack_volume_mm3": found["stack_volume_mm3"], "volume_error": f"{found['volume_error']:+.2e}"}
     if found["settings"]["estimated_time_s"] is not None:
         plain["estimated_time_min"] = found["settings"]["estimated_time_s"] / 60.0
-    lines = [found["name"], *listing(plain), *(f"note: {line}" for line in found["warnings"])]
+    lines = [found["name"], *listing(plain), *(f"warning: {line}" for line in found["warnings"])]
     lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
     return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
 

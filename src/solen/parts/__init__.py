@@ -1,15 +1,19 @@
-"""Parts: what datasheets say of emitters, receivers and printers, and what a design's emitter is.
+"""Parts: what datasheets say of emitters, receivers, converters, trimmers and printers, and what an emitter is.
 
 `solen.parts.datasheet` holds the files and the library, `solen.parts.light` a design's emitter with the part it names,
 `solen.parts.printer` the printers.
 """
 
 from solen.parts.datasheet import (
+    AdcPart,
+    AdcRange,
     EmitterPart,
     Part,
     PatternPart,
     Quantity,
     ReceiverPart,
+    SpectrumPart,
+    TrimmerPart,
     library,
     library_part,
     load_part,
@@ -18,6 +22,8 @@ from solen.parts.light import Light, light_of
 from solen.parts.printer import Printer, library_printer, load_printer, printer_of, printers
 
 __all__ = [
+    "AdcPart",
+    "AdcRange",
     "EmitterPart",
     "Light",
     "Part",
@@ -25,6 +31,8 @@ __all__ = [
     "Printer",
     "Quantity",
     "ReceiverPart",
+    "SpectrumPart",
+    "TrimmerPart",
     "library",
     "library_part",
     "library_printer",

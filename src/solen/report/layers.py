@@ -49,7 +49,8 @@ def _draw_layer(axes: Axes, job: Job, layer: Layer) -> None:
     picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
     rows, columns = picture.shape
     step = max(1, max(rows, columns) // MOST_PIXELS)
-    extent = (-0.5 * columns * pitch, 0.5 * columns * pitch, -0.5 * rows * pitch, 0.5 * rows * pitch)
+    left, low = _from_origin(job)
+    extent = (left, left + columns * pitch, low, low + rows * pitch)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer.from_mm:.3f}–{layer.to_mm:.3f} mm"
     axes.set_title(f"layer {layer.index + 1}: {layer.exposure_s:g} s\n{heights}", fontsize=8)
@@ -66,14 +67,20 @@ def _draw_edge(axes: Axes, job: Job, layer: Layer) -> None:
     row, column = places[np.lexsort((np.abs(places[:, 1] - 0.5 * columns), places[:, 0]))[0]] if len(places) else (0, 0)
     low, left = (_window(at, most) for at, most in ((int(row), rows), (int(column), columns)))
     window = picture[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
-    start = np.array([left - 0.5 * columns, low - 0.5 * rows]) * pitch
+    start = np.array([left, low]) * pitch + _from_origin(job)
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
     axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
     axes.set_title(f"layer {layer.index + 1}: its pixels", fontsize=9)
     axes.tick_params(labelsize=7)
-    axes.set(xlabel="mm from the middle")
+    axes.set(xlabel="mm from the origin")
     axes.grid(visible=False)
+
+
+def _from_origin(job: Job) -> tuple[float, float]:
+    """X and Y of the lower left corner of a copy's tile, from the part's own origin."""
+    (left, low), (x, y) = job.tile_from_mm, job.solid.origin_mm
+    return left - x, low - y
 
 
 def _window(at: int, most: int) -> int:

@@ -1,7 +1,8 @@
 """A print job: copies of a solid on a printer's plate, layer by layer.
 
-The middle of the solid's box stands on a corner of four pixels, near the middle of the plate, and copies are whole
-pixels apart: a part that is symmetric stays so, and every copy is drawn by the same pixels in the same way.
+The part's own origin stands on a corner of four pixels, and copies are whole pixels apart: a sensor, whose origin is
+the lens' vertex, stays symmetric about its axis, what was drawn on a grid of pixels stays on it, and every copy is
+drawn by the same pixels in the same way. All of them together lie about the middle of the plate.
 """
 
 import math
@@ -113,10 +114,17 @@ class Job:
 
     @property
     def tile(self) -> tuple[int, int]:
-        """Rows and columns of pixels that one copy is drawn in, its middle on their middle."""
-        x, y, _ = self.solid.size_mm
-        rows, columns = (2 * math.ceil(0.5 * size / self.printer.pitch_mm - EXACT) for size in (y, x))
-        return max(rows, 2), max(columns, 2)
+        """Rows and columns of pixels that one copy is drawn in."""
+        (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
+        rows, columns = (math.ceil(reach / self.printer.pitch_mm - EXACT) for reach in (y - low, x - left))
+        return max(rows, 1), max(columns, 1)
+
+    @property
+    def tile_from_mm(self) -> tuple[float, float]:
+        """X and Y, in the solid's own, at which the first pixel of a copy's tile begins: less than one before it."""
+        shifts = [origin / self.printer.pitch_mm for origin in self.solid.origin_mm]
+        left, low = ((shift - math.ceil(shift - EXACT)) * self.printer.pitch_mm for shift in shifts)
+        return left, low
 
     @cached_property
     def corners(self) -> tuple[tuple[int, int], ...]:
@@ -131,9 +139,10 @@ class Job:
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
         """X and Y of the middle of each copy from the middle of the plate, before the pictures are mirrored."""
-        pitch, (rows, columns), tile = self.printer.pitch_mm, self.printer.shape, self.tile
+        pitch, (rows, columns) = self.printer.pitch_mm, self.printer.shape
+        (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
         return tuple(
-            ((column + 0.5 * tile[1] - 0.5 * columns) * pitch, (row + 0.5 * tile[0] - 0.5 * rows) * pitch)
+            ((column - 0.5 * columns) * pitch - left + 0.5 * x, (row - 0.5 * rows) * pitch - low + 0.5 * y)
             for row, column in self.corners
         )
 
@@ -166,10 +175,7 @@ class Job:
 
     def _drawn(self, rings: Rings) -> Bytes:
         """Grey values of one copy's tile, rows upwards."""
-        x, y, _ = self.solid.size_mm
-        pitch, (rows, columns) = self.printer.pitch_mm, self.tile
-        origin = (0.5 * (x - columns * pitch), 0.5 * (y - rows * pitch))
-        return coverage_bytes(rings, pitch, origin, (rows, columns))
+        return coverage_bytes(rings, self.printer.pitch_mm, self.tile_from_mm, self.tile)
 
     def _placed(self, tile: Bytes) -> Bytes:
         """The plate's picture: a tile for each copy, the largest Y first."""

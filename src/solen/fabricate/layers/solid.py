@@ -40,6 +40,11 @@ class Solid(Protocol):
         ...
 
     @property
+    def origin_mm(self) -> tuple[float, float]:
+        """X and Y at which the part's own origin lies."""
+        ...
+
+    @property
     def volume_mm3(self) -> float:
         """Its volume."""
         ...
@@ -54,6 +59,7 @@ class Plan:
     """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
 
     size_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float]
     volume_mm3: float
     heights_mm: tuple[float, ...]
     numbers: tuple[int, ...]
@@ -73,6 +79,7 @@ class Slices:
     """A closed mesh that is cut when asked."""
 
     size_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float]
     volume_mm3: float
     solid: "Manifold"
 
@@ -106,12 +113,13 @@ def mesh_solid(mesh: Mesh, rotation: Floats, name: str = "mesh") -> Slices:
 
     _check_closed(mesh, name)
     turned = mesh.vertices @ rotation.T
-    turned -= turned.min(axis=0)
+    corner = turned.min(axis=0)
+    turned -= corner
     solid = Manifold(Mesh64(np.ascontiguousarray(turned), mesh.triangles.astype(np.uint64)))
     if solid.status() != Error.NoError:
         raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
     x, y, z = turned.max(axis=0).tolist()
-    return Slices((x, y, z), mesh.volume_mm3, solid)
+    return Slices((x, y, z), (-float(corner[0]), -float(corner[1])), mesh.volume_mm3, solid)
 
 
 def _check_closed(mesh: Mesh, name: str) -> None:
@@ -146,7 +154,8 @@ def _plan(part: Part, turn: Floats) -> Plan:
     placed = tuple([ring - corner for ring in rings] for rings in sections)
     x, y = np.ptp(points, axis=0).tolist()
     levels = tuple(height - bottom for height in heights)
-    return Plan((x, y, top - bottom), part.volume_mm3, levels, tuple(numbers), placed)
+    origin = (-float(corner[0]), -float(corner[1]))
+    return Plan((x, y, top - bottom), origin, part.volume_mm3, levels, tuple(numbers), placed)
 
 
 def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
