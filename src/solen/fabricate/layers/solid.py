@@ -8,7 +8,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,6 @@ from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.raster import rings_of
 from solen.geometry.body import filled
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
 
 Floats = NDArray[np.float64]
 Rings = Sequence[Floats]
@@ -76,12 +73,12 @@ class Plan:
 
 @dataclass(frozen=True)
 class Slices:
-    """A closed mesh that is cut when asked."""
+    """A closed mesh that is cut when asked; ``solid`` is manifold3d's."""
 
     size_mm: tuple[float, float, float]
     origin_mm: tuple[float, float]
     volume_mm3: float
-    solid: "Manifold"
+    solid: Any
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """Rings at a height."""
