@@ -46,7 +46,8 @@ def random_shot(name: str, seed: int, um_per_px: float) -> Shot:
         angle_deg=rng.uniform(-12, 12),
         optics=optics,
         scenery=scenery,
-        vertex_um=(2300.0 + rng.uniform(-60, 60), 2350.0 + rng.uniform(-60, 60)),
+        vertex_um=(2200.0 + rng.uniform(-60, 60), 2250.0 + rng.uniform(-60, 60)),
+        size_um=(4400.0, 2500.0),
         step=-0.2 if look == "dark" else 0.55,
     )
 
