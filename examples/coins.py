@@ -39,17 +39,15 @@ def edges(grey: Floats) -> list[Edge]:
 
 
 def main() -> dict[str, Floats]:
-    """Diameters in px of the same coins as taken, cropped and turned by 90°, and their rms deviations from round."""
+    """Diameters in px of the coins as taken, and of the same turned by 90°, and their rms deviations from round."""
     grey = data.coins() / 255.0
-    taken, cropped, turned = (np.array([circle(e) for e in edges(g)]) for g in (grey, grey[3:, 2:], np.rot90(grey)))
-    back = {"cropped": cropped[:, :2] + [2, 3], "turned": np.stack([383 - turned[:, 1], turned[:, 0]], axis=1)}
-    same = {name: np.hypot(*(taken[:, None, :2] - at).T).argmin(axis=0) for name, at in back.items()}
-    found = {"taken": taken[:, 2], "cropped": cropped[same["cropped"], 2], "turned": turned[same["turned"], 2]}
-    for name in back:
-        apart = found[name] - found["taken"]
-        print(f"{name}: diameters of {len(apart)} coins differ by {np.median(np.abs(apart)):.3f} px (median)")
+    taken, turned = (np.array([circle(edge) for edge in edges(picture)]) for picture in (grey, np.rot90(grey)))
+    back = np.stack([grey.shape[1] - 1 - turned[:, 1], turned[:, 0]], axis=1)
+    same = np.hypot(*(taken[:, None, :2] - back).transpose(2, 0, 1)).argmin(axis=1)
+    apart = np.abs(turned[same, 2] - taken[:, 2])
+    print(f"turned: diameters of {len(apart)} coins differ by {np.median(apart):.3f} px (median)")
     print(f"deviation from round: {taken[:, 3].min():.2f} to {taken[:, 3].max():.2f} px (rms)")
-    return found | {"round": taken[:, 3]}
+    return {"taken": taken[:, 2], "turned": turned[same, 2], "round": taken[:, 3]}
 
 
 if __name__ == "__main__":
