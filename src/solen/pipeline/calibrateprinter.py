@@ -1,8 +1,8 @@
 """What `solen calibrate-printer` does: from files of measured features to a process file.
 
 A file of features is JSON: ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step",
-"nominal_mm": …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars. Other
-keys, such as those that a measuring program adds, are left alone.
+"nominal_mm": …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
+Other keys, such as those that a measuring program adds, are left alone.
 """
 
 import math
@@ -91,10 +91,17 @@ def _told(fit: Fit, features: Sequence[Feature], simulated: bool) -> dict[str, A
         "df": fit.df,
         "widened_by": fit.scale,
         "residuals": [
-            {"kind": one.kind, "nominal_mm": one.nominal_mm, "measured_mm": one.measured_mm, "printed_mm": _number(size)}
+            {
+                "kind": one.kind,
+                "nominal_mm": one.nominal_mm,
+                "measured_mm": one.measured_mm,
+                "printed_mm": _number(size),
+            }
             for one, size in zip(fit.features, fit.printed_mm.tolist(), strict=True)
         ],
-        "disagree": [{"kind": one.kind, "nominal_mm": one.nominal_mm, "resolved": one.resolved} for one in fit.disagree],
+        "disagree": [
+            {"kind": one.kind, "nominal_mm": one.nominal_mm, "resolved": one.resolved} for one in fit.disagree
+        ],
         "settings": fit.process.process.model_dump(),
         "warnings": warnings,
     }

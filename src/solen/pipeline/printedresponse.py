@@ -1,7 +1,7 @@
 """The response of a sensor with the lens that was designed beside the same with the one that is printed.
 
-Both are traced by power with the same fan of rays, so that what differs is the lens. Whether any response is lost is told
-as the contrast at each angle, its slope about the balance point, and the light that the receivers get.
+Both are traced by power with the same fan of rays, so that what differs is the lens. Whether any response is lost is
+told as the contrast at each angle, its slope about the balance point, and the light that the receivers get.
 """
 
 from collections.abc import Callable

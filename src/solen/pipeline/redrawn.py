@@ -1,7 +1,7 @@
 """Files of a drawing that prints as wanted: a design whose body is that outline, and what it is predicted to print as.
 
-The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and what
-is needed to read it is in it, and its name says that it is not the shape that is wanted.
+The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
+what is needed to read it is in it, and its name says that it is not the shape that is wanted.
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ def contents(
     outline = target.with_name(f"{target.stem}-outline.json")
     profile = target.with_name(f"{target.stem}-printed.json")
     text = COMMENT.format(name=sensor.design.name, process=process) + dumps(_design(sensor, outline.name))
-    drawn = json.dumps(_outline(sensor, made, process), indent=1, allow_nan=False) + "\n"
+    drawn = json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
     return {target: text.encode(), outline: drawn.encode(), profile: profile_text(printed).encode()}
 
 
@@ -44,12 +44,10 @@ def _design(sensor: Sensor, outline: str) -> Design:
     return Design(name=f"{old.name}, {LABEL}", material=material, body=body, fabricate=seats)
 
 
-def _outline(sensor: Sensor, made: Compensation, process: str) -> dict[str, Any]:
+def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
     """Outline as JSON of `solen.geometry.drawing.plain`; the emitter stands where the wanted body has it."""
     body = sensor.body()
-    faces = [
-        {"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline
-    ]
+    faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}
     points = {"pivot": list(body.marks["stem-base"])} if "stem-base" in body.marks else {}
     return {"solen_outline": 1, "faces": faces, "emitters": [emitter], "points": points}

@@ -1,5 +1,7 @@
 """The figure of a calibration: how much larger features were measured than drawn, and what the model makes of them."""
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,7 +38,7 @@ def _kind(sizes: Axes, rest: Axes, kind: str, colour: str, chosen: list[tuple[Fe
     measured = np.array([one.measured_mm or np.nan for one, _ in chosen])
     u = np.array([one.u_mm or np.nan for one, _ in chosen])
     printed = np.array([size for _, size in chosen])
-    marks = {"fmt": "o", "ms": 4, "lw": 1.0, "color": colour}
+    marks: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.0, "color": colour}
     sizes.errorbar(nominal, 1e3 * (measured - nominal), 2e3 * u, label=f"{kind}s, ± 2 u", **marks)
     sizes.plot(nominal, 1e3 * (printed - nominal), color=colour, lw=1.2)
     rest.errorbar(nominal, 1e3 * (measured - printed), 2e3 * u, **marks)

@@ -1,4 +1,4 @@
-"""The figure of a printed lens: how far it is from the wanted one, its walls through the thickness, and its response."""
+"""The figure of a printed lens: how far it is from the wanted one, its walls, and its response."""
 
 from typing import Any
 

@@ -1,9 +1,9 @@
 """What a printer makes of the images that it is sent: dose, set resin, the printed lens, and drawing against it.
 
-`solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.reference` is the dose by direct sums
-and the truth for `solen.fabricate.process.field`, which is fast; `solen.fabricate.process.flat` and
-`solen.fabricate.process.upright` follow a lens's wall in each orientation, `solen.fabricate.process.predict` says how well
-it is known, `solen.fabricate.process.compensate` draws so that it prints as wanted, and
+`solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.reference` is the dose by direct
+sums and the truth for `solen.fabricate.process.field`, which is fast; `solen.fabricate.process.flat` and
+`solen.fabricate.process.upright` follow a lens's wall in each orientation, `solen.fabricate.process.predict` says how
+well it is known, `solen.fabricate.process.compensate` draws so that it prints as wanted, and
 `solen.fabricate.process.calibrate` finds the process's numbers from measured coupons.
 """
 

@@ -1,12 +1,13 @@
 """A process's numbers from measured coupons: the blur, the dose that sets an edge, the shrinkage.
 
-The idea: least squares of printed sizes against measured ones, each weighed by its uncertainty. What the process was taken
-to be before goes in as weak observations, three times as uncertain as it says, so that what coupons cannot tell stays where
-it was, and is said. Large features tell how far an edge grows and how sizes scale; only features about as small as the blur
-tell the blur from the critical dose; washing moves every edge as the critical dose does, and stays as it was stated.
+The idea: least squares of printed sizes against measured ones, each weighed by its uncertainty. What the process was
+taken to be before goes in as weak observations, three times as uncertain as it says, so that what coupons cannot tell
+stays where it was, and is said. Large features tell how far an edge grows and how sizes scale; only features about as
+small as the blur tell the blur from the critical dose; washing moves every edge as the critical dose does, and stays as
+it was stated.
 
-The critical dose that comes out is effective: with the blur it places edges where they were measured. A working curve's is
-another number, and a better one for depths.
+The critical dose that comes out is effective: with the blur it places edges where they were measured. A working curve's
+is another number, and a better one for depths.
 
 The interface: `calibrated` gives a `Fit`.
 """
@@ -18,11 +19,10 @@ from itertools import combinations
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import ndtr
 
 from solen.errors import DataError
-from solen.fabricate.process.coupons import Feature, inside, layers_inside, printed_mm
-from solen.fabricate.process.light import straight_edge_um
+from solen.fabricate.process.coupons import Feature, printed_mm
+from solen.fabricate.process.growth import growth_um, with_growth
 from solen.fabricate.process.settings import Calibration, Process, Settings
 from solen.recording.model import FloatArray
 
@@ -92,7 +92,9 @@ class Fit:
     @property
     def rms_um(self) -> float:
         """Root mean square of printed less measured sizes."""
-        off = [1e3 * (size - (one.measured_mm or 0.0)) for size, one in zip(self.printed_mm, self.features, strict=True)]
+        off = [
+            1e3 * (size - (one.measured_mm or 0.0)) for size, one in zip(self.printed_mm, self.features, strict=True)
+        ]
         return float(np.sqrt(np.nanmean(np.square(off))))
 
 
@@ -122,7 +124,7 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     problem = _Problem(process, used, SOUGHT + (("shrinkage_z_percent",) if lateral < len(used) else ()))
     found = least_squares(
-        problem.residuals, problem.start, bounds=problem.bounds, x_scale=problem.before, diff_step=1e-4, xtol=1e-6
+        problem.residuals, problem.start, bounds=problem.bounds, x_scale=problem.before, diff_step=np.full(len(problem.keys), 1e-4), xtol=1e-6
     )
     jacobian, count = np.asarray(found.jac), len(used)
     chi2 = float(np.sum(found.fun[:count] ** 2))
@@ -133,15 +135,15 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
     weight = np.concatenate([np.full(count, scale**-2), np.ones(len(problem.keys))])
     covariance = np.linalg.inv((jacobian * weight[:, None]).T @ jacobian)
     settings = problem.settings(found.x)
-    made = problem.of_settings(found.x, covariance)
+    u_of_Ec = problem.u_of_Ec(found.x, covariance)
     fit = Fit(
-        process=_process(process, settings, problem.keys, made, name, count, simulated),
+        process=_process(problem, settings, covariance, u_of_Ec, name, simulated),
         keys=problem.sought,
         value=np.asarray(found.x),
         u=np.sqrt(np.diag(covariance)),
         u_before=problem.before,
         covariance=covariance,
-        Ec=(settings.Ec_mJ_per_cm2, math.sqrt(made[1, 1])),
+        Ec=(settings.Ec_mJ_per_cm2, u_of_Ec),
         features=used,
         printed_mm=printed_mm(settings, used),
         chi2=chi2,
@@ -154,7 +156,7 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
 
 
 class _Problem:
-    """Least squares in numbers that coupons tell apart best: the growth of a straight wall in place of critical dose."""
+    """Least squares in numbers that coupons tell apart best: the growth of a straight wall for critical dose."""
 
     def __init__(self, process: Process, used: Sequence[Feature], keys: tuple[str, ...]) -> None:
         self.process, self.used, self.keys = process, used, keys
@@ -166,7 +168,8 @@ class _Problem:
         before = {key: WEAK * (process.uncertainty.get(key) or WIDE[key]) for key in keys}
         before["growth_um"] = WIDEST_GROWTH * settings.pixel_um
         low, high = _ends(settings)
-        self.bounds = tuple(np.array([ends[key] for key in self.sought]) for ends in (low, high))
+        least, most = (np.array([ends[key] for key in self.sought]) for ends in (low, high))
+        self.bounds = (least, most)
         self.start = np.clip([start[key] for key in self.sought], *self.bounds)
         self.before = np.array([before[key] for key in self.sought])
 
@@ -176,7 +179,7 @@ class _Problem:
         growth = changed.pop("growth_um")
         changed["halo_um"] = max(self.process.process.halo_um, changed["sigma_um"])
         blurred = self.process.process.model_copy(update=changed)
-        return blurred.model_copy(update={"Ec_mJ_per_cm2": critical_dose(blurred, growth)})
+        return with_growth(blurred, growth)
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """Of features in their uncertainties, and of what was known before in its own."""
@@ -184,26 +187,13 @@ class _Problem:
         off = np.where(np.isnan(sizes), _LOST_UM, sizes - self._measured)
         return np.concatenate([off / self._u, (values - self.start) / self.before])
 
-    def of_settings(self, values: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Covariance of the numbers of the process file, to first order."""
-        jacobian = np.eye(len(values))
-        for i in range(len(values)):
-            step = 1e-3 * self.before[i]
+    def u_of_Ec(self, values: FloatArray, covariance: FloatArray) -> float:
+        """Uncertainty of the critical dose, to first order."""
+        slope = np.empty(len(values))
+        for i, step in enumerate(1e-3 * self.before):
             ends = [self.settings(values + sign * step * np.eye(len(values))[i]).Ec_mJ_per_cm2 for sign in (1.0, -1.0)]
-            jacobian[1, i] = (ends[0] - ends[1]) / (2.0 * step)
-        return np.asarray(jacobian @ covariance @ jacobian.T)
-
-
-def growth_um(settings: Settings) -> float:
-    """How far a straight wall grows on the window side of a layer far inside."""
-    even = settings.model_copy(update={"burn_in_layers": 0})
-    return straight_edge_um(even, layers_inside(settings), settings.layer_um * (1.0 - 1e-9))
-
-
-def critical_dose(settings: Settings, growth: float) -> float:
-    """Critical dose with which it grows by that."""
-    dose, blur = inside(settings)
-    return float(dose @ ndtr(-growth / blur))
+            slope[i] = (ends[0] - ends[1]) / (2.0 * step)
+        return math.sqrt(float(slope @ covariance @ slope))
 
 
 def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
@@ -215,23 +205,19 @@ def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
 
 
 def _process(
-    process: Process,
-    settings: Settings,
-    keys: Sequence[str],
-    covariance: FloatArray,
-    name: str,
-    count: int,
-    simulated: bool,
+    problem: _Problem, settings: Settings, covariance: FloatArray, u_of_Ec: float, name: str, simulated: bool
 ) -> Process:
-    data = process.model_dump()
+    """Process file of what was found."""
+    before, count = problem.process, len(problem.used)
+    data = before.model_dump()
     data["process"] = settings.model_dump()
     made = "simulated coupons" if simulated else "measured coupons"
-    for i, key in enumerate(keys):
-        data["uncertainty"][key] = float(np.sqrt(covariance[i, i]))
+    for key, variance in zip(problem.keys, np.diag(covariance).tolist(), strict=True):
+        data["uncertainty"][key] = u_of_Ec if key == "Ec_mJ_per_cm2" else math.sqrt(variance)
         data["source"][key] = f"calibration: {count} features of {made}, {name}"
-    data["name"] = f"{process.name}, calibrated on {name}"
+    data["name"] = f"{before.name}, calibrated on {name}"
     data["calibration"] = Calibration(
-        keys=tuple(keys),
+        keys=problem.sought,
         covariance=tuple(tuple(row) for row in covariance.tolist()),
         features=count,
         simulated=simulated,
@@ -254,22 +240,19 @@ def _untold(fit: Fit) -> list[str]:
 
 
 def _together(fit: Fit, settings: Settings) -> list[str]:
-    """Pairs that coupons change alike; washing beside the critical dose always."""
+    """What coupons change alike."""
     found = [
-        "what washing adds or takes cannot be told from the critical dose: both move all edges; wash_um stays "
-        f"{settings.wash_um:g} um, and Ec_mJ_per_cm2 is an effective one, for edges and not for depths"
+        "washing, critical dose, exposure and scattering all move edges alike and cannot be told apart here:
+        Ec_mJ_per_cm2 " f"is an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; what
+        is known is the " "growth of walls, and it is kept"
     ]
-    calibration = fit.process.calibration
-    if calibration is None:
-        return found
-    covariance = np.array(calibration.covariance)
-    scale = np.sqrt(np.diag(covariance))
+    scale = fit.u
     for i, j in combinations(range(len(scale)), 2):
-        correlation = float(covariance[i, j] / (scale[i] * scale[j]))
+        correlation = float(fit.covariance[i, j] / (scale[i] * scale[j]))
         if abs(correlation) > TOGETHER:
             found.append(
-                f"{calibration.keys[i]} and {calibration.keys[j]} are known together and not apart (correlation "
-                f"{correlation:+.3f}): use both as found; features about as small as the blur would tell them apart"
+                f"{fit.keys[i]} and {fit.keys[j]} cannot be told apart well (correlation {correlation:+.2f}): "
+                "measure features of more different sizes"
             )
     return found
 

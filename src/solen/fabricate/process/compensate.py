@@ -1,10 +1,11 @@
 """Drawing a lens otherwise than it is wanted, so that the printer makes it as it is wanted.
 
-The idea: what prints too far out is drawn as much farther in, and printed again in the model until it is right. A printer's
-blur answers a slow change of the drawing by the same change and a fast one hardly at all, so the iteration (drawn minus
-printed error, a fixed point) converges for whatever the printer can make, and what it cannot, such as a corner sharper
-than its blur, is left. Corrections are kept as slow as the blur, or the iteration would drive the drawing into ripples
-that do not print. Other walls are moved by what a straight wall grows by, and all is enlarged against shrinkage.
+The idea: what prints too far out is drawn as much farther in, and printed again in the model until it is right. A
+printer's blur answers a slow change of the drawing by the same change and a fast one hardly at all, so the iteration
+(drawn minus printed error, a fixed point) converges for whatever the printer can make, and what it cannot, such as a
+corner sharper than its blur, is left. Corrections are kept as slow as the blur, or the iteration would drive the
+drawing into ripples that do not print. Other walls are moved by what a straight wall grows by, and all is enlarged
+against shrinkage.
 
 The interface: `compensated` gives a `Compensation`.
 """

@@ -2,23 +2,22 @@
 
 The idea: seen from above, a feature is as wide as it is where it is widest: on the window side of a layer far inside. A
 round image blurred by a Gaussian is a one-dimensional integral, so a coupon is printed without any image, its place
-between pixels averaged over (`Settings.edge_um`). A pillar is not there where even its middle is short of the critical dose;
-a hole is closed and a gap merged where their middle gets it.
+between pixels averaged over (`Settings.edge_um`). A pillar is not there where even its middle is short of the critical
+dose; a hole is closed and a gap merged where their middle gets it.
 
 The interface: `Feature` as measured; `printed_mm` of some of them under some settings.
 """
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.optimize import elementwise
 from scipy.special import i0e
 
-from solen.fabricate.process.light import terms_at
+from solen.fabricate.process.growth import Light, inside
 from solen.fabricate.process.settings import Settings
 from solen.recording.model import FloatArray
 
@@ -27,8 +26,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 GAP_PILLAR_MM = 0.3
 """Diameter of the pillars that a gap is between where the file does not say: that of the published group B."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
-_HALOS = 4  # groups of scattered light
 _NODES = 28
+_EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # of an edge, in µm
 
 
 @dataclass(frozen=True)
@@ -79,40 +78,11 @@ def printed_mm(settings: Settings, features: Sequence[Feature]) -> FloatArray:
     return np.where(found > 0.0, found, np.nan)
 
 
-Light = tuple[FloatArray, FloatArray]
-"""Doses in mJ/cm² and blurs in µm of what arrives on the window side of a layer far inside."""
-
-
-def layers_inside(settings: Settings) -> int:
-    """Layers above which more make no difference."""
-    return math.ceil(25.0 * settings.Dp_um / settings.layer_um) + 1
-
-
-def inside(settings: Settings) -> Light:
-    """Light far inside, on the window side of a layer; scattered light in a few groups of like width."""
-    dose, sigma = _terms(settings)
-    return dose, np.hypot(sigma, settings.pixel_um / math.sqrt(6.0))
-
-
-@lru_cache(maxsize=64)
-def _terms(settings: Settings) -> Light:
-    even = settings.model_copy(update={"burn_in_layers": 0})
-    terms = terms_at(even, layers_inside(settings), settings.layer_um * (1.0 - 1e-9))
-    half = len(terms.dose) // 2
-    narrow, halo, width = terms.dose[:half].sum(), terms.dose[half:], terms.sigma_um[half:]
-    groups = [(narrow, settings.sigma_um)]
-    for part in np.array_split(np.arange(half), min(_HALOS, half)) if halo.sum() > 0.0 else []:
-        weight = halo[part].sum()
-        groups.append((weight, math.sqrt(float(halo[part] @ width[part] ** 2) / weight)))
-    doses, blurs = zip(*groups, strict=True)
-    return np.array(doses), np.array(blurs)
-
-
 def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: float) -> FloatArray:
     """Evenly lit disc blurred by a Gaussian, at distances (n,) from its middle.
 
-    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss and Legendre within 6.5 σ of r; in the middle
-    1 - exp(-R²/2σ²).
+    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss and Legendre within 6.5 σ of r; in the
+    middle 1 - exp(-R²/2σ²).
     """
     nodes, weights = _quadrature()
     low = np.maximum(r_um - _WIDE * sigma_um, 0.0)
@@ -172,7 +142,6 @@ def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -
     found = np.full(len(far), np.nan)
     if has.any():
         ends = (near[has], far[has])
-        tolerances = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}
-        root = elementwise.find_root(excess, ends, args=tuple(one[has] for one in of), tolerances=tolerances)
+        root = elementwise.find_root(excess, ends, args=tuple(one[has] for one in of), tolerances=_EXACT)
         found[has] = root.x
     return found

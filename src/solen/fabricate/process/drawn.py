@@ -1,8 +1,9 @@
 """What the printer is sent: a body's outlines as polylines, as they are or drawn otherwise so that they print as wanted.
 
-The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other wall
-is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage about
-the lens's middle. Where two moved faces no longer meet, they are cut or lengthened along their tangents to where these do.
+The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
+wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage
+about the lens's middle. Where two moved faces no longer meet, they are cut or lengthened along their tangents to where
+these do.
 
 The interface: `DrawnFace`; `as_designed` and `redrawn` of a body; `rings_of` what was drawn, `curve_of` a face.
 """

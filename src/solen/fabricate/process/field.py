@@ -1,8 +1,8 @@
 """The same dose fast: images by Fourier transform, on a grid finer than the pixels, and between its points by splines.
 
 The idea: every term of a dose is an image convolved with a pixel's square and a Gaussian, so its spectrum is a product:
-the image's, sinc·sinc, exp(-σ²k²/2). Terms of one image add up before anything is transformed back, which makes a part of
-any number of like layers one transform there and one back. The Gaussian ends the spectrum, so a fine grid holds the
+the image's, sinc·sinc, exp(-σ²k²/2). Terms of one image add up before anything is transformed back, which makes a part
+of any number of like layers one transform there and one back. The Gaussian ends the spectrum, so a fine grid holds the
 dose to rounding (the grid is chosen so that the narrowest blur is down to `FAINTEST` at its end), and a cubic spline of
 the logarithm, which is nearly a parabola at an edge, gives it in between.
 
@@ -150,7 +150,7 @@ def _frequencies(count: int, fine: int, pitch: float) -> FloatArray:
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Terms of the same blur added up."""
     kinds, which = np.unique(sigma, return_inverse=True)
-    return np.bincount(which, dose), kinds
+    return np.asarray(np.bincount(which, dose), float), kinds
 
 
 def _blur(along: FloatArray, across: FloatArray, dose: FloatArray, sigma: FloatArray) -> FloatArray:

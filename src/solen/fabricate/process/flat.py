@@ -1,12 +1,13 @@
 """A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has one of its own.
 
-The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it: inside,
-all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in layers get
-more and stand out. So the walls taper by dose alone, and ripple once a layer. Light goes through the lens at half its
-thickness, where the emitter is: that height's profile, mean over its layer, is what is meant unless another is asked for.
+The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it:
+inside, all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in
+layers get more and stand out. So the walls taper by dose alone, and ripple once a layer. Light goes through the lens at
+half its thickness, where the emitter is: that height's profile, mean over its layer, is what is meant unless another is
+asked for.
 
-Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle of
-the lens, and washing and taper move a wall along its normal.
+Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
+of the lens, and washing and taper move a wall along its normal.
 
 The interface: `FlatPrint.of` images; `offsets_um` and `profile` at a height, `ripple_um`, `walls_um` over the heights.
 """
@@ -153,7 +154,7 @@ class FlatPrint:
 
 def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
     """Middle heights of some layers, and how far a straight wall stands beyond its image there, shrinkage left out."""
-    heights = (np.arange(layers) + 0.5) * settings.layer_um
+    heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
     lean = math.tan(math.radians(settings.taper_deg))
     beyond = settings.wash_um + lean * (heights - 0.5 * layers * settings.layer_um)
     return heights, np.array([straight_edge_um(settings, layers, float(at)) for at in heights]) + beyond

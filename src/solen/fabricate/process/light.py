@@ -1,9 +1,9 @@
 """Which light reaches a height of a part: of each later layer what the layers between let through, narrow and wide.
 
 The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
-e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), so a dose is a sum of blurred
-images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part is a
-Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
+e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), so a dose is a sum of
+blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part
+is a Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
 
 The interface: `terms_at` gives the `Terms` of a height, for reference and fast field alike to be judged by;
 `straight_edge_um` is how far a straight wall grows by them.

@@ -1,9 +1,9 @@
 """A printed lens as a process makes it, with what the process's own uncertainty leaves open.
 
-The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process, with
-that number larger and smaller by its standard uncertainty; half the difference is what the number contributes, point by
-point along the lens. Where in its pixel the lens comes to stand nobody knows beforehand either: that is one more
-contribution. Numbers that a calibration found together go in with their covariance.
+The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process,
+with that number larger and smaller by its standard uncertainty; half the difference is what the number contributes,
+point by point along the lens. Where in its pixel the lens comes to stand nobody knows beforehand either: that is one
+more contribution. Numbers that a calibration found together go in with their covariance.
 
 The interface: `predicted` gives a `Prediction`; `ORIENTATIONS` are those it knows.
 """
@@ -16,7 +16,8 @@ import numpy as np
 
 from solen.errors import DataError
 from solen.fabricate.process.flat import FlatPrint
-from solen.fabricate.process.settings import Process, Settings
+from solen.fabricate.process.growth import growth_um, with_growth
+from solen.fabricate.process.settings import GROWTH, Process, Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.fabricate.process.upright import Side, SidePrint
 from solen.recording.model import FloatArray
@@ -112,12 +113,12 @@ def predicted(
     else:
         smooth, ripple = SidePrint.of(rings, target, settings, SIDE_OF[orientation]).steps(offset)
     keys, covariance = process.covariance()
+    scale = np.sqrt(np.diag(covariance))
     halves = []
-    for done, key in enumerate(keys, start=1):
-        halves.append(_half_difference(settings, key, process.uncertainty[key], printed))
+    for done, (key, u) in enumerate(zip(keys, scale.tolist(), strict=True), start=1):
+        halves.append(_half_difference(process, key, u, printed))
         if progress is not None:
             progress(done / (len(keys) + 1))
-    scale = np.array([process.uncertainty[key] for key in keys])
     correlation = covariance / np.outer(scale, scale)
     jacobian = np.array(halves).reshape(len(keys), len(offset))
     variance = np.einsum("in,ij,jn->n", jacobian, correlation, jacobian)
@@ -131,14 +132,12 @@ def predicted(
     return Prediction(Deviation(target, smooth), u, ripple, through, ordered)
 
 
-def _half_difference(
-    settings: Settings, key: str, u: float, printed: Callable[[Settings], FloatArray]
-) -> FloatArray:
+def _half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
     """Half of what a number of the process changes from less to more by its uncertainty; one side where that fails."""
 
     def changed(by: float) -> FloatArray | None:
         try:
-            return printed(Settings(**(settings.model_dump() | {key: getattr(settings, key) + by})))
+            return printed(_varied(process, key, by))
         except DataError:
             return None
 
@@ -148,5 +147,14 @@ def _half_difference(
     if more is None and less is None:
         limit = "neither more nor less of it prints a lens"
         raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="state a smaller uncertainty")
-    base = printed(settings)
+    base = printed(process.process)
     return more - base if more is not None else base - np.asarray(less)
+
+
+def _varied(process: Process, key: str, by: float) -> Settings:
+    """Settings with a number more by something; where the growth of walls is known, the critical dose goes along."""
+    settings = process.process
+    if key == GROWTH:
+        return with_growth(settings, growth_um(settings) + by)
+    varied = Settings(**(settings.model_dump() | {key: getattr(settings, key) + by}))
+    return with_growth(varied, growth_um(settings)) if process.keeps_growth else varied

@@ -54,7 +54,8 @@ def _blurred(image: FloatArray, pitch: float, sigma: float, places: FloatArray) 
     """Image at places after a Gaussian blur: every pixel's square adds a product of two differences."""
     rows, columns = image.shape
     across, along = (
-        _share(np.arange(count) * pitch, pitch, sigma, places[:, axis]) for axis, count in ((0, columns), (1, rows))
+        _share(pitch * np.arange(count, dtype=float), pitch, sigma, places[:, axis])
+        for axis, count in ((0, columns), (1, rows))
     )
     return np.asarray(np.einsum("nj,ni,ij->n", across, along, image))
 

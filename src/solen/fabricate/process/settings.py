@@ -4,11 +4,12 @@ The idea: a prediction is worth what its numbers are worth. So the file holds th
 (``[process]``), its standard uncertainty (``[uncertainty]``) and where it comes from (``[source]``), and the covariance
 where a calibration found several at once. What is left out is that of the default, and says so.
 
-The default is drawn from the publication that solen is built around (Cafiso et al., Methods) where that states a number:
-13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. Of the working curve it states bounds alone, and of the
-projector nothing: those values are assumptions, marked as such in the file itself.
+The default is drawn from the publication that solen is built around (Cafiso et al., Methods) where that states a
+number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. Of the working curve it states bounds alone, and of
+the projector nothing: those values are assumptions, marked as such in the file itself.
 
-The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables, `Settings` the values.
+The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables, `Settings` the
+values.
 """
 
 import math
@@ -131,8 +132,16 @@ UNCERTAIN: tuple[str, ...] = tuple(key for key in KEYS if key not in {"burn_in_l
 """Numbers that may have an uncertainty; pixel, layer and number of layers are exact."""
 
 
+GROWTH = "growth_um"
+"""Growth of a straight wall: what a calibration finds in place of the critical dose, see `solen.fabricate.process.growth`."""
+CRITICAL = "Ec_mJ_per_cm2"
+
+
 class Calibration(Strict):
-    """Numbers that were found together, and their covariance in the units of their keys."""
+    """Numbers that were found together, and their covariance in the units of their keys.
+
+    ``growth_um`` among them means that walls grow as measured, whatever other numbers turn out to be.
+    """
 
     table: ClassVar[str] = "calibration"
     error: ClassVar[type[SolenError]] = DataError
@@ -144,9 +153,10 @@ class Calibration(Strict):
 
     @model_validator(mode="after")
     def _is_sound(self) -> Self:
-        unknown = next((key for key in self.keys if key not in UNCERTAIN), None)
+        allowed = (GROWTH, *UNCERTAIN)
+        unknown = next((key for key in self.keys if key not in allowed), None)
         if unknown is not None:
-            raise refused("keys", f"must be some of {', '.join(UNCERTAIN)}", value=unknown)
+            raise refused("keys", f"must be some of {', '.join(allowed)}", value=unknown)
         matrix = np.array(self.covariance, dtype=float) if self._is_square() else np.full((1, 1), -1.0)
         if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * abs(np.trace(matrix)):
             count = len(self.keys)
@@ -176,16 +186,24 @@ class Process(Strict):
                     raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
         return self
 
+    @property
+    def keeps_growth(self) -> bool:
+        """Whether the growth of walls is known, and is kept when other numbers are varied."""
+        return self.calibration is not None and GROWTH in self.calibration.keys
+
     def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
-        """Keys of the uncertain numbers, and their covariance: of a calibration as found, of the others alone."""
-        keys = tuple(key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0)
-        found = np.diag([self.uncertainty[key] ** 2 for key in keys])
+        """Keys of the uncertain numbers, and their covariance: of a calibration as found, of the others alone.
+
+        Where the growth of walls is known, it stands for the critical dose.
+        """
+        together: tuple[str, ...] = () if self.calibration is None else self.calibration.keys
+        alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
+        if self.keeps_growth and CRITICAL in alone:
+            alone.remove(CRITICAL)
+        found = np.diag([0.0] * len(together) + [self.uncertainty[key] ** 2 for key in alone])
         if self.calibration is not None:
-            at = [(i, keys.index(key)) for i, key in enumerate(self.calibration.keys) if key in keys]
-            for i, row in at:
-                for j, column in at:
-                    found[row, column] = self.calibration.covariance[i][j]
-        return keys, found
+            found[: len(together), : len(together)] = self.calibration.covariance
+        return (*together, *alone), found
 
     def with_settings(self, **values: Any) -> "Process":
         """Return the same with some values set; their uncertainty and source go, as those are of the old ones."""
@@ -194,8 +212,7 @@ class Process(Strict):
         for key in values:
             data["uncertainty"].pop(key, None)
             data["source"].pop(key, None)
-        calibration = self.calibration
-        if calibration is not None and set(values) & set(calibration.keys):
+        if set(values) - {"pixel_um"}:
             data["calibration"] = None
         return Process(**data)
 

@@ -111,7 +111,7 @@ def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> Flo
         middle = 0.5 * (low + high)
         inside = field(target.moved_um(np.nan_to_num(middle))) > 0.0
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    return 0.5 * (low + high)
+    return np.asarray(0.5 * (low + high))
 
 
 def _refuse(target: Target, found: FloatArray) -> None:

@@ -1,13 +1,13 @@
 """A lens printed upright or on edge: its profile lies along the direction of printing, and is made of layers.
 
 The idea: seen from the side, a layer is a row: lit where the drawn body is at half the layer's height, with grey at the
-ends. Sideways light blurs as anywhere. Along the printing direction it goes one way, from the window towards the platform:
-below an overhang it sets resin that no layer meant (print-through), above a layer nothing is there yet to be set. So a
-face that looks to the platform is drawn out and its steps are filled in, and a face that looks to the window keeps its
-steps. The body is taken to be thick along y, where nothing changes; shrinkage is stated for both directions.
+ends. Sideways light blurs as anywhere. Along the printing direction it goes one way, from the window towards the
+platform: below an overhang it sets resin that no layer meant (print-through), above a layer nothing is there yet to be
+set. So a face that looks to the platform is drawn out and its steps are filled in, and a face that looks to the window
+keeps its steps. The body is taken to be thick along y, where nothing changes; shrinkage is stated for both directions.
 
-The interface: `SidePrint.of` drawn outlines; `profile_um` gives the offsets along a target's normals, `steps` splits them
-into what the steps' ripple is and what is left without it.
+The interface: `SidePrint.of` drawn outlines; `profile_um` gives the offsets along a target's normals, `steps` splits
+them into what the steps' ripple is and what is left without it.
 """
 
 import math
@@ -97,7 +97,7 @@ class SidePrint:
 
     @cached_property
     def _log_excess(self) -> FloatArray:
-        """Logarithm of dose over critical dose, (layers, sublayers, columns of a fine grid), from each layer's far side."""
+        """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from each layer's far side."""
         s, (layers, columns) = self.settings, self.rows.shape
         fine = fineness(s)
         k = math.tau * fft.rfftfreq(columns * fine, s.pixel_um / fine)
@@ -143,11 +143,9 @@ class SidePrint:
     def profile_um(self) -> FloatArray:
         """How far the printed lens stands beyond the wanted one, (N,) along its normals, steps and all."""
         s = self.settings
-        shrunk = np.array([s.shrinkage_percent, s.shrinkage_z_percent])
-        if self.side != "on-edge":
-            grown = 1.0 / (1.0 - 0.01 * shrunk)
-        else:
-            grown = 1.0 / (1.0 - 0.01 * shrunk[::-1])
+        across, along = s.shrinkage_percent, s.shrinkage_z_percent
+        shrunk = np.array([along, across] if self.side == "on-edge" else [across, along])
+        grown = 1.0 / (1.0 - 0.01 * shrunk)
         centre = np.asarray(self.target.centre)
 
         def excess(places_mm: FloatArray) -> FloatArray:
@@ -156,7 +154,7 @@ class SidePrint:
         return exits_um(excess, self.target, STEP_UM) + s.wash_um
 
     def steps(self, offset_um: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offsets without the steps' ripple, and the ripple, both (N,): a smooth curve with a knot for some ten layers."""
+        """Offsets without the steps' ripple, and the ripple, (N,) each: a smooth curve, a knot for ten layers."""
         along = self.target.along_mm
         knots = np.arange(1, int(1e3 * along[-1] / (_LAYERS_PER_KNOT * self.settings.layer_um)))
         inner = along[-1] * knots / (len(knots) + 1)
