@@ -120,13 +120,13 @@ def test_pillars_stand_on_corners_of_pixels(name: str) -> None:
 @pytest.mark.parametrize(
     ("values", "part"),
     [
-        ({"spacing_mm": 0.0}, "--spacing-mm = 0.0; must be above 0"),
-        ({"layer_um": math.nan}, "--layer-um"),
-        ({"layer_um": math.inf}, "--layer-um"),
+        ({"spacing_mm": 0.0}, "spacing_mm = 0.0; must be above 0"),
+        ({"layer_um": math.nan}, "layer_um"),
+        ({"layer_um": math.inf}, "layer_um"),
         ({"hole_reading": "fifths"}, "must be one of repeats, even, tenths"),
         ({"guide_lengths_mm": ()}, "needs one number at least"),
-        ({"guide_lengths_mm": (5.0, -1.0)}, "--guide-lengths-mm = -1.0"),
-        ({"cubes": 0}, "--cubes = 0"),
+        ({"guide_lengths_mm": (5.0, -1.0)}, "guide_lengths_mm = -1.0"),
+        ({"cubes": 0}, "cubes = 0"),
     ],
 )
 def test_choices_that_cannot_be_are_refused(values: dict[str, object], part: str) -> None:

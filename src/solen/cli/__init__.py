@@ -11,17 +11,34 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, printed, refractometer, resin, spectra, stiffness
+from solen.cli import (
+    analyse,
+    coupons,
+    cure,
+    cutback,
+    design,
+    export,
+    index,
+    inspect,
+    printed,
+    refractometer,
+    resin,
+    spectra,
+    stiffness,
+)
 from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
+    "analyse",
     "app",
+    "coupons",
     "cure",
     "cutback",
     "design",
     "export",
     "index",
+    "inspect",
     "main",
     "printed",
     "refractometer",

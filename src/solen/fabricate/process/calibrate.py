@@ -124,7 +124,12 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     problem = _Problem(process, used, SOUGHT + (("shrinkage_z_percent",) if lateral < len(used) else ()))
     found = least_squares(
-        problem.residuals, problem.start, bounds=problem.bounds, x_scale=problem.before, diff_step=np.full(len(problem.keys), 1e-4), xtol=1e-6
+        problem.residuals,
+        problem.start,
+        bounds=problem.bounds,
+        x_scale=problem.before,
+        diff_step=np.full(len(problem.keys), 1e-4),
+        xtol=1e-6,
     )
     jacobian, count = np.asarray(found.jac), len(used)
     chi2 = float(np.sum(found.fun[:count] ** 2))
@@ -242,9 +247,9 @@ def _untold(fit: Fit) -> list[str]:
 def _together(fit: Fit, settings: Settings) -> list[str]:
     """What coupons change alike."""
     found = [
-        "washing, critical dose, exposure and scattering all move edges alike and cannot be told apart here:
-        Ec_mJ_per_cm2 " f"is an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; what
-        is known is the " "growth of walls, and it is kept"
+        "washing, critical dose, exposure and scattering move edges alike and cannot be told apart here: Ec_mJ_per_cm2 is "
+        f"an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; what is known is the "
+        "growth of walls, and it is kept"
     ]
     scale = fit.u
     for i, j in combinations(range(len(scale)), 2):

@@ -1,4 +1,4 @@
-"""What the printer is sent: a body's outlines as polylines, as they are or drawn otherwise so that they print as wanted.
+"""What the printer is sent: a body's outlines as they are, or drawn otherwise so that they print as wanted.
 
 The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
 wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage

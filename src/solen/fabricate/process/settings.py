@@ -133,7 +133,7 @@ UNCERTAIN: tuple[str, ...] = tuple(key for key in KEYS if key not in {"burn_in_l
 
 
 GROWTH = "growth_um"
-"""Growth of a straight wall: what a calibration finds in place of the critical dose, see `solen.fabricate.process.growth`."""
+"""Growth of a straight wall: what a calibration finds in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 
 

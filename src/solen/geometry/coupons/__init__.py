@@ -7,7 +7,8 @@ coupon says in its ``readings`` what was taken.
 from collections.abc import Callable
 
 from solen.errors import SpecError
-from solen.geometry.coupons.choices import Choices
+from solen.geometry.coupons.choices import Choices, chosen
+from solen.geometry.coupons.file import as_data, coupon_of
 from solen.geometry.coupons.model import Coupon, Feature, Gap, Kind, Reading, Slab, Stage, Step
 from solen.geometry.coupons.pieces import cubes, cure_discs, film_layer, guides
 from solen.geometry.coupons.raised import group_a, group_b, group_c, z_reference
@@ -44,6 +45,9 @@ __all__ = [
     "Slab",
     "Stage",
     "Step",
+    "as_data",
+    "chosen",
+    "coupon_of",
     "cubes",
     "cure_discs",
     "film_layer",

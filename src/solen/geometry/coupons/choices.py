@@ -5,15 +5,21 @@ cannot be printed as they stand; each is a choice here, and the default is expla
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import Literal, get_args, get_type_hints
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, get_args, get_type_hints
 
 from solen.errors import SpecError
+from solen.spec.strict import nearest
 
 HoleReading = Literal["repeats", "even", "tenths"]
 StepReading = Literal["halving", "literal"]
 ReferenceReading = Literal["literal", "staircase"]
 GapReading = Literal["pairs", "row"]
+
+MAY_BE_ZERO = {"bevel_mm", "burn_in_layers"}
+LARGEST = 1e6
+MOST = {"cubes": 100, "burn_in_layers": 1000}
 
 
 @dataclass(frozen=True)
@@ -80,17 +86,51 @@ class Choices:
         hints = get_type_hints(type(self))
         for one in fields(self):
             value = getattr(self, one.name)
-            _check_one(
-                _option(one.name), value, get_args(hints[one.name]), zero=one.name in {"bevel_mm", "burn_in_layers"}
-            )
+            _check_one(one.name, value, get_args(hints[one.name]), zero=one.name in MAY_BE_ZERO)
         for name in ("disc_exposures_s", "guide_lengths_mm"):
             if not getattr(self, name):
-                raise SpecError(_option(name), value="none", limit="needs one number at least")
+                raise SpecError(name, value="none", limit="needs one number at least")
 
 
-def _option(name: str) -> str:
-    """Name of a parameter as an option of the command line."""
-    return "--" + name.lower().replace("_", "-")
+def chosen(values: Mapping[str, object]) -> Choices:
+    """Choices with some values set, by name, as TOML would hold them.
+
+    Raises
+    ------
+    SpecError
+        Where a name is unknown, or a value is of another kind or out of range.
+    """
+    usual = Choices()
+    known = {one.name: getattr(usual, one.name) for one in fields(Choices)}
+    for name in values:
+        if name not in known:
+            near = nearest(name, known)
+            raise SpecError(name, limit="unknown parameter of coupons", remedy=f"did you mean {near}?" if near else "")
+    return replace(usual, **{name: _like(name, known[name], value) for name, value in values.items()})
+
+
+def _like(name: str, usual: object, value: object) -> Any:
+    """A value as its parameter holds it; a list becomes a tuple, a whole number one with a point."""
+    if isinstance(usual, tuple):
+        numbers = value if isinstance(value, list | tuple) else [value]
+        return tuple(_number(name, one) for one in numbers)
+    if isinstance(usual, bool):
+        if not isinstance(value, bool):
+            raise SpecError(name, value=value, limit="must be true or false")
+        return value
+    if isinstance(usual, str):
+        return str(value)
+    if isinstance(usual, int):
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise SpecError(name, value=value, limit="must be a whole number")
+        return value
+    return None if value is None else _number(name, value)
+
+
+def _number(name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SpecError(name, value=value, limit="must be a number")
+    return float(value)
 
 
 def _check_one(what: str, value: object, choices: tuple[object, ...], *, zero: bool) -> None:
@@ -101,5 +141,8 @@ def _check_one(what: str, value: object, choices: tuple[object, ...], *, zero: b
     for number in numbers:
         if isinstance(number, bool) or not isinstance(number, int | float):
             continue
-        if not (math.isfinite(number) and (number > 0 or (zero and number == 0))):
-            raise SpecError(what, value=number, limit="must be at least 0" if zero else "must be above 0")
+        if not (math.isfinite(number) and (number > 0 or (zero and number == 0)) and number <= LARGEST):
+            least = "at least 0" if zero else "above 0"
+            raise SpecError(what, value=number, limit=f"must be {least} and at most {LARGEST:g}")
+    if what in MOST and isinstance(value, int) and value > MOST[what]:
+        raise SpecError(what, value=value, limit=f"must be at most {MOST[what]}")
