@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from solen.cli.app import PRINT, FigureFile, Json, Set, app, progress_bar, show
 
 
-@app.command(group=PRINT, sort_key=40)
+@app.command(group=PRINT, sort_key=36)
 def printed(
     file: Path,
     /,
@@ -105,7 +105,7 @@ def _compensation(made: dict[str, Any] | None) -> list[str]:
     ]
 
 
-@app.command(name="calibrate-printer", group=PRINT, sort_key=41)
+@app.command(name="calibrate-printer", group=PRINT, sort_key=37)
 def calibrate_printer(
     files: list[Path],
     /,
