@@ -342,7 +342,7 @@ def test_lengths_are_those_of_a_fine_polyline(leaf: type[Curve], data: st.DataOb
 
 
 @pytest.mark.parametrize("leaf", [leaf for leaf in LEAVES if leaf is not Spline], ids=lambda leaf: leaf.__name__)
-@few
+@settings(max_examples=12, deadline=None)
 @given(data=st.data())
 def test_a_fitted_spline_stays_within_its_tolerance(leaf: type[Curve], data: st.DataObject) -> None:
     curve = data.draw(LEAVES[leaf])

@@ -204,7 +204,7 @@ def test_the_cases_have_every_curve_and_every_behaviour() -> None:
 
 
 @needs_numba_cuda
-@pytest.mark.parametrize("precision", DTYPES)
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.evidence)])
 def test_the_kernel_compiles_for_a_card(precision: str) -> None:
     """Without a stack frame, with IEEE 754 division and roots, and single precision nearly without double."""
     ptx = elsewhere(f"compiled({precision!r})")

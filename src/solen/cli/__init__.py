@@ -11,17 +11,33 @@ import sys
 
 import cyclopts
 
-from solen.cli import cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import (
+    analyse,
+    coupons,
+    cure,
+    cutback,
+    design,
+    export,
+    index,
+    inspect,
+    refractometer,
+    resin,
+    spectra,
+    stiffness,
+)
 from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
+    "analyse",
     "app",
+    "coupons",
     "cure",
     "cutback",
     "design",
     "export",
     "index",
+    "inspect",
     "main",
     "refractometer",
     "resin",

@@ -1,0 +1,60 @@
+"""The plan of a coupon as SVG at true scale: a user unit is 1 mm, and each feature is a shape that carries its name."""
+
+from xml.sax.saxutils import escape, quoteattr
+
+from solen.fabricate.label import Label
+from solen.geometry.coupons import Coupon, Feature, Slab
+
+MARGIN_MM, LINE_MM, TEXT_MM = 2.0, 0.05, 0.35
+STAGE_APART_MM = 4.0
+
+
+def as_plan(coupon: Coupon, label: Label) -> bytes:
+    """SVG file of a coupon's plan, seen from above, with the nominal sizes beside the features."""
+    width, depth, _ = coupon.size_mm
+    count = len(coupon.stages)
+    high = count * depth + (count - 1) * STAGE_APART_MM + 2.0 * MARGIN_MM + 1.5
+    wide = width + 2.0 * MARGIN_MM
+    box = f"{-0.5 * wide:g} {-0.5 * depth - MARGIN_MM - 1.5:g} {wide:g} {high:g}"
+    lines = [
+        '<?xml version="1.0" encoding="UTF-8"?>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{wide:g}mm" height="{high:g}mm" viewBox="{box}">',
+        f"<title>{escape(label.name)}</title>",
+        f"<desc>{escape('; '.join(label.lines[1:]))}</desc>",
+        f'<g fill="none" stroke="black" stroke-width="{LINE_MM:g}">',
+    ]
+    for number, stage in enumerate(coupon.stages):
+        down = number * (depth + STAGE_APART_MM)
+        if coupon.slab is not None and number == 0:
+            lines.append(_slab(coupon.slab, down))
+        lines += [_shape(one, down) for one in coupon.features if one.stage == stage.name]
+    lines += ["</g>", f'<g font-family="sans-serif" font-size="{TEXT_MM:g}" text-anchor="middle">']
+    for number, stage in enumerate(coupon.stages):
+        down = number * (depth + STAGE_APART_MM)
+        features = [one for one in coupon.features if one.stage == stage.name]
+        lines += [_words(one, down, index) for index, one in enumerate(features)]
+    return "\n".join([*lines, "</g>", "</svg>\n"]).encode()
+
+
+def _slab(slab: Slab, down: float) -> str:
+    return _rectangle("slab", 0.0, down, slab.width_mm, slab.depth_mm, slab.bevel_mm)
+
+
+def _shape(one: Feature, down: float) -> str:
+    if one.round:
+        radius = 0.5 * one.diameter_mm
+        return f'<circle id={quoteattr(one.name)} cx="{one.x_mm:.9g}" cy="{down - one.y_mm:.9g}" r="{radius:.9g}"/>'
+    return _rectangle(one.name, one.x_mm, down - one.y_mm, one.width_mm, one.depth_mm, one.bevel_mm)
+
+
+def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel: float) -> str:
+    """Path of a rectangle about a place, its right back corner bevelled; SVG's y points down."""
+    right, back = x + 0.5 * width, y - 0.5 * depth
+    start = f"M{right - width:.9g} {back + depth:.9g}H{right:.9g}V{back + bevel:.9g}"
+    return f'<path id={quoteattr(name)} d="{start}L{right - bevel:.9g} {back:.9g}H{right - width:.9g}Z"/>'
+
+
+def _words(one: Feature, down: float, index: int) -> str:
+    """Name of a feature above it, every second one higher, so that neighbours' names stay apart."""
+    above = 0.5 * one.depth_mm + 0.12 + 0.4 * (index % 2)
+    return f'<text x="{one.x_mm:.6g}" y="{down - one.y_mm - above:.6g}">{escape(one.name)}</text>'

@@ -1,0 +1,73 @@
+"""Solids of coupons: a slab with its holes as one prism, and a prism for each column that stands on it.
+
+X and Y are those of the layout, Z the height above the plate. A part is made for each run of the printer.
+"""
+
+from solen.curve import Arc, Segment
+from solen.errors import SpecError
+from solen.fabricate.part import Part, Prism
+from solen.geometry import Face
+from solen.geometry.coupons import Coupon, Feature
+from solen.plane import Point
+
+Outline = tuple[Face, ...]
+
+
+def coupon_parts(coupon: Coupon) -> dict[str, Part]:
+    """Parts of a coupon by the names of its stages; each counts its heights from the first layer of its stage.
+
+    Raises
+    ------
+    DesignError
+        Where outlines overlap.
+    """
+    return {stage.name: _part(coupon, stage.name) for stage in coupon.stages}
+
+
+def check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
+    """`SpecError` where a coupon is larger than the build plate, also when it is turned by 90 degrees."""
+    width, depth, _ = coupon.size_mm
+    if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
+        size = f"{width:g} x {depth:g} mm"
+        limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
+        raise SpecError(
+            f"coupon {coupon.name}", value=size, limit=limit, remedy="leave it out, or make its rows shorter"
+        )
+
+
+def _part(coupon: Coupon, stage: str) -> Part:
+    name = f"{coupon.name}-{stage}" if stage else coupon.name
+    features = [feature for feature in coupon.features if feature.stage == stage]
+    holes = [feature for feature in features if feature.kind == "hole"]
+    prisms = []
+    if coupon.slab is not None and stage == coupon.stages[0].name:
+        slab = coupon.slab
+        outer = _rectangle("slab", (0.0, 0.0), slab.width_mm, slab.depth_mm, slab.bevel_mm)
+        outlines = (outer, *(_circle(hole, inside_out=True) for hole in holes))
+        prisms.append(Prism("slab", outlines, 0.0, slab.thickness_mm))
+    columns = [feature for feature in features if feature.kind != "hole"]
+    prisms += [Prism(one.name, (_outline(one),), one.from_mm, one.to_mm) for one in columns]
+    return Part(name, tuple(prisms))
+
+
+def _outline(feature: Feature) -> Outline:
+    if feature.round:
+        return _circle(feature)
+    at = (feature.x_mm, feature.y_mm)
+    return _rectangle(feature.name, at, feature.width_mm, feature.depth_mm, feature.bevel_mm)
+
+
+def _circle(feature: Feature, *, inside_out: bool = False) -> Outline:
+    circle = Arc.circle((feature.x_mm, feature.y_mm), 0.5 * feature.diameter_mm)
+    return (Face(feature.name, circle.reversed() if inside_out else circle),)
+
+
+def _rectangle(name: str, at: Point, width: float, depth: float, bevel: float) -> Outline:
+    """Rectangle about a point, counter-clockwise, its corner at right and back bevelled."""
+    x, y, right, back = *at, at[0] + 0.5 * width, at[1] + 0.5 * depth
+    left, front = 2.0 * x - right, 2.0 * y - back
+    corner = [(right, back)] if bevel == 0.0 else [(right, back - bevel), (right - bevel, back)]
+    corners = [(left, front), (right, front), *corner, (left, back)]
+    sides = ["front", "right", *(["bevel"] if bevel else []), "back", "left"]
+    following = [*corners[1:], corners[0]]
+    return tuple(Face(f"{name}-{side}", Segment(a, b)) for side, a, b in zip(sides, corners, following, strict=True))

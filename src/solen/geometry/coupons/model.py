@@ -1,0 +1,237 @@
+"""What a coupon is: features of nominal place and size on a slab, and what was read into the source that it follows.
+
+A coupon lies on the build plate as seen from above: x to the right, y up, its middle at the origin; heights count from
+the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
+`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` says what
+the source prints and what was made of it, where it contradicts itself or leaves something open.
+
+Everything is a frozen dataclass of plain numbers; solids are made of them in `solen.fabricate`, and measurements are
+matched to them in `solen.metrology`.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Literal
+
+from solen.errors import SpecError
+
+Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide"]
+LARGEST_MM = 1e3
+TOUCH_MM = 1e-6
+"""Features nearer than this touch, up to rounding."""
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A column or a hole of nominal size.
+
+    Attributes
+    ----------
+    name
+        Unique within its coupon: ``d-0.30``.
+    kind
+        What it is; a ``mark`` orients an image and is not evaluated.
+    x_mm, y_mm
+        Its middle.
+    width_mm, depth_mm
+        Its extent along x and y; both are the diameter of a round one.
+    from_mm, to_mm
+        Heights above the plate, or above the zero of its stage; a hole's are those of what it goes through.
+    round
+        Whether it is a circle, or a rectangle.
+    bevel_mm
+        Legs of the bevelled corner of a rectangle, at right and back (+x, +y); 0 for none.
+    stage
+        Name of the run in which it is printed.
+    exposure_s
+        Exposure of its own, where it is not that of the layers.
+    """
+
+    name: str
+    kind: Kind
+    x_mm: float
+    y_mm: float
+    width_mm: float
+    depth_mm: float
+    from_mm: float
+    to_mm: float
+    round: bool = True
+    bevel_mm: float = 0.0
+    stage: str = ""
+    exposure_s: float | None = None
+
+    @property
+    def height_mm(self) -> float:
+        """Its height; of a hole its depth."""
+        return self.to_mm - self.from_mm
+
+    @property
+    def diameter_mm(self) -> float:
+        """Diameter of a round feature; the width of another."""
+        return self.width_mm
+
+    def distance_mm(self, other: "Feature") -> float:
+        """Free distance to another as seen from above; negative where they overlap.
+
+        Two circles' is exact. A circle counts as its square beside a rectangle.
+        """
+        dx, dy = abs(self.x_mm - other.x_mm), abs(self.y_mm - other.y_mm)
+        if self.round and other.round:
+            return math.hypot(dx, dy) - 0.5 * (self.width_mm + other.width_mm)
+        free_x, free_y = dx - 0.5 * (self.width_mm + other.width_mm), dy - 0.5 * (self.depth_mm + other.depth_mm)
+        if free_x > 0.0 and free_y > 0.0:
+            return math.hypot(free_x, free_y)
+        return max(free_x, free_y)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Free distance between two columns, which are told by their names."""
+
+    name: str
+    between: tuple[str, str]
+    gap_mm: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """Difference of height of two neighbouring columns, the lower one first."""
+
+    name: str
+    between: tuple[str, str]
+    step_mm: float
+
+
+@dataclass(frozen=True)
+class Slab:
+    """Rectangular base about the origin, from the plate up; one corner, at right and back (+x, +y), is bevelled."""
+
+    width_mm: float
+    depth_mm: float
+    thickness_mm: float
+    bevel_mm: float = 0.0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One run of the printer.
+
+    ``z_offset_mm`` is how much farther from the vat's floor than usual the build platform must stand at its first
+    layer; ``note`` says what is done before.
+    """
+
+    name: str = ""
+    z_offset_mm: float = 0.0
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the source prints about something, and what was made of it."""
+
+    about: str
+    printed: str
+    taken: str
+
+
+@dataclass(frozen=True)
+class Coupon:
+    """A part to be printed and measured; checked as it is made.
+
+    Attributes
+    ----------
+    name, title
+        ``group-a``, and what it is for in words.
+    features
+        Columns and holes.
+    slab
+        The base that they stand on or go through; None for separate pieces.
+    gaps, steps
+        Differences that the coupon shows.
+    stages
+        Runs of the printer.
+    readings
+        What was read into the source.
+    cautions
+        What the user must know before printing it.
+
+    Raises
+    ------
+    SpecError
+        Where a size is not above 0, a feature leaves the slab, or two features overlap.
+    """
+
+    name: str
+    title: str
+    features: tuple[Feature, ...]
+    slab: Slab | None = None
+    gaps: tuple[Gap, ...] = ()
+    steps: tuple[Step, ...] = ()
+    stages: tuple[Stage, ...] = (Stage(),)
+    readings: tuple[Reading, ...] = ()
+    cautions: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.features:
+            raise SpecError(f"coupon {self.name}", value="no features", limit="needs one")
+        if self.slab is not None:
+            _check_sizes(f"{self.name} slab", self.slab.width_mm, self.slab.depth_mm, self.slab.thickness_mm)
+            if not 0.0 <= self.slab.bevel_mm < min(self.slab.width_mm, self.slab.depth_mm):
+                raise SpecError(f"{self.name} bevel_mm", value=self.slab.bevel_mm, limit="must be less than the slab")
+        for feature in self.features:
+            self._check(feature)
+        if len({feature.name for feature in self.features}) < len(self.features):
+            raise SpecError(
+                f"coupon {self.name}", limit="two features have the same size", remedy="name each size once"
+            )
+        for one, other in combinations(self.features, 2):
+            if one.stage == other.stage and one.distance_mm(other) < TOUCH_MM:
+                value = f"{one.name} and {other.name}"
+                raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="space them farther")
+
+    def _check(self, feature: Feature) -> None:
+        what = f"{self.name} {feature.name}"
+        _check_sizes(what, feature.width_mm, feature.depth_mm, feature.height_mm)
+        if not (math.isfinite(feature.x_mm) and math.isfinite(feature.y_mm)):
+            raise SpecError(what, value=f"at {feature.x_mm}, {feature.y_mm} mm", limit="must be numbers")
+        if feature.exposure_s is not None and not 0.0 < feature.exposure_s < math.inf:
+            raise SpecError(f"{what} exposure_s", value=feature.exposure_s, limit="must be above 0")
+        if self.slab is None:
+            return
+        over_x = abs(feature.x_mm) + 0.5 * feature.width_mm - 0.5 * self.slab.width_mm
+        over_y = abs(feature.y_mm) + 0.5 * feature.depth_mm - 0.5 * self.slab.depth_mm
+        if max(over_x, over_y) > -TOUCH_MM:
+            size = f"{self.slab.width_mm:g} x {self.slab.depth_mm:g} mm"
+            raise SpecError(what, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
+
+    def feature(self, name: str) -> Feature:
+        """The feature of that name; `KeyError` where there is none."""
+        return {feature.name: feature for feature in self.features}[name]
+
+    def of_kind(self, kind: Kind) -> tuple[Feature, ...]:
+        """Its features of a kind."""
+        return tuple(feature for feature in self.features if feature.kind == kind)
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Extent along x and y, and the greatest height of a stage."""
+        if self.slab is not None:
+            width, depth = self.slab.width_mm, self.slab.depth_mm
+        else:
+            width = 2.0 * max(abs(one.x_mm) + 0.5 * one.width_mm for one in self.features)
+            depth = 2.0 * max(abs(one.y_mm) + 0.5 * one.depth_mm for one in self.features)
+        return width, depth, max(one.to_mm for one in self.features)
+
+    @property
+    def measured_kinds(self) -> tuple[str, ...]:
+        """What an image or a z map of it shows: some of ``pillar``, ``hole``, ``gap``, ``step``."""
+        kinds = [kind for kind in ("pillar", "hole") if any(one.kind == kind for one in self.features)]
+        return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
+
+
+def _check_sizes(what: str, *sizes_mm: float) -> None:
+    for size in sizes_mm:
+        if not 0.0 < size <= LARGEST_MM:
+            limit = f"must be above 0 and at most {LARGEST_MM:g} mm"
+            raise SpecError(f"{what} size", value=size, limit=limit, remedy="check its measures")

@@ -1,0 +1,57 @@
+"""The coupon of recessed features: a slab of 16 x 3 x 1 mm with eight through-holes in one row.
+
+The walls between holes, and those at both ends, are all of one thickness. A bevelled corner orients an image.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from solen.errors import SpecError
+from solen.geometry.coupons.choices import Choices
+from solen.geometry.coupons.model import Coupon, Feature, Reading, Slab
+
+SLAB_MM = (16.0, 3.0, 1.0)
+HOLES = 8
+FROM_MM, TO_MM = 1.40, 1.65
+READINGS: dict[str, tuple[tuple[float, ...], str]] = {
+    "repeats": (
+        (1.65, 1.65, 1.60, 1.55, 1.50, 1.45, 1.40, 1.40),
+        "steps of 0.05 mm, which the resolved 50 µm asks for, over the span; the largest and the smallest hole are "
+        "there twice, which makes eight and shows how alike two equal holes come out",
+    ),
+    "even": (
+        tuple(round(TO_MM - number * (TO_MM - FROM_MM) / (HOLES - 1), 6) for number in range(HOLES)),
+        "eight even steps of 0.0357 mm over the span",
+    ),
+    "tenths": (
+        tuple(round(FROM_MM + number * 0.1, 2) for number in reversed(range(HOLES))),
+        "steps of 0.1 mm from 1.40 mm on: eight holes then reach 2.10 mm, beyond the span",
+    ),
+}
+
+
+def holes(choices: Choices | None = None, diameters_mm: Sequence[float] | None = None) -> Coupon:
+    """Through-holes of falling diameter: the smallest variation of diameter that is resolved."""
+    choices = choices or Choices()
+    read, taken = READINGS[choices.hole_reading]
+    sizes = tuple(diameters_mm) if diameters_mm is not None else read
+    width, depth, thickness = SLAB_MM
+    wall = (width - sum(sizes)) / (len(sizes) + 1)
+    if wall <= 0.0:
+        limit = f"do not fit side by side into a slab of {width:g} mm"
+        raise SpecError("holes diameters_mm", value=list(sizes), limit=limit, remedy="make them fewer or smaller")
+    printed = "eight circular through-holes … 1.40–1.65 mm (steps of 0.1 mm)"
+    reading = Reading("diameters", printed, taken if diameters_mm is None else "diameters that the caller gave")
+    slab = Slab(width, depth, thickness, choices.bevel_mm)
+    return Coupon("holes", "holes of falling diameter", _row(sizes, wall, thickness), slab, readings=(reading,))
+
+
+def _row(sizes: Sequence[float], wall: float, thickness: float) -> tuple[Feature, ...]:
+    """Holes along x with equal walls; a size that is there again gets a letter."""
+    found, edge, seen = [], -0.5 * SLAB_MM[0] + wall, Counter[float]()
+    for size in sizes:
+        seen[size] += 1
+        letter = "" if seen[size] == 1 else f"-{chr(ord('a') + seen[size] - 1)}"
+        found.append(Feature(f"hole-{size:g}{letter}", "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))
+        edge += size + wall
+    return tuple(found)

@@ -1,0 +1,278 @@
+"""Sub-pixel edges: where a contour really is, from the blurred step that the picture shows along its normals.
+
+The idea: contours by a threshold are off by a part of a pixel, more where the ground is uneven. Here a first contour
+only says where to look. Along each of its normals the grey values are read, averaged over a few neighbouring lines, and
+a step blurred by a Gaussian is fitted with levels of its own; the edge is the middle of the step. What is not such a
+step (dust, a reflection, an edge too weak for the noise) is set aside with its reason.
+
+The interface: `fit_edge` of a picture and a contour gives an `Edge`; `normals_of` a contour; `profiles` are the grey
+values along normals. Places are (x, y) = (column, row) in pixels, whole at the middle of a pixel, y downwards.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from solen.metrology.step import MOST_BLUR_PX, Steps, fit_steps
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+REASONS = ("outside the picture", "saturated", "low contrast", "no fit", "odd blur", "odd shape", "off its neighbours")
+"""Why a place on a contour has no edge, in the order in which they are asked."""
+LINES = 5
+"""Neighbouring lines, one pixel apart, whose grey values are averaged."""
+BLURS = 5.0
+"""Half the length of a fitted line, in blurs."""
+LEAST_HALF_PX = 5.0
+SOME, WIDER = 200, 1.25
+"""The blur is found from so many places; lines are long enough where it grows by less than this factor."""
+SATURATED = 0.2
+"""Share of a line at the camera's limit."""
+MOST_U_PX = 1.0
+LEAST_SNR = 4.0
+"""Rise of the step over the noise of a line, below which it is none."""
+LEAST_RISE = 0.25
+"""Rise over the median rise along the contour, below which it is another edge or none."""
+ODD_BLUR = 2.5
+ODD_SHAPE = 3.0
+"""Residuals above so many times their median: something else lies on the edge."""
+ODD_SHARE = 0.05
+"""Of the rise: residuals below it are no sign of anything."""
+NEIGHBOURS = 15
+OFF_SIGMAS, OFF_PX = 5.0, 0.5
+
+
+@dataclass(frozen=True)
+class Edge:
+    """An edge, place by place along its contour.
+
+    Attributes
+    ----------
+    points_px
+        Shape (N, 2): (x, y) of the edge.
+    normals
+        Shape (N, 2): unit vectors along which it was looked for.
+    u_px
+        Shape (N,): standard uncertainty of the place along the normal.
+    blur_px
+        Shape (N,): standard deviation of the blur.
+    rise
+        Shape (N,): by how much the grey value rises along the normal.
+    kept
+        Shape (N,): whether the place is an edge.
+    rejected
+        How many places were set aside, by reason (`REASONS`).
+    """
+
+    points_px: Floats
+    normals: Floats
+    u_px: Floats
+    blur_px: Floats
+    rise: Floats
+    kept: Flags
+    rejected: dict[str, int]
+
+    @property
+    def blur(self) -> float:
+        """Median blur of the places that are kept, px; NaN where there is none."""
+        return float(np.median(self.blur_px[self.kept])) if self.kept.any() else float("nan")
+
+    @property
+    def contrast(self) -> float:
+        """Median rise of the places that are kept; NaN where there is none."""
+        return float(np.median(self.rise[self.kept])) if self.kept.any() else float("nan")
+
+
+def normals_of(contour_px: Floats, *, closed: bool, over: int = 5) -> Floats:
+    """Unit normals (N, 2) of a contour: to the left of its way, as one sees it in the picture.
+
+    The way goes from ``over`` places before to ``over`` places behind, and (dx, dy) is turned into (dy, −dx).
+    """
+    if closed:
+        ahead, behind = np.roll(contour_px, -over, axis=0), np.roll(contour_px, over, axis=0)
+    else:
+        index = np.arange(len(contour_px))
+        ahead = contour_px[np.minimum(index + over, len(contour_px) - 1)]
+        behind = contour_px[np.maximum(index - over, 0)]
+    way = ahead - behind
+    return np.stack([way[:, 1], -way[:, 0]], axis=1) / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-12)[:, None]
+
+
+def profiles(
+    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES
+) -> tuple[Floats, Flags]:
+    """Grey values (N, M) at distances ``t_px`` (M,) along normals, and whether they lie in the picture.
+
+    Values between pixels are by cubic splines; ``lines`` parallel lines, one pixel apart, are averaged.
+    """
+    rows, columns = grey.shape
+    values = np.zeros((len(points_px), len(t_px)))
+    inside = np.ones(values.shape, dtype=bool)
+    patch, corner = _patch(grey, points_px, float(np.max(np.abs(t_px))) + lines)
+    for shift in np.arange(lines) - 0.5 * (lines - 1):
+        x = points_px[:, :1] + normals[:, :1] * t_px - normals[:, 1:] * shift
+        y = points_px[:, 1:] + normals[:, 1:] * t_px + normals[:, :1] * shift
+        inside &= (x >= 0.0) & (x <= columns - 1.0) & (y >= 0.0) & (y <= rows - 1.0)
+        values += ndimage.map_coordinates(
+            patch, [y - corner[1], x - corner[0]], order=3, prefilter=False, mode="nearest"
+        )
+    return values / lines, inside
+
+
+def _patch(grey: Floats, points: Floats, reach: float) -> tuple[Floats, tuple[int, int]]:
+    """Spline coefficients of the part of the picture that is needed, and its first column and row."""
+    rows, columns = grey.shape
+    margin = reach + 12.0  # the spline's memory is a few pixels
+    x0, y0 = (int(max(0.0, np.floor(float(points[:, i].min()) - margin))) for i in (0, 1))
+    x1, y1 = (int(np.ceil(float(points[:, i].max()) + margin)) + 1 for i in (0, 1))
+    x0, y0 = min(x0, columns - 1), min(y0, rows - 1)
+    part = grey[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
+    return np.asarray(ndimage.spline_filter(part, order=3, mode="nearest")), (x0, y0)
+
+
+def fit_edge(
+    grey: Floats,
+    contour_px: Floats,
+    normals: Floats,
+    *,
+    blur_px: float = 2.0,
+    half_px: float = float("inf"),
+    ceiling: float = float("inf"),
+    rising: bool | None = None,
+    lines: int = LINES,
+    closed: bool = False,
+) -> Edge:
+    """Edge near a contour, to a small part of a pixel.
+
+    Parameters
+    ----------
+    grey
+        Shape (rows, columns).
+    contour_px, normals
+        Shape (N, 2): a contour within about two blurs of the edge, and unit vectors across it.
+    blur_px
+        First guess of the blur; the picture's own is found from it.
+    half_px
+        How far to look at most on each side, where another edge is near.
+    ceiling
+        Grey value at which the camera was saturated.
+    rising
+        Whether the grey value rises along the normals; None takes the sign that most have.
+    lines
+        Parallel lines to average, one pixel apart; 1 where the contour turns within a few pixels.
+    closed
+        Whether the last place is beside the first.
+    """
+    at = np.zeros((len(contour_px), 1))
+    view = _View(grey, contour_px, normals, half_px, ceiling, lines, closed)
+    steps, inside, saturated = view.fitted(at, view.blur(at, blur_px))
+    return view.judged(steps, 0, rising, inside, saturated)
+
+
+def fit_two_edges(
+    grey: Floats,
+    contour_px: Floats,
+    normals: Floats,
+    at_px: Floats,
+    *,
+    blur_px: float = 2.0,
+    ceiling: float = float("inf"),
+    lines: int = LINES,
+) -> tuple[Edge, Edge]:
+    """Two edges that lie so near each other that their blurs overlap, fitted together.
+
+    Parameters as in `fit_edge`; ``at_px`` (N, 2) are first guesses of both places along the normals.
+    """
+    view = _View(grey, contour_px, normals, float("inf"), ceiling, lines, False)
+    steps, inside, saturated = view.fitted(at_px, blur_px)
+    return (view.judged(steps, 0, None, inside, saturated), view.judged(steps, 1, None, inside, saturated))
+
+
+@dataclass(frozen=True)
+class _View:
+    """A contour in a picture, and how it is looked at."""
+
+    grey: Floats
+    contour_px: Floats
+    normals: Floats
+    half_px: float
+    ceiling: float
+    lines: int
+    closed: bool
+
+    def blur(self, at: Floats, guess_px: float) -> float:
+        """Median blur of some of the places, looked at ever wider until the lines are long enough for it."""
+        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
+        part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
+        for _ in range(4):
+            steps, inside, _ = part.fitted(at[some], guess_px)
+            good = steps.settled & inside & (np.abs(steps.rise[:, 0]) > LEAST_SNR * steps.noise)
+            found = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
+            if found < WIDER * guess_px:
+                return float(np.clip(found, 0.5, MOST_BLUR_PX))
+            guess_px = min(found, MOST_BLUR_PX)
+        return guess_px
+
+    def fitted(self, at: Floats, blur_px: float) -> tuple[Steps, Flags, Flags]:
+        """Fits, and whether each line lies in the picture and how much of it is saturated."""
+        around = max(BLURS * blur_px, LEAST_HALF_PX)
+        half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
+        t = np.arange(-half, half + 0.5)
+        values, inside = profiles(self.grey, self.contour_px, self.normals, t, self.lines)
+        use = (t >= at.min(axis=1, keepdims=True) - around) & (t <= at.max(axis=1, keepdims=True) + around)
+        saturated = np.sum((values >= self.ceiling - 1e-9) & use, axis=1) > SATURATED * np.sum(use, axis=1)
+        return fit_steps(t, values, at, blur_px, use), (inside | ~use).all(axis=1), saturated
+
+    def judged(self, steps: Steps, which: int, rising: bool | None, inside: Flags, saturated: Flags) -> Edge:
+        """One of the fitted edges, with what is no edge set aside."""
+        at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
+        points = self.contour_px + self.normals * at[:, None]
+        fit = inside & ~saturated
+        noise = _median(steps.noise, fit)
+        strong = fit & (np.abs(rise) > LEAST_SNR * noise)
+        usual = _median(rise, strong) if rising is None else (1.0 if rising else -1.0) * _median(np.abs(rise), strong)
+        weak = (rise * np.sign(usual) < LEAST_RISE * abs(usual)) | (np.abs(rise) < LEAST_SNR * noise) | (usual == 0.0)
+        usual_blur = _median(blur, fit & ~weak)
+        bad = {
+            "outside the picture": ~inside,
+            "saturated": saturated,
+            "low contrast": weak,
+            "no fit": ~steps.settled | ~(u < MOST_U_PX),
+            "odd blur": (blur > ODD_BLUR * usual_blur) | (blur < usual_blur / ODD_BLUR),
+            "odd shape": steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual)),
+        }
+        kept, rejected = _counted(bad, len(at))
+        bad = {"off its neighbours": kept & _off(points, self.contour_px, self.normals, kept, self.closed)}
+        still, more = _counted(bad, len(at))
+        return Edge(points, self.normals, u, blur, rise, kept & still, rejected | more)
+
+
+def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
+    """What no reason speaks against, and how many each reason takes away from what is left."""
+    kept, rejected = np.ones(count, dtype=bool), {}
+    for reason, flags in bad.items():
+        rejected[reason] = int(np.sum(kept & flags))
+        kept &= ~flags
+    return kept, rejected
+
+
+def _median(values: Floats, where: Flags) -> float:
+    return float(np.median(values[where])) if where.any() else 0.0
+
+
+def _off(points: Floats, contour: Floats, normals: Floats, kept: Flags, closed: bool) -> Flags:
+    """Places further from the running median of their neighbours than these scatter, and than half a pixel."""
+    if int(kept.sum()) < NEIGHBOURS:
+        return np.zeros(len(kept), dtype=bool)
+    mode: Literal["wrap", "nearest"] = "wrap" if closed else "nearest"
+    smooth = ndimage.uniform_filter1d(contour, 5, axis=0, mode=mode)
+    offset = np.sum((points - smooth) * normals, axis=1)[kept]
+    rest = offset - ndimage.median_filter(offset, NEIGHBOURS, mode=mode)
+    scatter = 1.4826 * float(np.median(np.abs(rest)))
+    off = np.zeros(len(kept), dtype=bool)
+    off[kept] = np.abs(rest) > max(OFF_SIGMAS * scatter, OFF_PX)
+    return off

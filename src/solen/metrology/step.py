@@ -1,0 +1,169 @@
+"""Many blurred steps fitted at once: grey values along a line that crosses one edge, or two.
+
+    I(t) = level + slope t + Σ rise_k · ½ [1 + erf((t − at_k) / (√2 blur_k))]
+
+A straight edge blurred by a Gaussian of standard deviation ``blur`` is exactly this. Each row of the data is a line of
+its own; all rows are fitted together by Levenberg and Marquardt's method (see D. W. Marquardt, J. Soc. Indust. Appl.
+Math. 11, 431, 1963), each with its own damping.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+Floats = NDArray[np.float64]
+
+ROUNDS = 40
+SETTLED_PX = 1e-4
+"""A fit whose edges move by less is done."""
+LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
+"""A pixel integrates over its width, 0.29 px as a standard deviation, and reading between pixels blurs a little more:
+no picture of an edge is sharper, and below this the place of an edge between two values would be undetermined."""
+NARROWER = 0.3
+"""Limits of the logarithm of the blur's change in one round."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Fits of N lines with K edges each.
+
+    Attributes
+    ----------
+    at_px, u_at_px
+        Shape (N, K): places of the edges on their line, and their standard uncertainties from the residuals.
+    rise
+        Shape (N, K): by how much the grey value rises there, along the line.
+    blur_px
+        Shape (N, K): standard deviation of the blur.
+    level, slope_per_px
+        Shape (N,): background before the edges at t = 0, and its slope.
+    noise
+        Shape (N,): standard deviation of the residuals.
+    settled
+        Shape (N,): whether the fit ended.
+    """
+
+    at_px: Floats
+    u_at_px: Floats
+    rise: Floats
+    blur_px: Floats
+    level: Floats
+    slope_per_px: Floats
+    noise: Floats
+    settled: NDArray[np.bool_]
+
+
+def fit_steps(t_px: Floats, values: Floats, at_px: Floats, blur_px: float, use: NDArray[np.bool_]) -> Steps:
+    """Fit the steps of N lines.
+
+    Parameters
+    ----------
+    t_px
+        Shape (M,), places along the lines.
+    values
+        Shape (N, M), grey values there.
+    at_px
+        Shape (N, K), first guesses of the edges.
+    blur_px
+        First guess of the blur.
+    use
+        Shape (N, M): which values are fitted; at least 2 + 3 K + 1 of each line.
+    """
+    weight = use.astype(np.float64)
+    values = np.where(use, values, 0.0)
+    parameters = _start(t_px, values, at_px, blur_px, weight)
+    damping = np.full(len(values), 1e-3)
+    residual, jacobian = _model(t_px, values, parameters, weight)
+    cost = np.sum(residual**2, axis=1)
+    settled = np.zeros(len(values), dtype=bool)
+    for _ in range(ROUNDS):
+        step = _step(parameters, jacobian, residual, damping)
+        trial = _limited(parameters, step, t_px)
+        new_residual, new_jacobian = _model(t_px, values, trial, weight)
+        new_cost = np.sum(new_residual**2, axis=1)
+        better = new_cost <= cost
+        moved = np.max(np.abs(trial[:, 3::3] - parameters[:, 3::3]), axis=1)
+        settled |= moved < SETTLED_PX
+        parameters = np.where(better[:, None], trial, parameters)
+        residual = np.where(better[:, None], new_residual, residual)
+        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
+        cost = np.where(better, new_cost, cost)
+        damping = np.clip(np.where(better, 0.3 * damping, 8.0 * damping), 1e-9, 1e9)
+        if settled.all():
+            break
+    return _steps(parameters, jacobian, cost, weight, settled)
+
+
+def _start(t: Floats, values: Floats, at: Floats, blur: float, weight: Floats) -> Floats:
+    """First parameters: levels and rises by linear least squares at the guessed places and blur."""
+    count, edges = at.shape
+    shape = 0.5 * (1.0 + erf((t[None, None, :] - at[:, :, None]) / (np.sqrt(2.0) * blur)))
+    columns = np.concatenate([np.ones((count, 1, len(t))), shape], axis=1) * weight[:, None, :]
+    normal = np.einsum("nim,njm->nij", columns, columns) + 1e-9 * np.eye(edges + 1)
+    found = np.linalg.solve(normal, np.einsum("nim,nm->ni", columns, values)[..., None])[..., 0]
+    parameters = np.zeros((count, 2 + 3 * edges))
+    parameters[:, 0] = found[:, 0]
+    parameters[:, 2::3], parameters[:, 3::3], parameters[:, 4::3] = found[:, 1:], at, np.log(blur)
+    return parameters
+
+
+def _model(t: Floats, values: Floats, parameters: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Weighted residuals (N, M), and derivatives (N, M, P) of the model by level, slope, and rise, place, log blur."""
+    rise, at, blur = parameters[:, 2::3], parameters[:, 3::3], np.exp(parameters[:, 4::3])
+    u = (t[None, None, :] - at[:, :, None]) / blur[:, :, None]
+    shape = 0.5 * (1.0 + erf(u / np.sqrt(2.0)))
+    bell = np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
+    model = parameters[:, :1] + parameters[:, 1:2] * t[None, :] + np.einsum("nk,nkm->nm", rise, shape)
+    jacobian = np.empty((*values.shape, parameters.shape[1]))
+    jacobian[..., 0], jacobian[..., 1] = 1.0, t[None, :]
+    jacobian[..., 2::3] = np.moveaxis(shape, 1, 2)
+    jacobian[..., 3::3] = np.moveaxis(-(rise / blur)[:, :, None] * bell, 1, 2)
+    jacobian[..., 4::3] = np.moveaxis(-rise[:, :, None] * u * bell, 1, 2)
+    return (values - model) * weight, jacobian * weight[..., None]
+
+
+def _normal(jacobian: Floats, damping: Floats) -> Floats:
+    """Normal matrices (N, P, P), their diagonals raised by a fraction."""
+    normal = np.einsum("nmi,nmj->nij", jacobian, jacobian)
+    diagonal = np.einsum("nii->ni", normal)
+    floor = 1e-12 * (1.0 + diagonal.max(axis=1, keepdims=True))
+    extra = damping[:, None] * diagonal + floor
+    return np.asarray(normal + extra[:, :, None] * np.eye(normal.shape[1]))
+
+
+def _step(parameters: Floats, jacobian: Floats, residual: Floats, damping: Floats) -> Floats:
+    """Steps (N, P); a blur at its limit that would go beyond stays there, or what depends on it would never settle."""
+    gradient = np.einsum("nmi,nm->ni", jacobian, residual)
+    held = np.zeros(gradient.shape, dtype=bool)
+    blur, way = parameters[:, 4::3], gradient[:, 4::3]
+    held[:, 4::3] = (blur <= np.log(LEAST_BLUR_PX)) & (way < 0.0) | (blur >= np.log(MOST_BLUR_PX)) & (way > 0.0)
+    normal = _normal(np.where(held[:, None, :], 0.0, jacobian), damping)
+    return np.asarray(np.linalg.solve(normal, np.where(held, 0.0, gradient)[..., None])[..., 0])
+
+
+def _limited(parameters: Floats, step: Floats, t: Floats) -> Floats:
+    """Parameters after a step that leaves every edge on its line and changes a blur by no more than a third."""
+    trial = parameters + step
+    trial[:, 3::3] = np.clip(trial[:, 3::3], t[0], t[-1])
+    narrow = np.clip(step[:, 4::3], -NARROWER, NARROWER)
+    trial[:, 4::3] = np.clip(parameters[:, 4::3] + narrow, np.log(LEAST_BLUR_PX), np.log(MOST_BLUR_PX))
+    return trial
+
+
+def _steps(parameters: Floats, jacobian: Floats, cost: Floats, weight: Floats, settled: NDArray[np.bool_]) -> Steps:
+    freedom = np.maximum(weight.sum(axis=1) - parameters.shape[1], 1.0)
+    variance = cost / freedom
+    covariance = np.linalg.inv(_normal(jacobian, np.zeros(len(cost))))
+    spread = np.sqrt(np.maximum(np.einsum("nii->ni", covariance)[:, 3::3] * variance[:, None], 0.0))
+    return Steps(
+        at_px=parameters[:, 3::3],
+        u_at_px=spread,
+        rise=parameters[:, 2::3],
+        blur_px=np.exp(parameters[:, 4::3]),
+        level=parameters[:, 0],
+        slope_per_px=parameters[:, 1],
+        noise=np.sqrt(variance),
+        settled=settled,
+    )

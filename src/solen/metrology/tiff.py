@@ -1,0 +1,191 @@
+"""TIFF as microscopes write it: OME-TIFF, ImageJ, and plain TIFF with a resolution, by tifffile."""
+
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError, SolenError
+from solen.metrology.picture import float_levels
+from solen.metrology.planes import Plane, brightness, check_size, check_vision, is_simulated, upright
+from solen.metrology.scale import Tag, in_um
+
+if TYPE_CHECKING:
+    import tifffile
+
+MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
+"""ResolutionUnit: inch and centimetre of TIFF 6.0, millimetre and micrometre of later writers."""
+AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
+WHITE_IS_ZERO, PALETTE = 0, 3
+MOST_SAMPLES = 4
+"""Red, green, blue and one more; of more channels the axes tell."""
+
+
+def read(file: str, data: bytes) -> Plane:
+    """Plane of a TIFF; `DataError` where it is damaged or holds several; `OutputError` without the extra ``vision``."""
+    check_vision(file)
+    import tifffile
+
+    try:
+        with warnings.catch_warnings(), _silent():
+            warnings.simplefilter("ignore")
+            with tifffile.TiffFile(io.BytesIO(data)) as opened:
+                return _plane(file, data, opened)
+    except SolenError:
+        raise
+    except Exception as bad:  # a damaged file makes tifffile and its decoders raise nearly anything
+        raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what tifffile logs of a damaged file off the terminal: what matters of it is raised."""
+    logger = logging.getLogger("tifffile")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+def _plane(file: str, data: bytes, opened: "tifffile.TiffFile") -> Plane:
+    if not opened.series:
+        raise DataError(file, limit="holds no picture", remedy="export it again")
+    series, page = opened.series[0], opened.pages.first
+    check_size(file, page.imagewidth, page.imagelength)
+    if page.samplesperpixel > MOST_SAMPLES:
+        raise DataError(file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane")
+    _check_planes(file, opened, series)
+    grey, bits, said = _grey(file, page, _decoded(file, data, page))
+    tags, kind, instrument, date = _ome(opened) if opened.is_ome else ((), "tiff", "", "")
+    if opened.is_imagej:
+        kind = "imagej-tiff"
+    tags = (*tags, *_imagej(opened), *_resolution(opened))
+    description, software = f"{page.description} {opened.imagej_metadata or ''}", str(page.software or "")
+    return Plane(
+        upright(grey, int(_value(page, "Orientation", 1))),
+        bits,
+        tags,
+        kind,
+        instrument or " ".join(str(_value(page, name, "")).strip() for name in ("Make", "Model")).strip(),
+        date or str(_value(page, "DateTime", "")),
+        {"software": software} if software else {},
+        is_simulated(description, software),
+        said,
+    )
+
+
+def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
+    """`DataError` for more than one plane, by the name of what they are; sizes of one picture are not several."""
+    for axis, size in zip(series.axes, series.shape, strict=True):
+        if axis not in "YXS" and size > 1:
+            what = AXES.get(axis, "{} planes along " + axis).format(size)
+            raise DataError(file, limit=f"holds {what}", remedy="export the one plane to measure")
+    if len(opened.series) > 1:
+        shapes = {one.shape for one in opened.series}
+        limit = f"holds {len(opened.series)} pictures of {len(shapes)} size{'s' * (len(shapes) > 1)}"
+        raise DataError(file, limit=limit, remedy="export the one to measure")
+
+
+def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
+    """Pixels of the page; by Pillow where a compression is one that tifffile needs another package for."""
+    try:
+        return np.asarray(page.asarray())
+    except ValueError as bad:
+        if "imagecodecs" not in str(bad):
+            raise
+    from PIL import Image as Pillow
+
+    with Pillow.open(io.BytesIO(data)) as opened:
+        values = np.asarray(opened)
+    if values.dtype == bool:
+        values = values.astype(np.uint8) * 255
+    if values.shape[:2] != (page.imagelength, page.imagewidth):
+        raise DataError(file, limit="is compressed in a way that is not read", remedy="save it without compression")
+    return values
+
+
+def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[NDArray[np.float64], int | None, tuple[str, ...]]:
+    values = np.squeeze(values)
+    if page.photometric == PALETTE:
+        values = np.moveaxis(np.asarray(page.colormap)[:, values], 0, -1)
+    if values.ndim == 3 and values.shape[0] in (3, 4) and values.shape[2] not in (3, 4):
+        values = np.moveaxis(values, 0, -1)  # colours as separate planes
+    if values.ndim == 3 and values.shape[2] == 4:
+        values = values[..., :3]
+    if values.ndim not in (2, 3) or (values.ndim == 3 and values.shape[2] != 3):
+        raise DataError(file, value=values.shape, limit="is neither grey nor red, green and blue")
+    if values.dtype.kind == "f":
+        levels, bits = float_levels(file, values), None
+    elif values.dtype.kind in "ub":
+        bits = 1 if values.dtype.kind == "b" else int(values.dtype.itemsize * 8)
+        levels = values.astype(np.float64) / (2.0**bits - 1.0)
+    else:
+        raise DataError(file, value=str(values.dtype), limit="is a kind of pixel that is not read")
+    grey, said = brightness(levels) if levels.ndim == 3 else (levels, ())
+    return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, said
+
+
+def _value(page: Any, name: str, otherwise: Any) -> Any:
+    """Value of a tag of the page; ``otherwise`` where it has none."""
+    tag = page.tags.get(name)
+    return otherwise if tag is None else tag.value
+
+
+def _ome(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str, str]:
+    """What OME-XML says: size of a pixel, instrument, date."""
+    import ome_types
+
+    found = ome_types.from_xml(opened.ome_metadata or "", validate=False)
+    image = found.images[0]
+    pixels = image.pixels
+    sizes = [
+        in_um(float(size), getattr(unit, "value", str(unit)))
+        for size, unit in (
+            (pixels.physical_size_x, pixels.physical_size_x_unit),
+            (pixels.physical_size_y, pixels.physical_size_y_unit),
+        )
+        if size is not None
+    ]
+    tags = [Tag("OME-XML PhysicalSizeX", size, sizes[-1] or size, calibrated=True) for size in sizes[:1] if size]
+    scope = found.instruments[0].microscope if found.instruments else None
+    words = (getattr(scope, "manufacturer", None), getattr(scope, "model", None))
+    date = "" if image.acquisition_date is None else image.acquisition_date.isoformat()
+    return tuple(tags), "ome-tiff", " ".join(word for word in words if word), date
+
+
+def _per_unit(page: Any) -> tuple[float, float] | None:
+    """Pixels per unit along a row and a column, from the resolution tags."""
+    found = []
+    for name in ("XResolution", "YResolution"):
+        value = _value(page, name, None)
+        if not isinstance(value, tuple) or value[0] <= 0 or value[1] <= 0:
+            return None
+        found.append(value[0] / value[1])
+    return found[0], found[1]
+
+
+def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
+    """ImageJ's own unit, for which the resolution tags stand."""
+    about, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
+    if not opened.is_imagej or not about or per_unit is None:
+        return ()
+    sizes = [in_um(1.0 / number, str(about.get("unit", ""))) for number in per_unit]
+    if sizes[0] is None or sizes[1] is None:
+        return ()
+    return (Tag("ImageJ", sizes[0], sizes[1], calibrated=True),)
+
+
+def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
+    """Resolution tags with a unit of their own."""
+    page = opened.pages.first
+    per_unit, unit_um = _per_unit(page), UNIT_UM.get(int(_value(page, "ResolutionUnit", 2)))
+    if per_unit is None or unit_um is None or opened.is_imagej:
+        return ()
+    return (Tag("TIFF XResolution", unit_um / per_unit[0], unit_um / per_unit[1]),)

@@ -1,0 +1,93 @@
+"""What a microscope's optics make of a point: kernels that sum to 1, on a grid finer than the camera's if need be.
+
+A Gaussian, the Airy disc of a round aperture (diffraction), the uniform disc of a picture out of focus (geometrical
+optics), and the smear of a stage that moved. Only the first resembles what an edge fit may assume.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
+from scipy.signal import oaconvolve
+from scipy.special import j1
+
+from tests.metrology.render.coverage import coverage
+
+Image = NDArray[np.float64]
+Optics = Callable[[Image, int], Image]
+"""Takes a picture of so many sub-pixels to the pixel to its blurred one."""
+
+
+def sharp() -> Optics:
+    """No blur at all."""
+    return lambda image, _fine: image
+
+
+def gaussian(sigma_px: float) -> Optics:
+    """A Gaussian, cut at six standard deviations."""
+
+    def blurred(image: Image, fine: int) -> Image:
+        reach = int(np.ceil(6 * sigma_px * fine))
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (sigma_px * fine)) ** 2)
+        weights /= weights.sum()
+        rows = convolve1d(image, weights, axis=0, mode="nearest")
+        return np.asarray(convolve1d(rows, weights, axis=1, mode="nearest"))
+
+    return blurred
+
+
+def airy(first_dark_px: float) -> Optics:
+    """The Airy disc with its first dark ring at that radius, cut at six of them."""
+    return _by_kernel(lambda fine: airy_kernel(first_dark_px * fine))
+
+
+def defocus(radius_px: float) -> Optics:
+    """A uniform disc: a point out of focus, by geometrical optics."""
+    return _by_kernel(lambda fine: disc_kernel(radius_px * fine))
+
+
+def smear(length_px: float, angle_deg: float) -> Optics:
+    """A uniform line: the stage moved during the exposure."""
+    return _by_kernel(lambda fine: line_kernel(length_px * fine, angle_deg))
+
+
+def airy_kernel(first_dark: float) -> Image:
+    """(2 J1(v)/v)², v = 3.8317 r / first_dark: M. Born and E. Wolf, Principles of Optics, section 8.5.2."""
+    reach = int(np.ceil(6 * first_dark))
+    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    v = np.maximum(3.8317059702 * np.hypot(x, y) / first_dark, 1e-9)
+    kernel = (2 * j1(v) / v) ** 2
+    return np.asarray(kernel / kernel.sum())
+
+
+def disc_kernel(radius: float) -> Image:
+    """Areas of a disc in the pixels."""
+    reach = int(np.ceil(radius)) + 1
+    return _outline_kernel([(radius * np.cos(a), radius * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 721)], reach)
+
+
+def line_kernel(length: float, angle_deg: float) -> Image:
+    """Areas of a line half a pixel wide in the pixels."""
+    reach = int(np.ceil(length / 2)) + 2
+    turn = np.exp(1j * np.radians(angle_deg))
+    corners = [complex(a, b) * turn for a, b in _box(length / 2, 0.25)]
+    return _outline_kernel([(corner.real, corner.imag) for corner in corners], reach)
+
+
+def _box(a: float, b: float) -> list[tuple[float, float]]:
+    return [(-a, -b), (a, -b), (a, b), (-a, b)]
+
+
+def _outline_kernel(points: list[tuple[float, float]], reach: int) -> Image:
+    kernel = coverage([np.asarray(points) + reach + 0.5], (2 * reach + 1, 2 * reach + 1))
+    return np.asarray(kernel / kernel.sum())
+
+
+def _by_kernel(kernel_of: Callable[[int], Image]) -> Optics:
+    def blurred(image: Image, fine: int) -> Image:
+        kernel = kernel_of(fine)
+        reach = kernel.shape[0] // 2
+        return np.asarray(oaconvolve(np.pad(image, reach, mode="edge"), kernel, mode="valid"))
+
+    return blurred

@@ -1,0 +1,122 @@
+"""What else lies in the light's way: uneven lighting, glare, dust, fibres, scratches. Each takes a picture to one."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.metrology.render.coverage import coverage
+from tests.metrology.render.optics import gaussian
+
+Image = NDArray[np.float64]
+Scenery = Callable[[Image, np.random.Generator], Image]
+
+
+def gradient(share: float, angle_deg: float) -> Scenery:
+    """Light that falls by ``share`` from one side of the picture to the other."""
+
+    def changed(image: Image, _rng: np.random.Generator) -> Image:
+        u, v = _unit_coordinates(image.shape)
+        turn = np.radians(angle_deg)
+        return np.asarray(image * (1.0 + 0.5 * share * (u * np.cos(turn) - v * np.sin(turn))))
+
+    return changed
+
+
+def vignetting(share: float) -> Scenery:
+    """Light that falls by ``share`` at the corners, with the square of the distance from the middle."""
+
+    def changed(image: Image, _rng: np.random.Generator) -> Image:
+        u, v = _unit_coordinates(image.shape)
+        return image * (1.0 - 0.5 * share * (u**2 + v**2))
+
+    return changed
+
+
+def glare(patches: int, radius_px: float, level: float) -> Scenery:
+    """Soft round patches of light anywhere in the picture, as of a lamp mirrored in the part's top."""
+
+    def changed(image: Image, rng: np.random.Generator) -> Image:
+        return image + sum(
+            level * np.exp(-0.5 * _squares(image.shape, centre) / radius_px**2)
+            for centre in rng.uniform((0, 0), (image.shape[1], image.shape[0]), (patches, 2))
+        )
+
+    return changed
+
+
+def glare_at(u: float, v: float, radius_px: float, level: float) -> Scenery:
+    """One patch of light at a place of the picture."""
+    return lambda image, _rng: image + level * np.exp(-0.5 * _squares(image.shape, (u, v)) / radius_px**2)
+
+
+def dust(specks: int, radius_px: float, level: float) -> Scenery:
+    """Specks of many corners, of sizes about ``radius_px``, each changing the light by the factor 1 + ``level``."""
+
+    def changed(image: Image, rng: np.random.Generator) -> Image:
+        rings = [_speck(rng, image.shape, radius_px * rng.lognormal(0.0, 0.4)) for _ in range(specks)]
+        return _painted(image, rings, level)
+
+    return changed
+
+
+def fibres(count: int, length_px: float, width_px: float, level: float) -> Scenery:
+    """Curled fibres."""
+
+    def changed(image: Image, rng: np.random.Generator) -> Image:
+        return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.02) for _ in range(count)], level)
+
+    return changed
+
+
+def scratches(count: int, length_px: float, width_px: float, level: float) -> Scenery:
+    """Straight scratches."""
+
+    def changed(image: Image, rng: np.random.Generator) -> Image:
+        return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.0) for _ in range(count)], level)
+
+    return changed
+
+
+def texture(share: float, size_px: float) -> Scenery:
+    """Print texture: a rough surface of grains ``size_px`` wide that changes the light by ``share`` (RMS)."""
+
+    def changed(image: Image, rng: np.random.Generator) -> Image:
+        grain = gaussian(size_px)(rng.standard_normal(image.shape), 1)
+        return np.asarray(image * (1.0 + share * grain / grain.std()))
+
+    return changed
+
+
+def _unit_coordinates(shape: tuple[int, ...]) -> tuple[Image, Image]:
+    v, u = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j]
+    return u, v
+
+
+def _squares(shape: tuple[int, ...], centre: tuple[float, float]) -> Image:
+    u, v = np.arange(shape[1]) + 0.5 - centre[0], np.arange(shape[0]) + 0.5 - centre[1]
+    return np.asarray(u[None, :] ** 2 + v[:, None] ** 2)
+
+
+def _speck(rng: np.random.Generator, shape: tuple[int, ...], radius_px: float) -> Image:
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
+    radii = radius_px * rng.uniform(0.5, 1.3, 9)
+    centre = rng.uniform((0, 0), (shape[1], shape[0]))
+    return np.asarray(centre + np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]))
+
+
+def _fibre(rng: np.random.Generator, shape: tuple[int, ...], length: float, width: float, curl: float) -> Image:
+    steps = max(int(length / 4), 2)
+    heading = rng.uniform(0, 2 * np.pi) + np.cumsum(rng.normal(0, curl * 4, steps))
+    line = rng.uniform((0, 0), (shape[1], shape[0])) + 4 * np.cumsum(
+        np.column_stack([np.cos(heading), np.sin(heading)]), axis=0
+    )
+    aside = 0.5 * width * np.column_stack([-np.sin(heading), np.cos(heading)])
+    return np.vstack([line + aside, (line - aside)[::-1]])
+
+
+def _painted(image: Image, rings: list[Image], level: float) -> Image:
+    cover = np.zeros_like(image)
+    for ring in rings:
+        cover = np.maximum(cover, np.minimum(coverage([ring], (image.shape[0], image.shape[1])), 1.0))
+    return np.asarray(image * (1.0 + level * gaussian(0.8)(cover, 1)))

@@ -1,0 +1,108 @@
+"""The part under the microscope: its outline in mm, what printing did to it, and where it lies in the picture."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.geometry import Body
+from solen.sensor import Sensor
+from solen.spec import Design, loads, template, with_values
+
+Ring = NDArray[np.float64]
+DESIGNS = ("solen-860", "solen-500", "solen-450")
+FINE_MM = 1e-6
+
+
+def shipped(name: str = "solen-860", **values: Any) -> Design:
+    """A shipped design with other values, given by keys in which ``__`` stands for the dot."""
+    return with_values(loads(template(name)), {key.replace("__", "."): value for key, value in values.items()})
+
+
+def body_of(design: Design) -> Body:
+    return Sensor.of(design).body()
+
+
+def front_mm(design: Design) -> Ring:
+    """Points (N, 2) of the lens's front in mm, left to right."""
+    return body_of(design).face("lens").curve.flattened(FINE_MM)
+
+
+def outline_mm(design: Design, change: Callable[[Ring], Ring] | None = None) -> Ring:
+    """Closed outline (N, 2) of the whole part in mm; ``change`` moves points of the lens's front."""
+    pieces = []
+    for face in body_of(design).faces:
+        points = face.curve.flattened(FINE_MM)
+        pieces.append((change(points) if change and face.name == "lens" else points)[:-1])
+    return np.vstack(pieces)
+
+
+def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[Ring], Ring]:
+    """A bump of a Gaussian's shape on the front: positive is more material, outwards."""
+
+    def changed(points: Ring) -> Ring:
+        along = np.gradient(points, axis=0)
+        along /= np.hypot(*along.T)[:, None]
+        outward = np.column_stack([along[:, 1], -along[:, 0]])  # walked left to right, the material lies on the left
+        rise_mm = 1e-3 * height_um * np.exp(-0.5 * ((points[:, 0] - at_mm) / width_mm) ** 2)
+        return np.asarray(points + rise_mm[:, None] * outward)
+
+    return changed
+
+
+def grown(points: Ring, by_um: float) -> Ring:
+    """A closed outline, counter-clockwise, moved outwards by so much; corners are mitred."""
+    step = np.roll(points, -1, axis=0) - points
+    normal = np.column_stack([step[:, 1], -step[:, 0]]) / np.hypot(*step.T)[:, None]
+    before = np.roll(normal, 1, axis=0)
+    mitre = (normal + before) / (1.0 + np.sum(normal * before, axis=1))[:, None]
+    return np.asarray(points + 1e-3 * by_um * mitre)
+
+
+@dataclass(frozen=True)
+class Placing:
+    """From mm of the design (x right, z up) to px of the picture (u right, v down).
+
+    ``origin_px`` is where the vertex of the lens lies; ``angle_deg`` turns the part counter-clockwise as seen.
+    ``tilt_deg`` leans it about its x axis away from the camera, which looks from ``working_mm``: shorter and in
+    perspective. ``magnification`` is that of this level of the part against the stated scale, about ``middle_mm``.
+    """
+
+    um_per_px: float
+    origin_px: tuple[float, float]
+    angle_deg: float = 0.0
+    magnification: float = 1.0
+    middle_mm: tuple[float, float] = (0.0, 1.0)
+    tilt_deg: float = 0.0
+    working_mm: float = 60.0
+
+    def px(self, points_mm: Ring) -> Ring:
+        """Points (N, 2) of the picture."""
+        middle = np.asarray(self.middle_mm)
+        x, z = (middle + self.magnification * (points_mm - middle)).T
+        lean = math.radians(self.tilt_deg)
+        nearer = 1.0 / (1.0 + z * math.sin(lean) / self.working_mm)
+        x, z = x * nearer, z * math.cos(lean) * nearer
+        turn = math.radians(self.angle_deg)
+        right, up = x * math.cos(turn) - z * math.sin(turn), x * math.sin(turn) + z * math.cos(turn)
+        return np.asarray(np.column_stack([right, -up]) * 1e3 / self.um_per_px + np.asarray(self.origin_px))
+
+    def mm(self, points_px: Ring) -> Ring:
+        """Points (N, 2) of the design, at magnification 1 and without tilt."""
+        right, down = ((points_px - np.asarray(self.origin_px)) * self.um_per_px * 1e-3).T
+        turn = math.radians(self.angle_deg)
+        return np.column_stack(
+            [right * math.cos(turn) - down * math.sin(turn), -right * math.sin(turn) - down * math.cos(turn)]
+        )
+
+    def moved(self, right_px: float, down_px: float) -> "Placing":
+        """The same, moved in the picture."""
+        u, v = self.origin_px
+        return replace(self, origin_px=(u + right_px, v + down_px))
+
+    def scaled(self, factor: float) -> "Placing":
+        """The same at another magnification."""
+        return replace(self, magnification=self.magnification * factor)
