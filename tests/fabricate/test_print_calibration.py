@@ -105,7 +105,7 @@ def test_calibration_finds_the_process_that_printed_the_coupons(true: Settings) 
 
 @pytest.mark.evidence
 def test_calibrated_intervals_hold_what_they_say(true: Settings) -> None:
-    """Standardised errors of 200 calibrations have a spread of one; by chance they leave the bounds once in a thousand."""
+    """Errors of 200 calibrations have a spread of one uncertainty; by chance they leave the bounds once in 1000."""
     features, rng = drawn(), np.random.default_rng(11)
     sizes, wanted = printed_mm(true, features), np.array([22.0, growth_um(true), 0.4])
     off = []

@@ -84,24 +84,36 @@ def _walls(walls: dict[str, Any] | None) -> list[str]:
 
 
 def _response(response: dict[str, Any] | None) -> list[str]:
-    if response is None or response["slope_lost_percent"] is None or response["largest_change"] is None:
+    if response is None:
         return []
-    slope, change = response["slope_per_deg"], response["largest_change"]
-    return [
-        f"contrast about 0: {slope['designed']:.3g} per degree designed, {slope['printed']:.3g} printed "
-        f"({response['slope_lost_percent']:.2g} % lost); largest change {change['contrast']:+.3g} at "
-        f"{change['angle_deg']:g} deg; light lost {response['light_lost_percent']:.2g} %"
-    ]
+    emitter = "a point emitter" if response["width_mm"] == 0.0 else f"the emitter of {response['width_mm']:g} mm"
+    found = [_lost(emitter, response)]
+    if response["chip"] is not None:
+        found.append(_lost(f"a chip of {response['chip']['width_mm']:g} mm", response["chip"]))
+    return found
+
+
+def _lost(emitter: str, response: dict[str, Any]) -> str:
+    slope, change, lost = response["slope_per_deg"], response["largest_change"], response["slope_lost_percent"]
+    if lost is None or change is None or response["light_lost_percent"] is None:
+        return f"contrast with {emitter}: none, too little light arrives"
+    return (
+        f"contrast with {emitter}: {slope['designed']:.3g} per degree about 0 designed, {slope['printed']:.3g} printed "
+        f"({lost:.2g} % lost); largest change {change['contrast']:+.3g} at {change['angle_deg']:g} deg; light lost "
+        f"{response['light_lost_percent']:.2g} %"
+    )
 
 
 def _compensation(made: dict[str, Any] | None) -> list[str]:
     if made is None:
         return []
     low, high = made["lens_drawn_um"]
+    response = made["response"] and (made["response"]["chip"] or made["response"])
     return [
         f"compensated: {made['before_um']['rms']:.3g} µm rms before, {made['after_um']['rms']:.2g} after "
         f"{len(made['rounds_rms_um'])} rounds (largest {made['after_um']['max']:+.2g}); the lens is drawn "
-        f"{low:+.3g} to {high:+.3g} µm off, walls {made['walls_drawn_um']:+.3g} µm, all {made['scale']:.5g} times"
+        f"{low:+.3g} to {high:+.3g} µm off, walls {made['walls_drawn_um']:+.3g} µm, all {made['scale']:.5g} times",
+        *([_lost(f"an emitter of {response['width_mm']:g} mm, compensated", response)] if response else []),
     ]
 
 

@@ -36,6 +36,7 @@ NUMERICAL_UM = 0.1
 """What the model's own numbers may be off by from point to point."""
 _MOST = (2.5, 97.5)
 _TAPER_TOLD_UM = 2.0
+_WELL_KNOWN_UM = 3.0
 
 
 @dataclass(frozen=True)
@@ -127,15 +128,17 @@ def printed(
     case = _case(sensor, process, sources, how, orientation, outputs.compensate is not None, progress)
     profile = profile_of_print(case, case.found.deviation)
     told = _told(case)
+    reprinted = None if case.made is None else profile_of_print(case, case.made.printed)
     if response:
         told["response"], why = printedresponse.response(sensor, profile, progress)
         told["warnings"] += why
+        if reprinted is not None:
+            told["compensation"]["response"], _ = printedresponse.response(sensor, reprinted)
     told["sources"] = sources
     contents: dict[Path, files.Content] = {}
     if outputs.out is not None:
         contents[outputs.out] = profile_text(profile).encode()
-    if outputs.compensate is not None and case.made is not None:
-        reprinted = profile_of_print(case, case.made.printed)
+    if outputs.compensate is not None and case.made is not None and reprinted is not None:
         contents |= redrawn.contents(outputs.compensate, sensor, case.made, process.name, reprinted)
     if outputs.figure is not None:
         from solen.report import canvas
@@ -262,7 +265,7 @@ def _told(case: Case) -> dict[str, Any]:
         "contributions_um": found.contributions_um,
         "compensation": None if case.made is None else _compensation(case.made, found.deviation),
         "response": None,
-        "warnings": [*case.process.warnings(), *_of_orientation(case)],
+        "warnings": [*case.process.warnings(), *_of_orientation(case), *_of_compensation(case)],
     }
 
 
@@ -305,6 +308,17 @@ def _of_orientation(case: Case) -> list[str]:
     ]
 
 
+def _of_compensation(case: Case) -> list[str]:
+    """What a drawing against the print is worth: no more than the process is known."""
+    u = _rms(case.found.u_um)
+    if case.made is None or u < max(2.0 * case.made.printed.rms_um, _WELL_KNOWN_UM):
+        return []
+    return [
+        f"compensated, the lens is {case.made.printed.rms_um:.2g} um off in the model, which knows it to {u:.2g} um: "
+        "calibrate the process with coupons of your printer before you trust the drawing"
+    ]
+
+
 def _deviation(deviation: Deviation) -> dict[str, Any]:
     worst, place = deviation.largest
     return {"rms": deviation.rms_um, "mean": deviation.mean_um, "max": worst, "max_at_mm": list(place)}
@@ -319,6 +333,7 @@ def _compensation(made: Compensation, before: Deviation) -> dict[str, Any]:
         "lens_drawn_um": [float(made.drawn_um.min()), float(made.drawn_um.max())],
         "walls_drawn_um": made.wall_um,
         "scale": made.scale,
+        "response": None,
     }
 
 

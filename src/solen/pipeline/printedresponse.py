@@ -1,21 +1,26 @@
 """The response of a sensor with the lens that was designed beside the same with the one that is printed.
 
 Both are traced by power with the same fan of rays, so that what differs is the lens. Whether any response is lost is
-told as the contrast at each angle, its slope about the balance point, and the light that the receivers get.
+told as the contrast at each angle, its slope about the balance point, and the light that the receivers get. A point
+emitter shows every ripple of a lens, and none is a point: beside it a small chip is compared.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from solen.errors import DesignError, SolenError
 from solen.lens import OvalLens
+from solen.lens.build import measured_lens
 from solen.lens.measured import MeasuredProfile
 from solen.sensor import Sensor
+from solen.sensor.practice import CHIP_MM
 from solen.sensor.response import contrast, powers
+from solen.spec import with_values
 
 Progress = Callable[[float], None]
 
 RAYS = 2**14
+MOST_ANGLES = 13
 SLOPE_DEG = 0.1
 """Angle to either side of 0 over which the slope about the balance is taken."""
 
@@ -25,7 +30,16 @@ def response(
 ) -> tuple[dict[str, Any] | None, list[str]]:
     """Contrast by angle of the designed and the printed lens; or None, and why there is none."""
     try:
-        return _compared(sensor, with_profile(sensor, profile), progress), []
+        sensor.check_pair()
+        width_mm = sensor.light.width_mm
+        found = _compared(sensor, with_profile(sensor, profile))
+        if progress is not None:
+            progress(0.75)
+        chip = None
+        if width_mm == 0.0:
+            wide = Sensor.of(with_values(sensor.design, {"emitter.width_mm": CHIP_MM}))
+            chip = {"width_mm": CHIP_MM, **_compared(wide, with_profile(wide, profile))}
+        return {"width_mm": width_mm, **found, "chip": chip}, []
     except SolenError as bad:
         return None, [f"no response: {bad}"]
 
@@ -35,21 +49,15 @@ def with_profile(sensor: Sensor, profile: MeasuredProfile) -> Sensor:
     if not isinstance(sensor.cut, OvalLens):
         limit = "a printed profile is traced in place of a Cartesian oval of a Y"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
-    from solen.lens.build import measured_lens
-
     return Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
 
 
-def _compared(designed: Sensor, printed: Sensor, progress: Progress | None) -> dict[str, Any]:
-    designed.check_pair()
-    angles = [*designed.design.motion.angles_deg(), -SLOPE_DEG, SLOPE_DEG]
-    found: dict[str, list[tuple[float, float]]] = {"designed": [], "printed": []}
-    for done, angle in enumerate(angles, start=1):
-        for name, one in (("designed", designed), ("printed", printed)):
-            read = powers(one.trace(angle, "power", RAYS))
-            found[name].append((read["right"], read["left"]))
-        if progress is not None:
-            progress(0.5 + 0.5 * done / len(angles))
+def _compared(designed: Sensor, printed: Sensor) -> dict[str, Any]:
+    angles = [*_some(designed.design.motion.angles_deg()), -SLOPE_DEG, SLOPE_DEG]
+    found: dict[str, list[tuple[float, float]]] = {}
+    for name, one in (("designed", designed), ("printed", printed)):
+        read = [powers(one.trace(angle, "power", RAYS)) for angle in angles]
+        found[name] = [(reading["right"], reading["left"]) for reading in read]
     contrasts = {name: [contrast(*pair) for pair in pairs] for name, pairs in found.items()}
     light = {name: [right + left for right, left in pairs] for name, pairs in found.items()}
     slopes = {name: _slope(values[-2], values[-1]) for name, values in contrasts.items()}
@@ -63,6 +71,13 @@ def _compared(designed: Sensor, printed: Sensor, progress: Progress | None) -> d
         "light_lost_percent": _lost(sum(light["designed"][:-2]), sum(light["printed"][:-2])),
         "largest_change": _largest(angles[:-2], contrasts),
     }
+
+
+def _some(angles_deg: Sequence[float]) -> list[float]:
+    """At most `MOST_ANGLES` of the angles, evenly, first and last among them."""
+    count = min(MOST_ANGLES, len(angles_deg))
+    places = {round(i * (len(angles_deg) - 1) / max(count - 1, 1)) for i in range(count)}
+    return [angles_deg[place] for place in sorted(places)]
 
 
 def _slope(before: float | None, behind: float | None) -> float | None:

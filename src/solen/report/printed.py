@@ -31,7 +31,7 @@ def printed_figure(
         _response(response, told["response"])
         figure.suptitle(
             f"simulated: {told['name']}, printed {told['orientation']} ({told['process']}), off by "
-            f"{told['deviation_um']['rms']:.3g} um rms, largest {told['deviation_um']['max']:+.3g} um",
+            f"{told['deviation_um']['rms']:.3g} µm rms, largest {told['deviation_um']['max']:+.3g} µm",
             fontsize=9,
         )
     return figure
@@ -39,7 +39,7 @@ def printed_figure(
 
 def _outline(axes: Axes, found: Prediction, made: Compensation | None) -> None:
     target = found.deviation.target
-    axes.plot(*target.points_mm.T, color=INK, lw=1.2, label="wanted")
+    axes.plot(*target.points_mm.T, color=INK, lw=3.0, alpha=0.5, label="wanted")
     axes.plot(*target.moved_um(_EXAGGERATED * found.deviation.um).T, color=LEFT, lw=1.2, label="printed")
     if made is not None:
         axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, "--", color=SPACE, lw=1.2, label="to be drawn")
@@ -81,11 +81,16 @@ def _response(axes: Axes, response: dict[str, Any] | None) -> None:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no response traced", ha="center", va="center", color=LOST)
         return
-    for name, colour in (("designed", INK), ("printed", LEFT)):
-        values = np.array([np.nan if value is None else value for value in response["contrast"][name]])
-        slope = response["slope_per_deg"][name]
-        label = name if slope is None else f"{name}, {slope:.3g} per degree at 0"
-        axes.plot(response["angle_deg"], values, ".-", ms=4, lw=1.2, color=colour, label=label)
+    for emitter, style in ((response, "-"), (response["chip"], "--")):
+        if emitter is None:
+            continue
+        width = "a point" if emitter["width_mm"] == 0.0 else f"{emitter['width_mm']:g} mm"
+        for name, colour in (("designed", INK), ("printed", LEFT)):
+            values = np.array([np.nan if value is None else value for value in emitter["contrast"][name]])
+            slope = emitter["slope_per_deg"][name]
+            told = "" if slope is None else f", {slope:.2g}/° at 0"
+            label = f"{name}, {width}{told}"
+            axes.plot(emitter["angle_deg"], values, style, marker=".", ms=4, lw=1.2, color=colour, label=label)
     axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)")
     axes.set_title("response, traced with both lenses", fontsize=9)
     axes.legend(fontsize=8)

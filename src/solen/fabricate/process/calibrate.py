@@ -248,8 +248,8 @@ def _together(fit: Fit, settings: Settings) -> list[str]:
     """What coupons change alike."""
     found = [
         "washing, critical dose, exposure and scattering move edges alike and cannot be told apart here: "
-        f"Ec_mJ_per_cm2 is an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; what is known is the "
-        "growth of walls, and it is kept"
+        f"Ec_mJ_per_cm2 is an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; "
+        "what is known is the growth of walls, and it is kept"
     ]
     scale = fit.u
     for i, j in combinations(range(len(scale)), 2):
