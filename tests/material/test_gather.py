@@ -44,6 +44,9 @@ def test_without_a_formula_a_table_is_kept() -> None:
     assert kept.u_index(406.0) == pytest.approx(0.004)  # common to all: no smaller between two wavelengths
     unsure = IndexResult(**spectrum([1.52, 1.51], u_n=[None, 0.004])).as_table()
     assert unsure.u_index(401.0) is None
+    assert unsure.warnings[-1] == (
+        "1 of 2 indices state no uncertainty, the first at 400 nm: the resin's index keeps none"
+    )
 
 
 def test_a_long_table_is_thinned_to_means_within_its_uncertainty() -> None:

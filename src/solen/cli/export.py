@@ -84,6 +84,6 @@ def _lines(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"mesh: {mesh['triangles']} triangles within {mesh['tolerance_mm']:g} mm, {mesh['volume_mm3']:.6g} mm3"
         )
-    lines += [f"note: {line}" for line in found["warnings"]]
+    lines += [f"warning: {line}" for line in found["warnings"]]
     lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
     return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])

@@ -129,10 +129,10 @@ def _told(found: dict[str, Any]) -> Iterable[str]:
     for group in found["groups"] or [found]:
         yield from _of_material(group)
     for warning in found["warnings"]:
-        yield f"note: {warning}"
+        yield f"warning: {warning}"
     for kind in ("out", "figure", "csv"):
         if kind in found:
-            yield f"wrote {found[kind]}"
+            yield f"{kind}: {found[kind]}"
 
 
 def _of_material(group: dict[str, Any]) -> Iterable[str]:

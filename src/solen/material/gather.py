@@ -105,12 +105,13 @@ class IndexResult(_Result):
             raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
         wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
+        unsure = [nm for nm, _, u in known if u is None]
         return Tabulated(
             wavelength_nm=wavelengths,
             n=indices,
             u_n=u_n if len(u_n) == len(indices) else None,
             mode=self.mode,
-            warnings=(*self.remarks, *gaps([nm for nm, _, _ in known])),
+            warnings=(*self.remarks, *gaps([nm for nm, _, _ in known]), *without_u(unsure, len(known))),
         )
 
 
@@ -144,6 +145,16 @@ def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, 
     for row in rows:
         together.setdefault(row[0], []).append(row)
     return [(nm, *_mean(same)[1:]) for nm, same in sorted(together.items())]
+
+
+def without_u(wavelengths_nm: list[float], of: int) -> tuple[str, ...]:
+    """A sentence where some of the wavelengths have no uncertainty, so that the table keeps none."""
+    if len(wavelengths_nm) in {0, of}:
+        return ()
+    return (
+        f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
+        "resin's index keeps none",
+    )
 
 
 def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:

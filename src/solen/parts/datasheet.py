@@ -1,11 +1,12 @@
-"""Datasheets of emitters and receivers as files, and a small library of them.
+"""Datasheets of emitters, receivers and what reads them, as files, and a small library of them.
 
 The idea: a part is data with a source, number by number. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
 the ``document`` that it is taken from, and a table for every quantity: ``typical``, ``least`` and ``most``, what they
 rest on (``basis``: the part's own datasheet, a sibling's, a measurement or an estimate) and where that is found
 (``source``). Nothing is stated that is not known: what a datasheet leaves open is left out.
 
-The interface: `load_part`, `library`, `library_part`; `EmitterPart` and `ReceiverPart` are what they give.
+The interface: `load_part`, `library`, `library_part`; `EmitterPart`, `ReceiverPart`, `AdcPart` and `TrimmerPart` are
+what they give.
 """
 
 from importlib.resources import files
@@ -89,7 +90,39 @@ class PatternPart(Sourced):
         return self
 
 
-class Datasheet(Strict):
+class SpectrumPart(Sourced):
+    """Relative sensitivity by wavelength, linear between the wavelengths; beyond the ends that of the end."""
+
+    wavelength_nm: tuple[Positive, ...] = Field(description="wavelengths in nm, ascending.")
+    relative: tuple[NotNegative, ...] = Field(description="relative sensitivity at these wavelengths.")
+
+    @model_validator(mode="after")
+    def _ascends(self) -> Self:
+        if len(self.wavelength_nm) != len(self.relative):
+            limit = f"must be {len(self.wavelength_nm)}, as wavelength_nm"
+            raise refused("relative", limit, value=len(self.relative))
+        if len(self.wavelength_nm) < 2 or any(low >= high for low, high in pairwise(self.wavelength_nm)):
+            raise refused("wavelength_nm", "must be at least 2, ascending")
+        if not max(self.relative) > 0.0:
+            raise refused("relative", "must not be 0 everywhere")
+        return self
+
+
+class AdcRange(Sourced):
+    """One input range of a converter, with the noise of its own input there."""
+
+    low_v: Number = Field(description="lowest voltage that it reads, in V.")
+    high_v: Number = Field(description="highest voltage that it reads, in V.")
+    noise_uv: NotNegative = Field(description="standard deviation of its own noise, in µV.")
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        if not self.low_v < self.high_v:
+            raise refused("high_v", f"must be above low_v = {self.low_v:g}", value=self.high_v)
+        return self
+
+
+class Sheet(Strict):
     """What every part states."""
 
     error: ClassVar[type[SolenError]] = DataError
@@ -98,6 +131,11 @@ class Datasheet(Strict):
     maker: Text = Field(description="who makes it, one line.")
     document: Text = Field(description="the document that the numbers are taken from, one line.")
     notes: str = Field("", description="Anything worth knowing.")
+
+
+class Datasheet(Sheet):
+    """What emitters and receivers may state."""
+
     half_angle_deg: Quantity | None = Field(None, description="Angle from the axis at which it is half as strong.")
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
@@ -119,6 +157,11 @@ class EmitterPart(Datasheet):
     power_mw: Quantity | None = Field(None, description="Radiant power, in mW.")
     current_ma: Quantity | None = Field(None, description="Current of these, in mA.")
     rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
+    power_exponent: Quantity | None = Field(
+        None, description="Power of the current that the radiant power follows; 1 where it is proportional."
+    )
+    most_current_ma: Quantity | None = Field(None, description="Largest steady current allowed, in mA.")
+    fall_percent_per_k: Quantity | None = Field(None, description="Fall of the radiant power per K, in percent.")
 
 
 class ReceiverPart(Datasheet):
@@ -132,10 +175,47 @@ class ReceiverPart(Datasheet):
     )
     most_current_ma: Quantity | None = Field(None, description="Largest current allowed, in mA.")
     supply_v: Quantity | None = Field(None, description="Voltage of the sensitivity, in V.")
+    most_supply_v: Quantity | None = Field(None, description="Largest voltage allowed, in V.")
+    spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
+    saturation_v: Quantity | None = Field(None, description="Voltage that it cannot pull below, in V.")
+    knee_v: Quantity | None = Field(
+        None, description="Voltage above that within which its current falls short by the factor e, in V."
+    )
+    gain: Quantity | None = Field(None, description="Current for one of the photocurrent: the transistor's gain.")
+    dark_na: Quantity | None = Field(None, description="Current without light at 25 °C, in nA.")
+    dark_doubling_k: Quantity | None = Field(None, description="Warming that doubles the dark current, in K.")
+    rise_percent_per_k: Quantity | None = Field(None, description="Rise of the sensitivity per K, in percent.")
+    rise_us: Quantity | None = Field(None, description="Rise time with a small load, in µs.")
+    rise_us_per_kohm: Quantity | None = Field(None, description="Rise time that each kΩ of load adds, in µs.")
 
 
-Part = EmitterPart | ReceiverPart
-KINDS: dict[str, type[EmitterPart] | type[ReceiverPart]] = {"emitter": EmitterPart, "receiver": ReceiverPart}
+class AdcPart(Sheet):
+    """A converter from volts to numbers."""
+
+    kind: Literal["adc"] = Field(description="adc.")
+    bits: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="resolution in bits.")
+    range: Annotated[tuple[AdcRange, ...], Field(min_length=1)] = Field(description="a list of tables, [[range]].")
+    bandwidth_khz: Quantity | None = Field(None, description="Bandwidth of its input, in kHz.")
+
+
+class TrimmerPart(Sheet):
+    """A resistor that is set by turning."""
+
+    kind: Literal["trimmer"] = Field(description="trimmer.")
+    resistance_ohm: Quantity = Field(description="a table with its whole resistance in ohm.")
+    end_ohm: Quantity | None = Field(None, description="What is left of it at its end, in ohm.")
+    turn_deg: Quantity | None = Field(None, description="Angle from one end to the other.")
+    drift_ppm_per_k: Quantity | None = Field(None, description="Change of the resistance per K, in ppm, either way.")
+    power_mw: Quantity | None = Field(None, description="Largest power allowed, in mW.")
+
+
+Part = EmitterPart | ReceiverPart | AdcPart | TrimmerPart
+KINDS: dict[str, type[EmitterPart] | type[ReceiverPart] | type[AdcPart] | type[TrimmerPart]] = {
+    "emitter": EmitterPart,
+    "receiver": ReceiverPart,
+    "adc": AdcPart,
+    "trimmer": TrimmerPart,
+}
 
 
 def load_part(path: Path | str) -> Part:

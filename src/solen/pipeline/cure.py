@@ -204,8 +204,8 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> FloatAr
         return time.to("s") * rate.to("mW/cm2")
     if irradiance_mW_per_cm2 is not None:
         return time.to("s") * irradiance_mW_per_cm2
-    limit = "are exposure times, and the curve is of dose"
-    raise DataError(f"{recording.provenance.file}: {time.name}", limit=limit, remedy="add --irradiance-mW-per-cm2")
+    limit = "states exposure times, and the curve is of dose"
+    raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 
 def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:

@@ -1,8 +1,7 @@
 """Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
 
 import json
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURE_KINDS = (".svg", ".png", ".pdf")
+SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
+"""Wavelengths that a result can be of; below, a wavelength was given in µm."""
 
 
 def check_figure(figure: Path | None) -> None:
@@ -33,10 +34,10 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
 
 
-def check_wavelength(wavelength_nm: float | None) -> None:
+def check_wavelength(wavelength_nm: float | None, option: str = "--wavelength-nm") -> None:
     """`SpecError` where a wavelength that a result is to state is none."""
-    if wavelength_nm is not None and not 0.0 < wavelength_nm < math.inf:
-        raise SpecError("--wavelength-nm", value=wavelength_nm, limit="must be above 0")
+    if wavelength_nm is not None and not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
+        raise SpecError(option, value=wavelength_nm, limit=f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm")
 
 
 def leave(
@@ -47,13 +48,25 @@ def leave(
     ``kind`` says in the file what the result is: ``index``, ``cutback``, ``cure``, ``stiffness``; `solen resin build`
     reads it.
     """
+    return write(found, kind, out, {"figure": (figure, draw)})
+
+
+def write(
+    found: dict[str, Any],
+    kind: str,
+    out: Path | None,
+    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure]]]",
+) -> dict[str, Any]:
+    """As `leave`, with several figures, each by the name under which the result tells where it is."""
     contents: dict[Path, files.Content] = {}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | found
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    if figure is not None:
-        from solen.report import canvas
+    for path, draw in figures.values():
+        if path is not None:
+            from solen.report import canvas
 
-        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
+            contents[path] = canvas.encoded(draw(), path.suffix.lower(), kind)
     files.write_all(contents)
-    return found | {name: str(path) for name, path in (("out", out), ("figure", figure)) if path is not None}
+    places = {"out": out} | {name: path for name, (path, _) in figures.items()}
+    return found | {name: str(path) for name, path in places.items() if path is not None}

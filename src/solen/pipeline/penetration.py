@@ -194,9 +194,11 @@ def _of_lamp(found: Attenuation, nm: FloatArray, absorbance: FloatArray, path_um
     lowest = known[np.argmin(absorbance[known])]
     offset = float(absorbance[lowest]) * math.log(10.0) / path_um * surface
     if abs(offset) > _OFFSET:
-        change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
+        change = "not known at all"
+        if offset < _ALL_OFFSET:
+            change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
         told.append(
             f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if that is an offset, as of "
-            f"the cell's faces, Dp is {change if offset < _ALL_OFFSET else 'not known at all'}"
+            f"the cell's faces, Dp is {change}"
         )
     return told

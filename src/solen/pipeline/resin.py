@@ -14,7 +14,7 @@ from solen.files import read_text
 from solen.material import mix as mixing
 from solen.material import resin as resins
 from solen.material.gather import RESULTS, CureResult, CutbackResult, IndexResult, StiffnessResult
-from solen.pipeline.outputs import check_figure
+from solen.pipeline.outputs import check_figure, check_wavelength
 from solen.spec.design import names_file
 from solen.spec.strict import told_of
 
@@ -92,8 +92,8 @@ def _check_together(asked: Gathering) -> None:
     for option, (value, result) in options.items():
         if value and result not in asked.results:
             raise SpecError(option, value=value, limit=f"is of --{result}", remedy="add that")
-        if isinstance(value, float) and not 0.0 < value < math.inf:
-            raise SpecError(option, value=value, limit="must be above 0 nm")
+        if isinstance(value, float):
+            check_wavelength(value, option)
 
 
 def result_of(text: str, option: str) -> Result:

@@ -28,6 +28,11 @@ from solen.units import factor
 _TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
 
+SIMULATED = re.compile(
+    r"((this|the) (table|file|data|recording)s? (is|are|was|were) )?(simulat(ed|ion)|synthetic)\b", re.IGNORECASE
+)
+"""How a remark begins that says that the numbers were computed."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -146,10 +151,10 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
 
 def _simulated(metadata: Mapping[str, str]) -> bool:
     """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
-    stated = [value for key, value in metadata.items() if plain(key) == "simulated"]
+    stated = [value for key, value in metadata.items() if plain(key) in {"simulated", "simulation", "synthetic"}]
     if stated:
-        return plain(stated[0]) not in {"no", "false", "0", "nein"}
-    return any(re.match(r"simulated\b", value.strip(), re.IGNORECASE) for value in metadata.values())
+        return plain(stated[0]) not in {"no", "false", "0", "nein", "none"}
+    return any(SIMULATED.match(value.strip()) for value in metadata.values())
 
 
 def unique(names: Sequence[str]) -> list[str]:

@@ -17,6 +17,7 @@ from solen.spec.design import (
     Trace,
 )
 from solen.spec.fabricate import Fabricate
+from solen.spec.readout import Readout
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 from solen.spec.wall import Wall
@@ -32,6 +33,7 @@ __all__ = [
     "Lens",
     "Material",
     "Motion",
+    "Readout",
     "Receivers",
     "Trace",
     "Wall",

@@ -5,8 +5,8 @@ names carry units, and the defaults are the paper's sensor at 860 nm, so that a 
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
 The interface: `Design` and its tables `Material`, `Emitter`, `Ambient`, `Lens`, `Body`, `Wall`, `Receivers`, `Motion`,
-`Trace`, `Fabricate`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design
-names. What several tables say together is checked by `solen.spec.together`.
+`Trace`, `Fabricate`, `Readout`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie
+that a design names. What several tables say together is checked by `solen.spec.together`.
 """
 
 from collections.abc import Sequence
@@ -18,11 +18,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, model_validator
 
 from solen.spec.fabricate import Fabricate
+from solen.spec.readout import Readout
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_refuse, refused
 from solen.spec.together import check_together
 from solen.spec.wall import Wall
 
 MAX_STEPS = 100_000
+READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
+"""Keys of the readout that name a part."""
 _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
 
 Length = Annotated[Number, Field(ge=1e-6, le=1e6)]
@@ -387,6 +390,7 @@ class Design(Strict):
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
     fabricate: Fabricate = Field(default_factory=Fabricate, description="Seats for the electronics in what is printed.")
+    readout: Readout = Field(default_factory=Readout, description="How the receivers' light becomes volts.")
 
     _folder: Path = PrivateAttr(default_factory=Path)
 
@@ -429,12 +433,17 @@ class Design(Strict):
             "emitter.ray_file": self.file_of(self.emitter.ray_file),
             "body.file": self.outline_file,
             "fabricate.receiver_part": self.receiver_file,
+            **{f"readout.{key}": self.named_file(getattr(self.readout, key)) for key in READOUT_PARTS},
         }
         return {key: path for key, path in found.items() if path is not None}
 
     def file_of(self, name: str | None) -> Path | None:
         """Path of a file by the name that the design gives it; None for None."""
         return None if name is None else self._folder / name
+
+    def named_file(self, name: str | None) -> Path | None:
+        """Path of a part's file by its name, or None where it is one of the library or none at all."""
+        return self.file_of(name) if names_file(name) else None
 
     @property
     def outline_file(self) -> Path | None:

@@ -1,0 +1,87 @@
+"""A converter from volts to numbers: range, steps, its own noise.
+
+The interface: `Adc.of` a part for a supply; `Adc.read` rounds to steps and cuts at the range.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import SpecError
+from solen.parts import AdcPart, AdcRange
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Adc:
+    """A converter in one range.
+
+    Attributes
+    ----------
+    name
+        Of the part.
+    bits
+        It has 2^bits numbers.
+    low_V, high_V
+        Ends of the range; above ``high_V`` less one step it reads that.
+    noise_V
+        Standard deviation of its own noise.
+    bandwidth_kHz
+        Of its input; inf where that is not known.
+    """
+
+    name: str
+    bits: int
+    low_V: float
+    high_V: float
+    noise_V: float = 0.0
+    bandwidth_kHz: float = math.inf
+
+    @classmethod
+    def of(cls, part: AdcPart, supply_V: float, range_V: tuple[float, float] | None = None) -> "Adc":
+        """Converter in a range that is asked for, or in its smallest that goes from 0 beyond the supply."""
+        chosen = _stated(part, range_V) if range_V is not None else _smallest(part, supply_V)
+        bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.usual
+        return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
+
+    @property
+    def step_V(self) -> float:
+        """Volts from one number to the next."""
+        return (self.high_V - self.low_V) / (1 << self.bits)
+
+    @property
+    def quantisation_V(self) -> float:
+        """Standard deviation of the rounding to steps, step/√12: an error that is even over a step."""
+        return self.step_V / math.sqrt(12.0)
+
+    @property
+    def top_V(self) -> float:
+        """Largest voltage that it can read."""
+        return self.high_V - self.step_V
+
+    def read(self, volts: FloatArray) -> FloatArray:
+        """Volts (...) as it reads them: rounded to its steps and cut at the ends of its range."""
+        numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
+        return np.asarray(self.low_V + self.step_V * numbers)
+
+    def is_clipped(self, volts: FloatArray) -> NDArray[np.bool_]:
+        """Whether what it read (...) stands at an end of its range."""
+        half = 0.5 * self.step_V
+        return np.asarray((volts <= self.low_V + half) | (volts >= self.top_V - half))
+
+
+def _smallest(part: AdcPart, supply_V: float) -> AdcRange:
+    by_width = sorted(part.range, key=lambda one: one.high_v - one.low_v)
+    holds = (one for one in by_width if one.low_v <= 0.0 and one.high_v > supply_V)
+    return next(holds, by_width[-1])
+
+
+def _stated(part: AdcPart, range_V: tuple[float, float]) -> AdcRange:
+    for one in part.range:
+        if (one.low_v, one.high_v) == range_V:
+            return one
+    ranges = ", ".join(f"[{one.low_v:g}, {one.high_v:g}]" for one in part.range)
+    raise SpecError("readout.adc_range_v", value=list(range_V), limit=f"is no range of {part.name}", remedy=ranges)

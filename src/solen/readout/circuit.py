@@ -1,0 +1,224 @@
+"""The whole circuit of a design: its emitter, one phototransistor and load for each receiver, the converter.
+
+The idea: what a part spreads by is kept beside what is typical. A `Circuit` is one set of parts; `spread` gives the
+typical one and those of the weakest and the strongest emitter and receivers, `Circuit.drawn` a set by chance.
+
+Assumed: light falls evenly on a receiver's face, so that a part on it sees power over area, wherever it sits; and the
+part sees through its window what it would in air.
+
+The interface: `circuit_of`, `spread`, `face_areas_mm2`; `Circuit.current_mA` of power fractions, `Circuit.load_line`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.curve.measure import Measure
+from solen.errors import DataError, SpecError
+from solen.geometry import Body
+from solen.parts import AdcPart, EmitterPart, Part, ReceiverPart, TrimmerPart, library_part, light_of, load_part
+from solen.readout.adc import Adc
+from solen.readout.emitter import REFERENCE_C, Drive
+from solen.readout.transistor import LoadLine, Phototransistor, load_line
+from solen.spec import Design
+
+FloatArray = NDArray[np.float64]
+Floats = float | FloatArray
+
+Case = Literal["dimmest", "typical", "brightest"]
+CASES: tuple[Case, ...] = get_args(Case)
+MM2_PER_CM2 = 100.0
+NOISE_OF_3DB = 0.5 * np.pi
+"""Noise bandwidth of a first order over its 3 dB frequency."""
+USUAL_EMITTER = "VSMY1850"
+
+_P = TypeVar("_P", bound=Part)
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """An emitter and R receivers.
+
+    Attributes
+    ----------
+    names
+        Of the receivers.
+    area_mm2
+        Of their faces: power fractions are of all light through a face.
+    drive, transistor, adc
+        The emitter at its current, the kind of the receivers, the converter.
+    sensitivity_uA
+        Of each receiver's own part: its current at 1 mW/cm² of the stated wavelength.
+    load_ohm
+        Of each receiver.
+    supply_V
+        Above the loads.
+    samples
+        Of the converter, averaged into one reading.
+    rate_hz
+        Readings of an emitter per second.
+    """
+
+    names: tuple[str, ...]
+    area_mm2: tuple[float, ...]
+    drive: Drive
+    transistor: Phototransistor
+    adc: Adc
+    sensitivity_uA: tuple[float, ...]
+    load_ohm: tuple[float, ...]
+    supply_V: float
+    samples: int = 1
+    rate_hz: float = 200.0
+
+    def __post_init__(self) -> None:
+        for name in ("area_mm2", "sensitivity_uA", "load_ohm"):
+            values = getattr(self, name)
+            if len(values) != len(self.names) or not all(0.0 < value < np.inf for value in values):
+                limit = f"must be {len(self.names)} numbers above 0, one for each receiver"
+                raise SpecError(name, value=list(values), limit=limit)
+
+    def irradiance_mW_cm2(self, power_fraction: FloatArray, temperature_C: Floats = REFERENCE_C) -> FloatArray:
+        """Mean irradiance of the faces (..., R) by fractions (..., R) of the emitted power."""
+        per_fraction = _column(self.drive.power_mW(temperature_C), power_fraction)
+        return np.asarray(power_fraction * per_fraction / (np.array(self.area_mm2) / MM2_PER_CM2))
+
+    def current_mA(
+        self,
+        power_fraction: FloatArray,
+        ambient_mW_cm2: Floats = 0.0,
+        temperature_C: Floats = REFERENCE_C,
+    ) -> FloatArray:
+        """Currents (..., R) that the light asks for, dark current included.
+
+        ``ambient_mW_cm2`` is light of the wavelength at which the sensitivity is stated; it and ``temperature_C`` are a
+        number, one for each row (...,), or one for each reading (..., R).
+        """
+        seen = self.transistor.response * self.irradiance_mW_cm2(power_fraction, temperature_C)
+        ambient, temperature = _column(ambient_mW_cm2, power_fraction), _column(temperature_C, power_fraction)
+        return self.transistor.current_mA(seen + ambient, np.array(self.sensitivity_uA), temperature)
+
+    def load_line(self, current_mA: FloatArray) -> LoadLine:
+        """Volts and slopes (..., R) at currents (..., R) that light asks for."""
+        knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
+        return load_line(current_mA, loads, self.supply_V, *knee)
+
+    @property
+    def time_constant_us(self) -> FloatArray:
+        """Of each receiver (R,)."""
+        return self.transistor.time_constant_us(np.array(self.load_ohm))
+
+    @property
+    def noise_bandwidth_hz(self) -> FloatArray:
+        """Noise bandwidth (R,): of the first order of receiver and load, or of the converter's input where less."""
+        corner_hz = 1e6 / (2.0 * np.pi * self.time_constant_us)
+        return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
+
+    def drawn(self, rng: np.random.Generator) -> "Circuit":
+        """The same with parts by chance: each sensitivity even between its limits, which is all a datasheet states.
+
+        The emitter's power is drawn even between its own limits.
+        """
+        part, drive = self.transistor, self.drive
+        chosen = rng.uniform(part.least_uA, part.most_uA, len(self.names))
+        power = float(rng.uniform(drive.least_mW, drive.most_mW))
+        return replace(self, sensitivity_uA=tuple(chosen.tolist()), drive=replace(drive, typical_mW=power))
+
+    def with_load(self, load_ohm: float) -> "Circuit":
+        """The same with another load at every receiver."""
+        return replace(self, load_ohm=(load_ohm,) * len(self.names))
+
+
+def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
+    """Circuit of a design with typical parts.
+
+    Parameters
+    ----------
+    design
+        Its ``[readout]``, and the emitter's light.
+    area_mm2
+        Area of each receiver's face by the receiver's name, as `face_areas_mm2` gives it.
+
+    Raises
+    ------
+    DataError
+        Where a part is not found, cannot be read or is of another kind.
+    SpecError
+        Where a range of the converter is asked for that it does not have.
+    """
+    told = design.readout
+    part = named_part(design, "part", ReceiverPart)
+    transistor = Phototransistor.of(part, light_of(design))
+    return Circuit(
+        names=tuple(area_mm2),
+        area_mm2=tuple(area_mm2.values()),
+        drive=Drive.of(emitter_part(design), told.emitter_current_ma),
+        transistor=transistor,
+        adc=Adc.of(named_part(design, "adc", AdcPart), told.supply_v, told.adc_range_v),
+        sensitivity_uA=(transistor.typical_uA,) * len(area_mm2),
+        load_ohm=(told.load_ohm,) * len(area_mm2),
+        supply_V=told.supply_v,
+        samples=told.samples,
+        rate_hz=told.rate_hz,
+    )
+
+
+def spread(circuit: Circuit) -> dict[Case, Circuit]:
+    """The circuit with its weakest emitter and receivers, as it is, and with the strongest."""
+    part, drive, count = circuit.transistor, circuit.drive, len(circuit.names)
+    ends: dict[Case, tuple[float, float]] = {
+        "dimmest": (part.least_uA, drive.least_mW),
+        "brightest": (part.most_uA, drive.most_mW),
+    }
+    made = {
+        case: replace(circuit, sensitivity_uA=(uA,) * count, drive=replace(drive, typical_mW=mW))
+        for case, (uA, mW) in ends.items()
+    }
+    return {"dimmest": made["dimmest"], "typical": circuit, "brightest": made["brightest"]}
+
+
+def emitter_part(design: Design) -> EmitterPart:
+    """Emitter whose power the readout takes: its own, or else the light's, or else the paper's."""
+    if design.readout.emitter_part is not None:
+        return named_part(design, "emitter_part", EmitterPart)
+    name = design.emitter.part or USUAL_EMITTER
+    path = design.named_file(name)
+    return _of_kind("emitter.part", library_part(name) if path is None else load_part(path), EmitterPart)
+
+
+def trimmer_part(design: Design) -> TrimmerPart:
+    """What the loads are set with."""
+    return named_part(design, "trimmer", TrimmerPart)
+
+
+def named_part(design: Design, key: str, kind: type[_P]) -> _P:
+    """Part that a key of the readout names; `DataError` where it is of another kind."""
+    name = getattr(design.readout, key)
+    path = design.named_file(name)
+    return _of_kind(f"readout.{key}", library_part(name) if path is None else load_part(path), kind)
+
+
+def _of_kind(key: str, part: Part, kind: type[_P]) -> _P:
+    if not isinstance(part, kind):
+        wanted = kind.__name__.removesuffix("Part").lower()
+        article = "an" if wanted[0] in "aeiou" else "a"
+        raise DataError(key, value=part.name, limit=f"is of kind {part.kind}, not {article} {wanted}")
+    return part
+
+
+def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
+    """Area of each receiver's face: its length in the plane times its height along y, by default the body's."""
+    height = design.receivers.height_mm or design.body.thickness_mm
+    areas: dict[str, float] = {}
+    for face in (*body.all_faces, *body.apart):
+        if face.part == "receiver":
+            areas[face.whose] = areas.get(face.whose, 0.0) + Measure(face.curve).length_mm * height
+    return dict(sorted(areas.items(), reverse=True))
+
+
+def _column(values: Floats, beside: FloatArray) -> FloatArray:
+    """Numbers for each row as a column beside readings (..., R); a number, or one for each reading, as it is."""
+    found = np.asarray(values, dtype=float)
+    return found[..., None] if 0 < found.ndim < np.ndim(beside) else found

@@ -1,0 +1,106 @@
+"""The radiant power of an emitter by its current and temperature.
+
+The idea: a datasheet states the power at one current. It grows as a power of the current that is 1 up to some 100 mA
+and falls linearly with the temperature. From part to part it spreads as the radiant intensity does.
+
+The interface: `Drive.of` a part at a current; `Drive.power_mW` at a temperature.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.parts import EmitterPart, PatternPart
+
+FloatArray = NDArray[np.float64]
+
+REFERENCE_C = 25.0
+"""Temperature of datasheets."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """An emitter at a current.
+
+    Attributes
+    ----------
+    name
+        Of the part.
+    current_mA
+        While it is on.
+    typical_mW, least_mW, most_mW
+        Radiant power at that current and 25 °C: of a typical part, and of the weakest and the strongest.
+    fall_per_K
+        Share of it that a K takes.
+    peak_nm
+        Wavelength that it has.
+    most_current_mA
+        Largest steady current allowed; inf where that is not known.
+    """
+
+    name: str
+    current_mA: float
+    typical_mW: float
+    least_mW: float
+    most_mW: float
+    fall_per_K: float
+    peak_nm: float
+    most_current_mA: float = math.inf
+
+    @classmethod
+    def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
+        """Emitter at a current; `DataError` where its part states neither a power nor an intensity with a current."""
+        if part.current_ma is None:
+            raise DataError(f"{part.name}: current_ma", limit="missing: a power needs it", remedy="add it to the part")
+        typical = _reference_mW(part)
+        low, high = _spread(part)
+        exponent = part.power_exponent
+        ends = (1.0,) if exponent is None else (exponent.usual, exponent.least or exponent.usual)
+        ratio = current_mA / part.current_ma.usual
+        scales = [ratio**one for one in ends]
+        fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.usual
+        most = math.inf if part.most_current_ma is None else part.most_current_ma.usual
+        return cls(
+            name=part.name,
+            current_mA=current_mA,
+            typical_mW=typical * scales[0],
+            least_mW=typical * low * min(scales),
+            most_mW=typical * high * max(scales),
+            fall_per_K=fall,
+            peak_nm=part.peak_nm.usual,
+            most_current_mA=most,
+        )
+
+    def power_mW(self, temperature_C: float | FloatArray = REFERENCE_C) -> FloatArray:
+        """Radiant power of a typical part, at temperatures of any shape; never below 0."""
+        warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
+        return np.maximum(self.typical_mW * (1.0 - self.fall_per_K * warmer_K), 0.0)
+
+
+def solid_angle_sr(pattern: PatternPart) -> float:
+    """Integral of a pattern over the sphere, relative to its axis: 2π ∫ I(θ) sin θ dθ / I(0); pi for a cosine."""
+    angle = np.linspace(0.0, pattern.angle_deg[-1], 20_001)
+    relative = np.interp(angle, pattern.angle_deg, pattern.relative) / pattern.relative[0]
+    theta = np.radians(angle)
+    return float(2.0 * np.pi * np.trapezoid(relative * np.sin(theta), theta))
+
+
+def _reference_mW(part: EmitterPart) -> float:
+    """Power at the datasheet's current: stated, or the axial intensity times the pattern's solid angle."""
+    if part.power_mw is not None:
+        return part.power_mw.usual
+    if part.intensity_mw_per_sr is None or not part.pattern.relative[0] > 0.0:
+        limit = "states neither power_mw nor intensity_mw_per_sr"
+        raise DataError(f"part {part.name}", limit=limit, remedy="add one of them with its current_ma")
+    return part.intensity_mw_per_sr.usual * solid_angle_sr(part.pattern)
+
+
+def _spread(part: EmitterPart) -> tuple[float, float]:
+    """Weakest and strongest part relative to a typical one: by the power's own limits, or else the intensity's."""
+    for one in (part.power_mw, part.intensity_mw_per_sr):
+        if one is not None and (one.least is not None or one.most is not None):
+            return (one.least or one.usual) / one.usual, (one.most or one.usual) / one.usual
+    return 1.0, 1.0

@@ -1,0 +1,82 @@
+"""Noise of a reading by where it comes from, as formulas.
+
+- Shot noise: the photoelectrons are counted before the transistor multiplies them, so that their noise is multiplied
+  too: i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
+- Thermal noise of the load (Johnson, Nyquist): i² = 4 k T B / R.
+- Both flow through the load beside the transistor: v = i r, r the load, or less in saturation.
+- The converter's own noise, and its steps: step/√12.
+
+B is the noise bandwidth of the receiver's first order, π/2 times its corner. A wide band is why averaging n samples
+helps by √n: successive samples are independent as long as they are further apart than the time constant.
+
+Not in here: ripple of the supply and noise of the emitter's current. Both act on all receivers alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.readout.circuit import Circuit, Floats
+from solen.readout.emitter import REFERENCE_C
+from solen.readout.transistor import LoadLine
+
+FloatArray = NDArray[np.float64]
+
+CHARGE_C = 1.602176634e-19
+BOLTZMANN_J_PER_K = 1.380649e-23
+ZERO_K = 273.15
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one sample (..., R) in V, and of a reading of ``samples`` of them."""
+
+    shot_V: FloatArray
+    thermal_V: FloatArray
+    converter_V: FloatArray
+    quantisation_V: FloatArray
+    samples: int = 1
+
+    @property
+    def before_V(self) -> FloatArray:
+        """What stands at the converter's steps: all but the rounding to them."""
+        return np.asarray(np.sqrt(self.shot_V**2 + self.thermal_V**2 + self.converter_V**2))
+
+    @property
+    def sample_V(self) -> FloatArray:
+        """Of one sample."""
+        return np.asarray(np.hypot(self.before_V, self.quantisation_V))
+
+    @property
+    def reading_V(self) -> FloatArray:
+        """Of the mean of the samples.
+
+        Rounding averages out only where noise moves the voltage over the steps: it is taken to from half a step on.
+        """
+        step = np.sqrt(12.0) * self.quantisation_V
+        rounding = np.where(self.before_V >= 0.5 * step, self.quantisation_V**2 / self.samples, self.quantisation_V**2)
+        return np.asarray(np.sqrt(self.before_V**2 / self.samples + rounding))
+
+
+def noise(
+    circuit: Circuit,
+    power_fraction: FloatArray,
+    ambient_mW_cm2: Floats = 0.0,
+    temperature_C: Floats = REFERENCE_C,
+) -> Noise:
+    """Noise at power fractions (..., R), ambient light and temperature as in `Circuit.current_mA`."""
+    line = circuit.load_line(circuit.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
+    shot, thermal = analogue_V(circuit, line, temperature_C)
+    like = np.ones_like(line.volts)
+    return Noise(shot, thermal, circuit.adc.noise_V * like, circuit.adc.quantisation_V * like, circuit.samples)
+
+
+def analogue_V(circuit: Circuit, line: LoadLine, temperature_C: Floats) -> tuple[FloatArray, FloatArray]:
+    """Shot and thermal noise (..., R) in V on a load line."""
+    hz, load = circuit.noise_bandwidth_hz, np.array(circuit.load_ohm)
+    shot_A = np.sqrt(2.0 * CHARGE_C * 1e-3 * line.collector_mA * (1.0 + circuit.transistor.gain) * hz)
+    kelvin = np.asarray(temperature_C, dtype=float) + ZERO_K
+    kelvin = kelvin[..., None] if 0 < kelvin.ndim < line.volts.ndim else kelvin
+    thermal_A = np.sqrt(4.0 * BOLTZMANN_J_PER_K * kelvin * hz / load)
+    return np.asarray(shot_A * line.output_ohm), np.asarray(thermal_A * line.output_ohm)

@@ -1,0 +1,101 @@
+"""Samples over time: what the converter reads of powers that change, with noise of a seed.
+
+The interface: `volts` of power fractions; `noisy` adds noise and reads; `settled` is the receiver's lag.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import SpecError
+from solen.readout.circuit import Circuit, Floats
+from solen.readout.emitter import REFERENCE_C
+from solen.readout.noise import analogue_V
+from solen.readout.transistor import LoadLine
+
+FloatArray = NDArray[np.float64]
+
+ROWS = 1 << 16
+"""Rows that are worked on at a time, so that an hour of samples needs little more memory than its result."""
+
+
+def volts(
+    power_fraction: FloatArray,
+    circuit: Circuit,
+    ambient_mW_cm2: Floats = 0.0,
+    temperature_C: Floats = REFERENCE_C,
+    rng: np.random.Generator | None = None,
+) -> FloatArray:
+    """Readings of the receivers.
+
+    Parameters
+    ----------
+    power_fraction
+        Shape (T, R), or (R,): the share of the emitted power at each receiver; 0 while the emitter is off.
+    circuit
+        Of R receivers.
+    ambient_mW_cm2, temperature_C
+        A number, one for each row (T,), or one for each reading (T, R).
+    rng
+        Draws the noise; without one the readings are the voltages themselves, neither noisy nor rounded.
+
+    Returns
+    -------
+    array
+        Volts of the shape of ``power_fraction``; lower where it is brighter.
+
+    Raises
+    ------
+    SpecError
+        Where a power or an ambient light is below 0 or no number, or there is not one column for each receiver.
+    """
+    fractions = np.asarray(power_fraction, dtype=float)
+    _check(fractions, circuit, ambient_mW_cm2)
+    if fractions.ndim < 2:
+        return volts(fractions[None, :], circuit, ambient_mW_cm2, temperature_C, rng).reshape(fractions.shape)
+    found = np.empty_like(fractions)
+    ambient, temperature = (np.asarray(one, dtype=float) for one in (ambient_mW_cm2, temperature_C))
+    for start in range(0, len(fractions), ROWS):
+        rows = slice(start, start + ROWS)
+        here = temperature[rows] if temperature.ndim else temperature
+        light = ambient[rows] if ambient.ndim else ambient
+        line = circuit.load_line(circuit.current_mA(fractions[rows], light, here))
+        found[rows] = line.volts if rng is None else noisy(circuit, line, here, rng)
+    return found
+
+
+def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
+    """Readings of a load line (T, R): the mean of the circuit's samples, each with its noise, rounded and cut."""
+    shot, thermal = analogue_V(circuit, line, temperature_C)
+    sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
+    total = np.zeros_like(line.volts)
+    for _ in range(circuit.samples):
+        total += circuit.adc.read(line.volts + sd * rng.standard_normal(line.volts.shape))
+    return np.asarray(total / circuit.samples)
+
+
+def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
+    """Volts (T, R) after the receivers' lag of first order, for samples of a rate far above that of the readings.
+
+    Each sample is the value at its end of a step held since the one before: exact for light that switches at samples.
+    """
+    from scipy.signal import lfilter
+
+    if not 0.0 < rate_hz < math.inf:
+        raise SpecError("rate_hz", value=rate_hz, limit="must be above 0")
+    found = np.empty_like(volts)
+    for column, tau_us in enumerate(circuit.time_constant_us.tolist()):
+        kept = math.exp(-1e6 / (rate_hz * tau_us))
+        start = [kept * volts[0, column]]
+        found[:, column] = lfilter([1.0 - kept], [1.0, -kept], volts[:, column], zi=start)[0]
+    return found
+
+
+def _check(fractions: FloatArray, circuit: Circuit, ambient_mW_cm2: Floats) -> None:
+    if fractions.ndim not in (1, 2) or fractions.shape[-1] != len(circuit.names):
+        limit = f"must have one column for each of {len(circuit.names)} receivers"
+        raise SpecError("power_fraction", value=fractions.shape, limit=limit)
+    for name, values in (("power_fraction", fractions), ("ambient_mW_cm2", np.asarray(ambient_mW_cm2))):
+        if not (np.isfinite(values).all() and (values >= 0.0).all()):
+            raise SpecError(name, limit="must be numbers of at least 0 everywhere")

@@ -1,0 +1,223 @@
+"""A phototransistor on its load resistor: irradiance to current, current to volts.
+
+The idea: light asks for a current I. The transistor gives it while there is voltage enough across it, and less of it
+below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), V_s the voltage that it cannot pull below, V_k the width of the knee.
+With V = V_supply − R I_C this has a closed form by the Wright omega function ω, ω + ln ω = z:
+
+    y = (V − V_s)/V_k = a − b + ω(ln b + b − a),    a = (V_supply − V_s)/V_k,    b = R I/V_k.
+
+Far from the knee V = V_supply − R I; in bright light V comes down to V_s. V falls with the light everywhere.
+
+The interface: `Phototransistor.of` a part for light of a wavelength; `Phototransistor.current_mA` of an irradiance;
+`load_line` gives volts with the slope of the load line, `spectral_response` the sensitivity beside the stated one.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import wrightomega
+
+from solen.parts import Light, ReceiverPart
+from solen.readout.emitter import REFERENCE_C
+
+FloatArray = NDArray[np.float64]
+
+SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
+"""Where a part does not say: usual for small silicon phototransistors."""
+RISE_US, RISE_US_PER_KOHM = 3.0, 15.0
+RISE_OF_TAU = math.log(9.0)
+"""Time from a tenth to nine tenths, in time constants of a first order."""
+
+
+@dataclass(frozen=True)
+class Phototransistor:
+    """A receiver for light of one spectrum.
+
+    Attributes
+    ----------
+    name
+        Of the part.
+    typical_uA, least_uA, most_uA
+        Current at 1 mW/cm² of the wavelength that the datasheet states it at, 25 °C.
+    response
+        Sensitivity for the emitter's light relative to that wavelength's.
+    exponent
+        m of its response cos^m to a beam; 1 for a flat window, whose current depends on the power through it alone.
+    saturation_V, knee_V
+        The voltage that it cannot pull below, and the width of the knee above that.
+    gain
+        Current for one of the photocurrent; it makes the noise of few photoelectrons that of a larger current.
+    dark_nA, dark_doubling_K
+        Current without light at 25 °C, and the warming that doubles it.
+    rise_per_K
+        Share that a K adds to its sensitivity.
+    rise_us, rise_us_per_kohm
+        Rise time from 10 to 90 % with a small load, and what each kΩ adds.
+    most_current_mA, most_supply_V
+        Largest current and voltage allowed.
+    """
+
+    name: str
+    typical_uA: float
+    least_uA: float
+    most_uA: float
+    response: float = 1.0
+    exponent: float = 1.0
+    saturation_V: float = SATURATION_V
+    knee_V: float = KNEE_V
+    gain: float = GAIN
+    dark_nA: float = DARK_NA
+    dark_doubling_K: float = DOUBLING_K
+    rise_per_K: float = 0.0
+    rise_us: float = RISE_US
+    rise_us_per_kohm: float = RISE_US_PER_KOHM
+    most_current_mA: float = math.inf
+    most_supply_V: float = math.inf
+
+    @classmethod
+    def of(cls, part: ReceiverPart, light: Light) -> "Phototransistor":
+        """Receiver for a design's light."""
+        current = part.current_ua_per_mw_cm2
+        values = {
+            "saturation_V": part.saturation_v,
+            "knee_V": part.knee_v,
+            "gain": part.gain,
+            "dark_nA": part.dark_na,
+            "dark_doubling_K": part.dark_doubling_k,
+            "rise_us": part.rise_us,
+            "rise_us_per_kohm": part.rise_us_per_kohm,
+            "most_current_mA": part.most_current_ma,
+            "most_supply_V": part.most_supply_v,
+        }
+        return cls(
+            name=part.name,
+            typical_uA=current.usual,
+            least_uA=current.least or current.usual,
+            most_uA=current.most or current.usual,
+            response=spectral_response(part, light.spectrum or ((light.wavelength_nm, 1.0),)),
+            exponent=exponent_of(part),
+            rise_per_K=0.0 if part.rise_percent_per_k is None else 0.01 * part.rise_percent_per_k.usual,
+            **{name: one.usual for name, one in values.items() if one is not None},
+        )
+
+    def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
+        """Current without light: it doubles by a stated warming."""
+        warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
+        return np.asarray(1e-6 * self.dark_nA * np.exp2(warmer_K / self.dark_doubling_K))
+
+    def current_mA(
+        self, irradiance_mW_cm2: FloatArray, sensitivity_uA: float | FloatArray, temperature_C: float | FloatArray
+    ) -> FloatArray:
+        """Current that light of the stated wavelength asks for in parts of some sensitivity; arrays broadcast."""
+        warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
+        per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * warmer_K, 0.0)
+        return np.asarray(irradiance_mW_cm2 * per_mW_cm2 + self.dark_mA(temperature_C))
+
+    def time_constant_us(self, load_ohm: float | FloatArray) -> FloatArray:
+        """Time constant of its first order: the rise time of the part and that of the load, over ln 9."""
+        load_us = 1e-3 * np.asarray(load_ohm, dtype=float) * self.rise_us_per_kohm
+        return np.asarray(np.hypot(self.rise_us, load_us) / RISE_OF_TAU)
+
+
+@dataclass(frozen=True)
+class LoadLine:
+    """Volts at a phototransistor on a load, all of the broadcast shape of the currents.
+
+    ``collector_mA`` flows. ``output_ohm`` turns a small current there into volts: the load, and less in saturation.
+    ``drive_ohm`` does so for the current that light asks for: volts fall by so much for each A of it.
+    """
+
+    volts: FloatArray
+    collector_mA: FloatArray
+    output_ohm: FloatArray
+    drive_ohm: FloatArray
+
+
+def load_line(
+    current_mA: FloatArray,
+    load_ohm: float | FloatArray,
+    supply_V: float,
+    saturation_V: float = SATURATION_V,
+    knee_V: float = KNEE_V,
+) -> LoadLine:
+    """Volts at the collector for the currents that light asks for.
+
+    Parameters
+    ----------
+    current_mA, load_ohm
+        Arrays that broadcast; currents of at least 0.
+    supply_V, saturation_V, knee_V
+        Above the load, the voltage that the transistor cannot pull below, the width of its knee.
+
+    Returns
+    -------
+    LoadLine
+        Voltages from ``saturation_V`` to ``supply_V``.
+    """
+    load = np.asarray(load_ohm, dtype=float)
+    a = (supply_V - saturation_V) / knee_V
+    b = 1e-3 * np.asarray(current_mA, dtype=float) * load / knee_V
+    with np.errstate(divide="ignore", invalid="ignore"):
+        omega = wrightomega(np.log(b) + b - a)
+        near, far = a - b + omega, np.log(b) - np.log(omega)  # the same number; far from the knee one loses digits
+    y = np.where(b < a, near, far)
+    given = -np.expm1(-y)
+    stiffness = 1.0 + b * np.exp(-y)
+    output = np.broadcast_to(load, y.shape) / stiffness
+    return LoadLine(
+        volts=np.minimum(saturation_V + knee_V * y, supply_V),
+        collector_mA=np.asarray(current_mA * given),
+        output_ohm=np.asarray(output),
+        drive_ohm=np.asarray(output * given),
+    )
+
+
+def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) -> float:
+    """Sensitivity for lines of (nm, weight), relative to that at the wavelength its current is stated at.
+
+    1 for a part without a spectrum.
+    """
+    if part.spectrum is None:
+        return 1.0
+    nm, relative = np.array(part.spectrum.wavelength_nm), np.array(part.spectrum.relative)
+    places, weights = np.array([line[0] for line in lines]), np.array([line[1] for line in lines])
+    seen = float(np.interp(places, nm, relative) @ weights / weights.sum())
+    stated = nm[int(np.argmax(relative))] if part.sensitivity_nm is None else part.sensitivity_nm.usual
+    return seen / float(np.interp(stated, nm, relative))
+
+
+def exponent_of(part: ReceiverPart) -> float:
+    """Exponent m of the response cos^m θ to a beam, from the angle of half sensitivity; 1, a flat window's, without."""
+    half = part.half_angle_deg
+    if half is None or not 0.0 < half.usual < 90.0:
+        return 1.0
+    return math.log(0.5) / math.log(math.cos(math.radians(half.usual)))
+
+
+def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
+    """Share of the power through a face that a receiver of response cos^m makes its current of.
+
+    Power through a face has its cos θ already, so a beam counts with cos^(m−1) θ: all alike for a flat window, whose m
+    is 1.
+
+    Parameters
+    ----------
+    exponent
+        m.
+    angle_deg
+        Angles of incidence (bins,), as the receiver's window sees them.
+    power
+        Power by angle (..., bins).
+
+    Returns
+    -------
+    array (...)
+        1 where no light arrives.
+    """
+    cosine = np.clip(np.cos(np.radians(angle_deg)), 1e-6, 1.0)
+    total = power.sum(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(total > 0.0, (power @ cosine ** (exponent - 1.0)) / total, 1.0))
