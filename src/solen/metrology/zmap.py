@@ -30,6 +30,8 @@ Floats = NDArray[np.float64]
 
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
+HEAD = 4000
+"""Bytes in which a table of text may say of itself that it is simulated."""
 LEAST_VALID = 0.2
 """Share of the pixels that must hold a height."""
 
@@ -101,7 +103,8 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
     if data[:4] in tiff.MAGIC:
         levels, tags, kind, simulated = _of_tiff(str(path), data)
     elif is_text(path):
-        levels, tags, kind, simulated = _of_text(str(path), data), (), "z-map-text", is_simulated(path.name)
+        levels, tags, kind = _of_text(str(path), data), (), "z-map-text"
+        simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
     else:
         raise DataError(str(path), limit="is no z map: a TIFF or a table of numbers", remedy="export the heights")
     valid = np.isfinite(levels)

@@ -7,17 +7,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
 from solen.geometry.coupons import Coupon
 from solen.metrology.coupons import Fidelity, Measured
 from solen.recording import Provenance
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
 
 Floats = NDArray[np.float64]
 
-WIDE_IN, PLOT_IN = 7.0, 2.6
+WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
+MANY, WIDE = 6, 0.2
+"""More sizes over a wider range than this are drawn on a logarithmic axis."""
+TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",
     "gap": "smallest gap",
@@ -30,26 +34,36 @@ WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "ga
 
 def fidelity_figure(grey: Floats, coupon: Coupon, found: Fidelity, source: Provenance) -> Figure:
     """The picture turned as the layout is drawn, circles and gaps over it, and deviations below."""
-    kinds = [kind for kind in WHAT if any(one.kind == kind and one.measured_mm is not None for one in found.measured)]
-    kinds = [kind for kind in kinds if kind != "pillar" or "gap" not in kinds]
+    kinds = _shown(found)
     picture, extent, to_mm = _upright(grey, coupon, found)
-    high = WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0])
+    high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(WIDE_IN, min(high, 4.5) + 0.7 + (PLOT_IN if kinds else 0.0)), layout="constrained")
-        grid = figure.add_gridspec(
-            2 if kinds else 1, max(1, len(kinds)), height_ratios=[min(high, 4.5) + 0.4, PLOT_IN][: 1 + bool(kinds)]
-        )
+        figure = Figure(figsize=(WIDE_IN, high + (PLOT_IN if kinds else 0.0)), layout="constrained")
+        ratios = [high, PLOT_IN] if kinds else [high]
+        grid = figure.add_gridspec(len(ratios), max(1, len(kinds)), height_ratios=ratios)
         axes = figure.add_subplot(grid[0, :])
         axes.imshow(picture, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
         _overlay(axes, coupon, found, to_mm)
         axes.grid(visible=False)
         axes.set(xlabel="x of the layout (mm)", ylabel="y (mm)")
-        axes.set_title(
-            f"{'simulated: ' if source.simulated else ''}{source.file}: {coupon.name}; {_limits(found)}", fontsize=8
-        )
+        name = f"{'simulated: ' if source.simulated else ''}{source.file}: {coupon.name}"
+        axes.set_title(f"{name}\n{_limits(found)}", fontsize=8)
         for column, kind in enumerate(kinds):
-            _deviations(figure.add_subplot(grid[1, column]), kind, [one for one in found.measured if one.kind == kind])
+            below = figure.add_subplot(grid[1, column])
+            some = [one for one in found.measured if one.kind == kind]
+            if kind == "step":
+                _steps(below, coupon, some)
+            else:
+                _deviations(below, kind, some)
     return figure
+
+
+def _shown(found: Fidelity) -> list[str]:
+    """Kinds of which sizes are drawn: those that vary."""
+    kinds = [kind for kind in WHAT if any(one.kind == kind and one.measured_mm is not None for one in found.measured)]
+    if "gap" in kinds or "step" in kinds:
+        kinds = [kind for kind in kinds if kind != "pillar"]
+    return kinds
 
 
 def _limits(found: Fidelity) -> str:
@@ -60,7 +74,7 @@ def _limits(found: Fidelity) -> str:
         if limit.nominal_mm is None:
             shown.append(f"{name} above {limit.next_mm:g} mm")
             continue
-        printed = "" if limit.measured_mm is None else f" (printed {limit.measured_mm:.3f})"
+        printed = "" if limit.measured_mm is None else f" (printed {limit.measured_mm:.4g})"
         shown.append(f"{name} {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm{printed}")
     return ", ".join(shown)
 
@@ -98,7 +112,8 @@ def _overlay(axes: Axes, coupon: Coupon, found: Fidelity, px_per_mm: float) -> N
         elif told.resolved is False:
             axes.plot(*at, "x", ms=5, mew=1.0, color=LEFT)
         if not coupon.gaps and one.kind != "mark":
-            _note(axes, one.x_mm, one.y_mm + 0.5 * one.depth_mm, f"{one.diameter_mm:g}")
+            text = f"{one.height_mm:.4g}" if coupon.steps else f"{one.diameter_mm:g}"
+            _note(axes, one.x_mm, one.y_mm + 0.5 * one.depth_mm, text)
     for gap in coupon.gaps:
         told = by[gap.name]
         one, other = (coupon.feature(name) for name in gap.between)
@@ -110,13 +125,38 @@ def _overlay(axes: Axes, coupon: Coupon, found: Fidelity, px_per_mm: float) -> N
     for name, height in found.heights.items():
         one = coupon.feature(name)
         if one.kind != "mark" and not one.round:
-            axes.text(
-                one.x_mm, one.y_mm, f"{height.height_mm:.4f} mm", ha="center", va="center", fontsize=7, color=LEFT
-            )
+            box = {"boxstyle": "round", "fc": "white", "ec": "none", "alpha": 0.8}
+            text = f"{height.height_mm:.4f} mm"
+            axes.text(one.x_mm, one.y_mm, text, ha="center", va="center", fontsize=7, color=INK, bbox=box)
 
 
 def _note(axes: Axes, x: float, y: float, text: str) -> None:
     axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=5.5, color="#ffd24d")
+
+
+def _steps(axes: Axes, coupon: Coupon, some: Sequence[Measured]) -> None:
+    """Each step at the height that it leads to; a dashed line for each nominal size."""
+    upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
+    sizes = sorted({round(one.nominal_mm, 6) for one in some}, reverse=True)
+    for number, size in enumerate(sizes):
+        colour = SERIES[number % len(SERIES)]
+        mine = [one for one in some if round(one.nominal_mm, 6) == size and one.measured_mm is not None]
+        axes.axhline(1e3 * size, color=colour, lw=0.7, ls="--")
+        for good in (True, False):
+            these = [one for one in mine if bool(one.resolved) is good]
+            axes.errorbar(
+                [upper[one.name] for one in these],
+                [1e3 * (one.measured_mm or 0.0) for one in these],
+                yerr=[2e3 * (one.u_mm or 0.0) for one in these],
+                fmt="o" if good else "x",
+                ms=3.5,
+                lw=1.0,
+                color=colour,
+                label=f"{1e3 * size:g} µm" + ("" if good else ", no rise beyond chance") if these else None,
+            )
+    axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    axes.legend(fontsize=7, ncols=len(sizes), loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    axes.set(xlabel="nominal height that the step leads to (mm)", ylabel="step (µm)")
 
 
 def _deviations(axes: Axes, kind: str, some: Sequence[Measured]) -> None:
@@ -135,8 +175,10 @@ def _deviations(axes: Axes, kind: str, some: Sequence[Measured]) -> None:
     )
     if lost:
         axes.legend(fontsize=7)
-    if len({one.nominal_mm for one in some}) > 6 and min(one.nominal_mm for one in some) < 0.2 * max(
-        one.nominal_mm for one in some
-    ):
+    sizes = {one.nominal_mm for one in some}
+    if len(sizes) > MANY and min(sizes) < WIDE * max(sizes):
         axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xticks([one for one in TICKS_MM if min(sizes) <= one <= max(sizes)])
     axes.set(xlabel=f"nominal, {WHAT[kind]} (mm)", ylabel="measured − nominal (µm)")

@@ -19,7 +19,7 @@ HIGHEST = 99.5
 """Percentile that tells that height."""
 NOISE = 5.0
 """Spots are higher than so many standard deviations of the noise."""
-MOST_PIXELS = 1_500_000
+MOST_PIXELS = 600_000
 FEWEST_PX = 12
 """Area in pixels below which a spot has no shape."""
 LONGEST, COMPACT = 1.3, (0.8, 1.15)
@@ -67,16 +67,22 @@ def _noise(grey: Floats) -> float:
 
 def _pieces(mask: NDArray[np.bool_]) -> list[tuple[float, float, float]]:
     """Compact pieces of a mask as (column, row, diameter)."""
-    labels, _ = ndimage.label(ndimage.binary_fill_holes(mask))
+    labels, _ = ndimage.label(mask)
+    areas = np.bincount(labels.ravel())
     found = []
     for number, window in enumerate(ndimage.find_objects(labels), 1):
-        piece = np.argwhere(labels[window] == number).astype(float)
-        edge = any(one.start == 0 or one.stop == size for one, size in zip(window, mask.shape, strict=True))
-        if len(piece) < FEWEST_PX or edge or not _compact(piece):
+        if areas[number] < FEWEST_PX or _at_edge(window, mask.shape):
             continue
-        row, column = piece.mean(axis=0).tolist()
-        found.append((column + window[1].start, row + window[0].start, float(np.sqrt(4.0 * len(piece) / np.pi))))
+        piece = np.argwhere(ndimage.binary_fill_holes(labels[window] == number)).astype(float)
+        if _compact(piece):
+            row, column = piece.mean(axis=0).tolist()
+            diameter = float(np.sqrt(4.0 * len(piece) / np.pi))
+            found.append((column + window[1].start, row + window[0].start, diameter))
     return found
+
+
+def _at_edge(window: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
+    return any(one.start == 0 or one.stop == size for one, size in zip(window, shape, strict=True))
 
 
 def _compact(piece: Floats) -> bool:

@@ -20,8 +20,8 @@ from solen.metrology.coupons.placement import Placement, fitted, flat, places
 
 Floats = NDArray[np.float64]
 
-WINDOW = 1.5
-"""Window of the top hat, in diameters of the largest feature."""
+WINDOW = 1.0
+"""Window of the top hat, in diameters of the largest feature: a disc holds no square as wide as 0.71 of them."""
 LARGEST = 9
 """Features that are tried for the two spots of a guess."""
 SCALE = 0.06
@@ -34,6 +34,8 @@ NEAR_MM, NEARER_MM = 0.25, 0.12
 """How far a spot may be from where its feature should be, at first and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
 """What counts as one standard deviation of a spot's place and size."""
+GROWN_MM, STRETCHED = 0.06, 0.015
+"""The same for all sizes together, and for the scale: a shift by one feature would be a print of another size."""
 MISSING, MARK = 4.0, 4.0
 """Cost of a feature without its spot, and how much more a mark counts."""
 CLEAR = 4.0
@@ -135,7 +137,7 @@ def _guesses(
     at, sizes = places(features), np.array([one.diameter_mm for one in features])
     seen = spots.places_px[:, 0] + 1j * spots.places_px[:, 1]
     rough = _rough(at, sizes, seen, spots.diameter_px / px_per_mm, px_per_mm)
-    return [_refined(one, at, sizes, spots, features, shape, bright=bright) for one in rough]
+    return [_refined(one, at, sizes, spots, features, shape, px_per_mm, bright=bright) for one in rough]
 
 
 def _rough(
@@ -200,6 +202,7 @@ def _refined(
     spots: Blobs,
     features: Sequence[Feature],
     shape: tuple[int, ...],
+    px_per_mm: float,
     *,
     bright: bool,
 ) -> _Guess:
@@ -211,7 +214,7 @@ def _refined(
             break
         i, j = np.array(pairs).T
         placement = fitted(at[i], spots.places_px[j], mirrored=placement.mirrored)
-    cost, rms = _cost(placement, pairs, at, sizes, spots, features, shape)
+    cost, rms = _cost(placement, pairs, at, sizes, spots, features, shape, px_per_mm)
     return _Guess(placement, tuple(pairs), cost, rms, bright)
 
 
@@ -234,6 +237,7 @@ def _cost(
     spots: Blobs,
     features: Sequence[Feature],
     shape: tuple[int, ...],
+    px_per_mm: float,
 ) -> tuple[float, float]:
     """Cost of a placement.
 
@@ -253,4 +257,5 @@ def _cost(
     off = (away / PLACE_MM) ** 2 + ((larger - np.median(larger)) / DIAMETER_MM) ** 2
     kept = np.minimum(off, MISSING) * weight[i]
     rest = lost.sum() - lost[i].sum() - MISSING * len(pairs)
+    rest += (float(np.median(larger)) / GROWN_MM) ** 2 + ((placement.px_per_mm / px_per_mm - 1.0) / STRETCHED) ** 2
     return float(kept.sum() + rest), float(np.sqrt(np.mean(away**2)))

@@ -15,7 +15,7 @@ Model = Callable[[Floats], tuple[Floats, Floats]]
 """Of parameters (P,), the values (N,) and their derivatives (N, P)."""
 
 ROUNDS = 60
-SETTLED = 1e-7
+SETTLED = 1e-6
 """Relative change of the sum of squares at which a fit is done."""
 
 
