@@ -57,7 +57,7 @@ def disc(
 ) -> tuple[Floats, Floats]:
     side = int(2 * radius_px + 60)
     middle = side / 2 + rng.uniform(-0.5, 0.5, 2)
-    ring = np.asarray(circle(*middle, radius_px).exterior.coords)
+    ring = np.asarray(circle(float(middle[0]), float(middle[1]), radius_px).exterior.coords)
     image = 0.25 + 0.5 * gaussian(blur_px)(coverage([ring], (side, side)), 1) + 0.0008 * np.arange(side)
     return image + noise * rng.standard_normal(image.shape), middle
 
@@ -202,8 +202,8 @@ def test_closed_holes() -> None:
     assert (limit(found, "hole").nominal_mm, limit(found, "hole").next_mm) == (1.6, 1.5)
 
 
-def z_measured(camera: Camera, part: Print, **values: float) -> Fidelity:
-    z = camera.z_map(part, **values)
+def z_measured(camera: Camera, part: Print) -> Fidelity:
+    z = camera.z_map(part)
     z[np.random.default_rng(1).random(z.shape) < 0.02] = np.nan
     low, high = np.nanmin(z), np.nanmax(z)
     grey = (np.nan_to_num(z, nan=float(low)) - low) / (high - low)
