@@ -12,7 +12,7 @@ from solen.fabricate.process import Feature, default_process, parsed_process, pr
 from solen.lens.measured import read_profile
 from solen.pipeline.calibrateprinter import calibrate_printer
 from solen.pipeline.design import open_design
-from solen.pipeline.printed import Outputs, Print, printed
+from solen.pipeline.printed import Outputs, Print, printed, process_of
 from solen.sensor import Sensor
 from solen.spec import template
 from tests.fabricate.print_support import settings
@@ -110,7 +110,9 @@ def test_a_predicted_profile_goes_back_into_the_design(sensor: Path, tmp_path: P
 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
 def test_other_orientations_are_told_with_their_steps(sensor: Path, tmp_path: Path, orientation: str) -> None:
-    told = printed(sensor, Print(sure(tmp_path), orientation), Outputs(figure=tmp_path / "a.svg"), response=False)
+    told = printed(
+        sensor, Print(sure(tmp_path), orientation=orientation), Outputs(figure=tmp_path / "a.svg"), response=False
+    )
     assert told["walls_um"] is None
     assert told["ripple_um"]["along"] == "profile"
     assert 5.0 < told["ripple_um"]["peak_to_valley"] < 40.0
@@ -184,6 +186,7 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
         (Print(), Outputs(out=Path("lens.toml")), OutputError, "a result ends in .json"),
         (Print(), Outputs(figure=Path("lens.gif")), OutputError, "a figure ends in"),
         (Print(process=Path("nowhere.toml")), Outputs(), DataError, "no such file"),
+        (Print(printer="asiga-max-x72"), Outputs(), DataError, "not in the library"),
     ],
 )
 def test_bad_demands_are_refused(
@@ -191,6 +194,20 @@ def test_bad_demands_are_refused(
 ) -> None:
     with pytest.raises(error, match=match):
         printed(sensor, how, outputs, response=False)
+
+
+def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
+    process, _ = process_of(Print(printer="asiga-max-x43"))
+    assert process.process.pixel_um == 43.0
+    assert process.source["pixel_um"].endswith("Asiga MAX X43")
+    assert process.uncertainty == default_process().uncertainty
+    with pytest.raises(DataError, match=r"process\.layer_um = 900\.0; Asiga MAX X43 prints layers of"):
+        process_of(Print(process=sure(tmp_path, layer_um=900.0, exposure_s=300.0), printer="asiga-max-x43"))
+    calibrated = tmp_path / "mine.toml"
+    calibrate_printer([features_file(tmp_path / "a.json")], out=calibrated)
+    assert process_of(Print(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
+    with pytest.raises(DataError, match="the process was calibrated with pixels of 27 um"):
+        process_of(Print(process=calibrated, printer="asiga-max-x43"))
 
 
 def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ def printed(
     /,
     *,
     process: Path | None = None,
+    printer: str | None = None,
     orientation: str = "flat",
     at: str = "middle",
     compensate: Path | None = None,
@@ -31,6 +32,8 @@ def printed(
         The design file.
     process
         Process file; by default published settings with assumed optics.
+    printer
+        Printer whose pixels are taken: a name of solen printers, or a printer's .toml.
     orientation
         How the part lies in the printer: flat, upright (the lens last), upright-lens-first or on-edge.
     at
@@ -42,7 +45,7 @@ def printed(
     """
     from solen.pipeline import printed as pipeline
 
-    how, outputs = pipeline.Print(process, orientation, at), pipeline.Outputs(out, compensate, figure)
+    how, outputs = pipeline.Print(process, printer, orientation, at), pipeline.Outputs(out, compensate, figure)
     with progress_bar("printing") as progress:
         found = pipeline.printed(file, how, outputs, set_ or (), response=response, progress=progress)
     show(found, as_json, lambda: _lines(found))

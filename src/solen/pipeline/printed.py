@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from solen import files
-from solen.errors import OutputError, SpecError
+from solen.errors import DataError, OutputError, SpecError
 from solen.fabricate import process as printing
 from solen.fabricate.process import Compensation, Deviation, Orientation, Prediction, Process, Target
 from solen.lens.measured import MeasuredProfile, profile_of, profile_text
+from solen.parts import printer_of
 from solen.pipeline import printedresponse, redrawn
 from solen.pipeline.design import open_design
 from solen.pipeline.outputs import check_choice, check_figure, check_out
@@ -47,6 +48,8 @@ class Print:
     ----------
     process
         Process file; None for the default.
+    printer
+        Printer of the library or a file, whose pixels are taken in place of the process's.
     orientation
         How the part lies.
     at
@@ -54,6 +57,7 @@ class Print:
     """
 
     process: Path | None = None
+    printer: str | None = None
     orientation: str = "flat"
     at: str = "middle"
 
@@ -150,13 +154,40 @@ def printed(
 
 
 def process_of(how: Print) -> tuple[Process, list[dict[str, Any]]]:
-    """Process that was named, and the provenance of its file."""
+    """Process that was named, with the pixels of a named printer, and the provenance of its file."""
     if how.process is None:
-        return printing.default_process(), []
+        return with_printer(printing.default_process(), how.printer), []
     process = printing.read_process(how.process)
     simulated = process.calibration is not None and process.calibration.simulated
     digest = hashlib.sha256(how.process.read_bytes()).hexdigest()
+    process = with_printer(process, how.printer)
     return process, [Provenance(how.process.name, digest, "solen-process", simulated=simulated).as_dict()]
+
+
+def with_printer(process: Process, name: str | None) -> Process:
+    """Process with the pixels of a printer, by its name in the library or its file; as it is without one.
+
+    Raises
+    ------
+    DataError
+        Where there is no such printer, it does not print layers as thin or thick, or the process was calibrated with
+        other pixels.
+    """
+    if name is None:
+        return process
+    printer = printer_of(name)
+    pitch_um, layer_um = printer.pitch_um.usual, process.process.layer_um
+    least, most = printer.layers_um
+    if not least <= layer_um <= most:
+        limit = f"{printer.name} prints layers of {least:g} to {most:g} um"
+        raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
+    if process.calibration is not None and abs(pitch_um - process.process.pixel_um) > 1e-6 * pitch_um:
+        limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} um"
+        remedy = "leave --printer out, or calibrate that printer"
+        raise DataError("--printer", value=f"{printer.name}, {pitch_um:g} um", limit=limit, remedy=remedy)
+    found = process.with_settings(pixel_um=pitch_um)
+    source = f"{printer.pitch_um.basis}: {printer.name}"
+    return found.model_copy(update={"source": found.source | {"pixel_um": source}})
 
 
 def profile_of_print(case: Case, deviation: Deviation) -> MeasuredProfile:
