@@ -31,7 +31,7 @@ def test_the_points_of_an_oval_are_that_oval() -> None:
     assert np.abs(points[:, 1] - LENS.z_mm(np.clip(points[:, 0], -2.0, 2.0))).max() < 1e-6  # the curve's tolerance
     assert found.fit.deviation.rms_um < 1e-6
     assert found.best_focus_mm(1.44) == pytest.approx(20.0, abs=1e-6)
-    assert found.best_focus_mm(1.5) == pytest.approx(LENS.best_focus_mm(1.5), abs=1e-4)
+    assert found.best_focus_mm(1.5) == pytest.approx(LENS.best_focus_mm(1.5), abs=1e-3)
     assert found.warnings == ()
 
 

@@ -30,7 +30,7 @@ from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable
 from solen.spec import Design, Motion, Wall
 
-SHORTEST_MM, STEP_MM = 1e-8, 1e-3
+SHORTEST_MM, STEP_MM = 1e-8, 1e-6
 """A step between lens and stem shorter than the first goes up along the stem by the second instead: that of an edge
 which has risen by less than some micrometres, as a measured lens's may have."""
 
