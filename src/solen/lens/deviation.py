@@ -13,6 +13,7 @@ to the stem and are left out.
 The interface: `FittedProfile` of a design and a profile.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,6 +40,8 @@ ROUGH = 1.3
 """How many times their uncertainty points may scatter before it is warned of."""
 LONGEST_CORRELATION = 0.25
 """Correlation length of errors that are drawn at most, as a share of the half width."""
+NODES_PER_LENGTH = 3.0
+"""Random numbers of a drawn outline per correlation length."""
 EASE_MM = 0.1
 """Length over which the slope of a deviation ends beyond the last point."""
 PLACES = 801
@@ -146,6 +149,19 @@ class FittedProfile:
         they turn the normals less.
         """
         return min(self.smooth.resolution, LONGEST_CORRELATION * self.designed.half_width_mm)
+
+    @cached_property
+    def errors(self) -> tuple[Floats, Floats]:
+        """Lengths (N,), and the matrix (N, N) that makes errors along z there, mm, of as many standard normal numbers.
+
+        They have the size of `u_mm` and a Gaussian correlation.
+        """
+        length_mm, total_mm = self.correlation_mm, self.track.total_mm
+        nodes = np.linspace(0.0, total_mm, max(8, math.ceil(NODES_PER_LENGTH * total_mm / length_mm) + 1))
+        x = self.track.x_at(nodes)
+        u_z = self.u_mm(x) * np.hypot(1.0, self.designed.slope(x))
+        value, vectors = np.linalg.eigh(np.exp(-0.5 * (np.subtract.outer(nodes, nodes) / length_mm) ** 2))
+        return nodes, u_z[:, None] * vectors * np.sqrt(np.maximum(value, 0.0))
 
     @property
     def u_rms_um(self) -> float:

@@ -5,7 +5,6 @@ points leave open is told by drawing: an outline within their uncertainty is the
 that size, correlated over `FittedProfile.correlation_mm`.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -21,12 +20,10 @@ Floats = NDArray[np.float64]
 
 CURVE_TOLERANCE_MM = 1e-6
 """How far the curve that rays meet may be from the smoothed profile: 1 nm."""
-SPOT_RAYS = 1024
+SPOT_RAYS = 512
 """Rays by which the smallest spot is found."""
 DRAWN_SPOTS = 24
 """Outlines drawn for the uncertainty of the focus, which they give to a seventh of itself."""
-NODES_PER_LENGTH = 3.0
-"""Random numbers of a drawn outline per correlation length."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class MeasuredLens(Lens):
 
     def _rays(self, index: float) -> tuple[Floats, Floats]:
         """Rays in the material, x = a + t z, of those that the face lets in; one behind another part is left out."""
-        x = np.linspace(-self.half_width_mm, self.half_width_mm, 8 * SPOT_RAYS + 1)
+        x = np.linspace(-self.half_width_mm, self.half_width_mm, 4 * SPOT_RAYS + 1)
         seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
         angle = seen[0] + (seen[-1] - seen[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
         x = np.interp(angle, seen, x)
@@ -143,14 +140,8 @@ class MeasuredLens(Lens):
         """Random curve along z of a drawn outline, or its derivative by x: normal, correlated along the oval."""
         from scipy.interpolate import CubicSpline
 
-        track, length_mm = self.fit.track, self.fit.correlation_mm
-        nodes = np.linspace(0.0, track.total_mm, max(8, math.ceil(NODES_PER_LENGTH * track.total_mm / length_mm) + 1))
-        apart = np.subtract.outer(nodes, nodes) / length_mm
-        value, vectors = np.linalg.eigh(np.exp(-0.5 * apart**2))
-        numbers = np.random.default_rng(self.drawn).standard_normal(nodes.size)
-        unit = vectors @ (np.sqrt(np.maximum(value, 0.0)) * numbers)
-        x = track.x_at(nodes)
-        spline = CubicSpline(nodes, unit * self.fit.u_mm(x) * np.hypot(1.0, self.designed.slope(x)))
+        track, (nodes, root) = self.fit.track, self.fit.errors
+        spline = CubicSpline(nodes, root @ np.random.default_rng(self.drawn).standard_normal(nodes.size))
 
         def error(x: Floats, order: int) -> Floats:
             per_x = track.length_per_x(x) if order else 1.0

@@ -27,7 +27,7 @@ def printed_figure(found: Printed) -> Figure:
                 _draw_responses(contrast_axes, one, colour)
                 _draw_difference(difference_axes, one, colour)
         contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-        contrast_axes.legend(fontsize=7, loc="upper right")
+        contrast_axes.legend(fontsize=7, loc="lower left")
         difference_axes.axhline(0.0, color=INK, lw=0.8)
         difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
         difference_axes.legend(fontsize=7)
@@ -52,7 +52,7 @@ def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
 
 
 def _name(one: Comparison) -> str:
-    return f"chip {one.width_mm:g} mm wide" if one.width_mm > 0.0 else "the design's emitter"
+    return f"chip {one.width_mm:g} mm wide" if one.width_mm > 0.0 else "point"
 
 
 def _draw_responses(axes: Axes, one: Comparison, colour: str) -> None:
