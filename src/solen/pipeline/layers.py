@@ -341,6 +341,14 @@ def _of_size(job: Job) -> list[str]:
     if abs(off_um) > HEIGHT_UM:
         way = "higher" if off_um > 0.0 else "lower"
         found.append(f"{job.count} layers of {job.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part")
+    faces = [height for height in job.solid.heights_mm if 0.0 < height < size[2] - 1e-4]
+    moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
+    between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
+    if between:
+        first = f"the first at {between[0]:.4g} mm"
+        found.append(
+            f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm"
+        )
     return found
 
 
