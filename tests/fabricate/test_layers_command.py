@@ -232,7 +232,7 @@ def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
     (folder / "mesh.obj").write_text("v 0 0 0", encoding="utf-8")
     assert "is cut off" in refused("layers", "cut.stl", "--out", "out")
     assert "open.stl = '3 open edges'; must be watertight" in refused("layers", "open.stl", "--out", "out")
-    assert "must be a design (.toml) or a mesh (.stl)" in refused("layers", "mesh.obj", "--out", "out")
+    assert "must be a design (.toml) or a mesh (.stl, .3mf)" in refused("layers", "mesh.obj", "--out", "out")
     assert "no such file" in refused("layers", "none.stl", "--out", "out")
     assert "--set" in refused("layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
     assert "without --layers" in refused("export", "my sensor.toml", "--out", "out", "--copies", "2")
@@ -244,7 +244,7 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run
     found = told("layers", "inverted.stl", "--out", "out")
     assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
     assert any("inside out" in line for line in found["warnings"])
-    assert any("an STL has no unit and is read as mm" in line for line in found["warnings"])
+    assert any("An STL has none and is read as mm" in line for line in found["warnings"])
 
 
 def test_level_faces_between_layers_are_told(told: Run) -> None:
