@@ -172,3 +172,31 @@ def test_options_that_cannot_be(tmp_path: Path) -> None:
         pipeline.analyse(pipeline.Request((path,), pattern="{sensor}_{run}.csv"))
     with pytest.raises(SpecError, match="NAME=COLUMN"):
         named_channels(["=x"])
+
+
+def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    signals = made(TRUTH)
+    volts, log = tmp_path / "daq.csv", tmp_path / "stage.csv"
+    np.savetxt(
+        volts, np.column_stack([signals.time_s, signals.volts]), delimiter=",", header="time_s,L_V,R_V", comments=""
+    )
+    rows = np.column_stack([1e3 * (signals.time_s[::5] + 7.25), signals.angle_deg[::5]])
+    np.savetxt(log, rows, delimiter=";", header="t_ms;pos_deg", comments="", fmt="%.6f")
+    found = result(capsys, str(volts), "--angle-file", str(log))
+    [alignment] = found["alignment"]  # type: ignore[misc]
+    assert alignment["lag_s"] == pytest.approx(7.25, abs=1e-3)  # type: ignore[index]
+    assert len(found["sensors"]["daq"]["cycles"]) == 6  # type: ignore[index]
+    assert len(found["sources"]) == 2  # type: ignore[arg-type]
+
+
+def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    signals = made(TRUTH)
+    path = tmp_path / "daq.csv"
+    np.savetxt(
+        path, np.column_stack([signals.time_s, signals.volts]), delimiter=",", header="time_s,L_V,R_V", comments=""
+    )
+    found = result(capsys, str(path), "--amplitude-deg", "3")
+    assert len(found["sensors"]["daq"]["cycles"]) == 6  # type: ignore[index]
+    assert any("no angle was recorded" in warning for warning in found["warnings"])  # type: ignore[attr-defined]
+    assert _run(["analyse", str(path)]) == 2
+    assert "give --amplitude-deg" in capsys.readouterr().err

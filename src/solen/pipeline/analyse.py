@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from solen.analysis import Analysed, Group, Settings, Signals, analysed, beside, smoothed
+from solen.analysis.unseen import Protocol, unseen
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.pipeline import analysis_data as data
 from solen.pipeline.outputs import check_figure, check_out, write
-from solen.pipeline.signals import Columns, sampled, signals_of
+from solen.pipeline.signals import NOWHERE, Columns, sampled, signals_of, with_log
 from solen.recording import Recording, read
 from solen.recording.labels import has_lens, labels
 
@@ -37,6 +38,12 @@ class Request:
         Sensors without a lens, by their labels.
     smooth_ms
         Width of a moving mean; None for none.
+    logs
+        Logs of the angle on another clock: one for all files, or one for each.
+    log_time
+        Column of a log's times.
+    protocol
+        What the stage was asked to do, where nothing recorded its angle.
     names, sheet
         Columns of tables without a header, and a workbook's sheet.
     """
@@ -47,6 +54,9 @@ class Request:
     pattern: str | None = None
     controls: tuple[str, ...] = ()
     smooth_ms: float | None = None
+    logs: tuple[Path, ...] = ()
+    log_time: str | None = None
+    protocol: Protocol | None = None
     names: tuple[str, ...] | None = None
     sheet: str | None = None
 
@@ -59,6 +69,7 @@ class Study:
     lens: Group | None
     control: Group | None
     recordings: tuple[Recording, ...]
+    alignments: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
 
     @property
@@ -120,8 +131,25 @@ def check(asked: Request) -> None:
     if settings.rails_V is not None and not settings.rails_V[0] < settings.rails_V[1]:
         low, high = settings.rails_V
         raise SpecError("--rails", value=f"{low} {high}", limit="must be the lower and the higher voltage")
+    if asked.protocol is not None:
+        _check_protocol(asked, asked.protocol)
+    if len(asked.logs) not in {0, 1, len(asked.files)}:
+        limit = f"one for all files, or one for each of the {len(asked.files)}"
+        raise SpecError("--angle-file", value=len(asked.logs), limit=limit)
     if columns.rate_hz is not None and columns.time is not None:
         raise SpecError("--rate-hz", value=columns.rate_hz, limit="goes with no --time", remedy="leave one of them out")
+
+
+def _check_protocol(asked: Request, protocol: Protocol) -> None:
+    values = (protocol.amplitude_deg, protocol.speed_deg_per_s)
+    for name, value in zip(("--amplitude-deg", "--speed-deg-per-s"), values, strict=True):
+        if not 0.0 < value < float("inf"):
+            raise SpecError(name, value=value, limit="must be above 0")
+    if not 0.0 <= protocol.hold_s < float("inf"):
+        raise SpecError("--hold-s", value=protocol.hold_s, limit="must be at least 0")
+    if asked.logs or asked.columns.angle is not None:
+        limit = "is for recordings without an angle"
+        raise SpecError("--amplitude-deg", value=protocol.amplitude_deg, limit=limit, remedy="leave out the other")
 
 
 def study(asked: Request) -> Study:
@@ -129,10 +157,12 @@ def study(asked: Request) -> Study:
     check(asked)
     parts: dict[str, list[Signals]] = {}
     recordings: list[Recording] = []
+    alignments: list[dict[str, Any]] = []
     warnings: list[str] = []
-    for path in asked.files:
-        recording, found, told = _recorded(path, asked)
-        recordings.append(recording)
+    for number, path in enumerate(asked.files):
+        read_from, found, told, aligned = _recorded(path, asked, number)
+        recordings += read_from
+        alignments += aligned
         warnings += [f"{path.name}: {line}" if len(asked.files) > 1 else line for line in told]
         for one in found:
             parts.setdefault(one.label, []).append(one)
@@ -144,7 +174,7 @@ def study(asked: Request) -> Study:
     lens = [one for one in sensors if one.lens is not False]
     control = [one for one in sensors if one.lens is False]
     groups = (beside(lens) if lens else None, beside(control) if control else None)
-    return Study(sensors, *groups, tuple(recordings), tuple(dict.fromkeys(warnings)))
+    return Study(sensors, *groups, tuple(recordings), tuple(alignments), tuple(dict.fromkeys(warnings)))
 
 
 def _sensor(signals: Sequence[Signals], settings: Settings) -> Analysed:
@@ -158,21 +188,32 @@ def _sensor(signals: Sequence[Signals], settings: Settings) -> Analysed:
         raise DataError(f"{named}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
 
 
-def _recorded(path: Path, asked: Request) -> tuple[Recording, list[Signals], list[str]]:
-    """A file, the signals of its sensors, and what to know."""
+def _recorded(
+    path: Path, asked: Request, number: int
+) -> tuple[list[Recording], list[Signals], list[str], list[dict[str, Any]]]:
+    """What was read for a file, the signals of its sensors, what to know, and how its clock was set."""
     recording = read(path, sheet=asked.sheet, columns=asked.names)
     said = {} if asked.pattern is None else labels(path, asked.pattern)
     label = said.get("sensor") or path.stem
-    one = sampled(recording, asked.columns, need_angle=True)
-    warnings = list(one.warnings)
+    elsewhere = bool(asked.logs) or asked.protocol is not None
+    columns = replace(asked.columns, angle=NOWHERE) if elsewhere else asked.columns
+    one = sampled(recording, columns, need_angle=not elsewhere)
     if asked.smooth_ms is not None:
         one = replace(one, volts=smoothed(one.volts, one.base.step_s, asked.smooth_ms))
-    assert one.angle_deg is not None  # noqa: S101  sampled() has refused
-    alone = len(asked.files) == 1 or "sensor" not in said
-    found = signals_of(one, one.angle_deg, label, path, {}, alone=len(asked.files) == 1 and alone)
+    read_from, aligned, told = [recording], [], []
+    if asked.logs:
+        log = read(asked.logs[number if len(asked.logs) > 1 else 0])
+        one, told, aligned = with_log(one, log, replace(asked.columns, time=asked.log_time, rate_hz=None), path)
+        read_from.append(log)
+    elif asked.protocol is not None:
+        guessed = unseen(one.base.time_s, one.volts, one.receivers, asked.protocol)
+        one, told = replace(one, angle_deg=guessed.angle_deg), list(guessed.warnings)
     without = _without(recording, asked)
     lens = has_lens(said["lens"]) if "lens" in said else None
-    return recording, [replace(each, lens=_lens(each, lens, without)) for each in found], warnings
+    found = [
+        replace(each, lens=_lens(each, lens, without)) for each in signals_of(one, label, path, len(asked.files) == 1)
+    ]
+    return read_from, found, [*one.warnings, *told], aligned
 
 
 def _without(recording: Recording, asked: Request) -> set[str]:

@@ -21,6 +21,7 @@ def result(found: "Study", asked: "Request") -> dict[str, Any]:
         "mean_of_sensors": _group(found.lens),
         "mean_of_controls": _group(found.control),
         "lens_beside_none": _beside(found.lens, found.control),
+        "alignment": list(found.alignments),
         "settings": _settings(asked),
         "simulated": found.simulated,
         "sources": sources,

@@ -6,13 +6,15 @@ that leaves a doubt it is asked for with the columns that there are.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from solen.analysis import Signals, TimeBase, side_of, time_base
+from solen.analysis.clocks import align
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Recording
 from solen.recording.model import FloatArray
@@ -21,6 +23,8 @@ from solen.units import factor
 
 _TIMES = ("timestamp", "time stamp", "elapsed", "elapsed time", "zeitstempel", "clock", "datetime", "date time", "t")
 _ANGLES = ("theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg")
+NOWHERE = ""
+"""Name of an angle that is not to be looked for in a recording."""
 _ENDS = re.compile(r"(?:_|\b)V$")
 _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 _SLOW_S = 1.0  # a step of a time without a unit from which on it may be samples or ms
@@ -122,7 +126,8 @@ def _whole(
 
 def column(recording: Recording, name: str, option: str) -> Channel:
     """Column of a name, with or without its unit; `DataError` with the columns that there are."""
-    found = recording.find(name, heading(name).name)
+    last = name.rpartition(".")[2]
+    found = recording.find(name, heading(name).name, last, heading(last).name)
     if found is not None:
         return found
     what = f"{recording.provenance.file or 'recording'}: {option} {name}"
@@ -146,6 +151,8 @@ def _time(recording: Recording, asked: Columns) -> Channel | None:
 
 
 def _angle(recording: Recording, asked: Columns) -> Channel | None:
+    if asked.angle == NOWHERE:
+        return None
     if asked.angle is not None:
         return column(recording, asked.angle, "--angle")
     return _told(recording, "angle", _ANGLES)
@@ -274,13 +281,36 @@ def _without_side(name: str) -> str:
     return " ".join(word for word in words if word and word.lower() not in {"l", "r", "left", "right", "v"})
 
 
-def signals_of(
-    one: Sampled, angle_deg: FloatArray, label: str, source: Path, lens: Mapping[str, bool | None], *, alone: bool
-) -> list[Signals]:
-    """Signals of each sensor of a recording; ``lens`` says by label which has one."""
+def with_log(
+    one: Sampled, log: Recording, asked: Columns, path: Path
+) -> tuple[Sampled, list[str], list[dict[str, Any]]]:
+    """Samples with the angle of a log on another clock, what to know, and how the clocks differ."""
+    warnings: list[str] = []
+    times = time_base(_time_s(log, asked, warnings), f"{log.provenance.file}: time")
+    angle = _angle_deg(log, asked, warnings, need=True)
+    assert angle is not None  # noqa: S101  _angle_deg() has refused
+    held = np.isfinite(angle[times.order])
+    found = align(one.base.time_s, one.volts, times.time_s[held], angle[times.order][held])
+    inside = np.isfinite(found.angle_deg)
+    base = replace(one.base, order=one.base.order[inside], time_s=one.base.time_s[inside])
+    aligned = replace(one, base=base, angle_deg=found.angle_deg[inside], volts=one.volts[inside])
+    told = {
+        "file": path.name,
+        "angle_file": log.provenance.file,
+        "lag_s": found.lag_s,
+        "u_lag_s": found.u_lag_s,
+        "rate_ppm": found.rate_ppm,
+        "u_rate_ppm": found.u_rate_ppm,
+    }
+    said = [f"{log.provenance.file}: {line}" for line in (*times.warnings, *warnings)]
+    return aligned, [*said, *found.warnings], [told]
+
+
+def signals_of(one: Sampled, label: str, source: Path, alone: bool) -> list[Signals]:
+    """Signals of each sensor of a recording; ``alone`` where it is the only file."""
+    assert one.angle_deg is not None  # noqa: S101  who calls has seen to it
     found = []
     for sensor, places in by_sensor(one.receivers, label, alone=alone).items():
         volts = one.volts[:, list(places.values())]
-        has = lens.get(sensor, lens.get(label))
-        found.append(Signals(sensor, tuple(places), one.base.time_s, angle_deg, volts, has, source.name))
+        found.append(Signals(sensor, tuple(places), one.base.time_s, one.angle_deg, volts, None, source.name))
     return found

@@ -3,13 +3,20 @@
 The interface: `read`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from solen.recording import cary, layout, table, testxpert, workbook
+from solen.recording import cary, hdf5, layout, matlab, table, tdms, testxpert, workbook
 from solen.recording.grid import of_text
 from solen.recording.model import Recording
-from solen.recording.source import load
+from solen.recording.source import Source, load
+
+_BINARY: tuple[tuple[Callable[[Source], bool], Callable[[Source], Recording]], ...] = (
+    (matlab.is_matlab, matlab.read),
+    (tdms.is_tdms, tdms.read),
+    (hdf5.is_hdf5, hdf5.read),
+    (hdf5.is_netcdf3, hdf5.read_netcdf3),
+)
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
@@ -18,7 +25,8 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
     Parameters
     ----------
     path
-        A Cary or testXpert export, a table as CSV, TSV or with semicolons or spaces, or an Excel workbook of one.
+        A Cary or testXpert export, a table as CSV, TSV or with semicolons or spaces, an Excel workbook of one, or
+        arrays: MATLAB, TDMS, HDF5 and netCDF.
     sheet
         Name of the workbook's sheet; without it, the only one that holds numbers.
     columns
@@ -35,6 +43,11 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         With the line and the column, where anything in the table is not what it should be.
     """
     source = load(Path(path))
+    reader = next((read for told, read in _BINARY if told(source)), None)
+    if reader is not None:
+        if sheet is not None or columns is not None:
+            raise source.refused("", "names its own columns and has no sheets", "leave out sheet and columns")
+        return reader(source)
     if source.is_archive:
         grid = workbook.grid(source, sheet)
     else:

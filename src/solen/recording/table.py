@@ -141,7 +141,7 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
     date = dates.among(metadata)
-    simulated = _simulated(metadata)
+    simulated = is_simulated(metadata)
     provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
     labels = {
         one.name for one in channels if one.name in texts and not np.any(np.nan_to_num(one.values) % 1.0)
@@ -149,7 +149,7 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     return Recording(tuple(along_axes(_with_percent(channels), labels)), provenance, texts)
 
 
-def _simulated(metadata: Mapping[str, str]) -> bool:
+def is_simulated(metadata: Mapping[str, str]) -> bool:
     """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
     stated = [value for key, value in metadata.items() if plain(key) in {"simulated", "simulation", "synthetic"}]
     if stated:
