@@ -216,8 +216,8 @@ def _words(
 ) -> tuple[str, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
     told = [
-        f"the log's clock is {lag:.6g}{known} s ahead, found by the voltages themselves: a hysteresis and a lag "
-        f"look alike at one speed (1 ms is {1e-3 * speed:.2g}°), so the hysteresis given here is only what a lag cannot explain"
+        f"the log's clock is {lag:.6g}{known} s ahead, found by the voltages themselves: a hysteresis and a lag look "
+        f"alike at one speed (1 ms is {1e-3 * speed:.2g}°), so the hysteresis given is what a lag cannot explain"
     ]
     if rivals:
         told.append(f"a lag of {rivals[0]:.6g} s goes with the voltages nearly as well, as the motion repeats itself")

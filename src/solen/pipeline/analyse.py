@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from solen.analysis import Analysed, Group, Settings, Signals, analysed, beside, smoothed
+from solen.analysis import Analysed, Group, Motion, Settings, Signals, analysed, beside, smoothed
 from solen.analysis.unseen import Protocol, unseen
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.pipeline import analysis_data as data
@@ -167,7 +167,8 @@ def study(asked: Request) -> Study:
         for one in found:
             parts.setdefault(one.label, []).append(one)
     _check_controls(asked, parts)
-    sensors = tuple(_sensor(signals, asked.settings) for signals in parts.values())
+    motions: dict[int, Motion] = {}
+    sensors = tuple(_sensor(signals, asked.settings, motions) for signals in parts.values())
     several = len(sensors) > 1
     for sensor in sensors:
         warnings += [f"{sensor.label}: {line}" if several else line for line in sensor.warnings]
@@ -177,10 +178,10 @@ def study(asked: Request) -> Study:
     return Study(sensors, *groups, tuple(recordings), tuple(alignments), tuple(dict.fromkeys(warnings)))
 
 
-def _sensor(signals: Sequence[Signals], settings: Settings) -> Analysed:
+def _sensor(signals: Sequence[Signals], settings: Settings, motions: dict[int, Motion]) -> Analysed:
     """One sensor; an error names its file."""
     try:
-        return analysed(signals, settings)
+        return analysed(signals, settings, motions)
     except SolenError as bad:
         named = signals[0].source
         if named in bad.what:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from solen.recording import cary, hdf5, layout, matlab, table, tdms, testxpert, workbook
+from solen.recording.bulk import bulk
 from solen.recording.grid import of_text
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
@@ -48,6 +49,9 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         if sheet is not None or columns is not None:
             raise source.refused("", "names its own columns and has no sheets", "leave out sheet and columns")
         return reader(source)
+    large = bulk(source, columns) if sheet is None else None
+    if large is not None:
+        return large
     if source.is_archive:
         grid = workbook.grid(source, sheet)
     else:
