@@ -53,7 +53,8 @@ def write_netcdf4(path: Path) -> None:
 
 
 def write_netcdf3(path: Path) -> None:
-    with netcdf_file(path, "w") as file:
+    opened: Any = netcdf_file(path, "w")
+    with opened as file:
         file.operator = "nobody"
         file.createDimension("time", TIME.size)
         for name, values, unit in (("time", TIME, "s"), ("angle", ANGLE, "deg"), ("left", LEFT, "V")):

@@ -160,6 +160,8 @@ def _run(signals: Signals, settings: Settings, known: dict[int, Motion]) -> Run:
     for ramp in motion.ramps:
         moving[ramp.start : ramp.stop] = True
     marked = np.column_stack([clipped(column, moving, settings.rails_V) for column in signals.volts.T])
+    if signals.clipped is not None:
+        marked |= signals.clipped
     used = tuple(range(settings.drop_cycles, count))
     return Run(signals, motion, used, marked, tuple(_clip_words(signals, marked)))
 

@@ -170,5 +170,5 @@ def _angle(time_s: FloatArray, starts: FloatArray, corners: tuple[FloatArray, Fl
     """Angle of all cycles, at rest between and beside them."""
     times, angles = corners
     following = np.append(starts[1:], np.inf)
-    corners = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]
-    return np.asarray(np.interp(time_s, np.concatenate(corners), np.tile(angles, starts.size)))
+    when = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]
+    return np.asarray(np.interp(time_s, np.concatenate(when), np.tile(angles, starts.size)))

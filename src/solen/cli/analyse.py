@@ -24,6 +24,8 @@ def analyse(
     amplitude_deg: float | None = None,
     speed_deg_per_s: float = 15.0,
     hold_s: float = 0.8,
+    on_off_hz: float | None = None,
+    emitters: int = 1,
     time_unit: str | None = None,
     rate_hz: float | None = None,
     zero_deg: float = 0.0,
@@ -67,6 +69,11 @@ def analyse(
         How fast, with --amplitude-deg.
     hold_s
         How long it held there.
+    on_off_hz
+        Of a raw waveform whose emitters switch on and off: how often a second. Ambient light is then subtracted first;
+        solen demodulate says more about it.
+    emitters
+        How many emitters take turns in it, each followed by an off phase; each counts as a sensor of its own.
     time_unit
         Unit of a time whose column states none: s, ms, us, min.
     rate_hz
@@ -113,6 +120,7 @@ def analyse(
         logs=tuple(angle_file or ()),
         log_time=angle_time,
         protocol=None if amplitude_deg is None else Protocol(amplitude_deg, speed_deg_per_s, hold_s),
+        switching=None if on_off_hz is None else pipeline.Switching(on_off_hz, emitters),
         names=None if columns is None else tuple(columns),
         sheet=sheet,
     )

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def result(found: "Study", asked: "Request") -> dict[str, Any]:
     """The whole result."""
-    sources = list({one.provenance.sha256: one.provenance.as_dict() for one in found.recordings}.values())
+    sources = list({one.sha256: one.as_dict() for one in found.provenances}.values())
     made = {
         "sensors": {sensor.label: _sensor(sensor) for sensor in found.sensors},
         "mean_of_sensors": _group(found.lens),

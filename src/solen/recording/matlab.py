@@ -28,7 +28,8 @@ def read(source: Source) -> Recording:
     from scipy.io.matlab import MatReadError
 
     try:
-        found: dict[str, Any] = loadmat(io.BytesIO(source.data), simplify_cells=True)
+        data: Any = io.BytesIO(source.data)  # the stubs know of paths alone
+        found: dict[str, Any] = loadmat(data, simplify_cells=True)
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, EOFError, NotImplementedError) as bad:
         limit = f"cannot be read as a .mat file: {' '.join(str(bad).split())[:80]}"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
