@@ -8,7 +8,7 @@ that is the face on which the microscope was focused, usually the upper one, and
 The interface: `measure` gives an `Outline`: the edges, their points in the order of the front, the chosen one first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,12 @@ MOST_PLACES = 2500
 SPACING_PX = 3.0
 SHARPER = 1.25
 """Ratio of blurs from which on one of two edges is in focus and the other is not."""
+USUAL_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
 """Blurs; edges nearer each other than these are fitted together."""
 RIVAL = 0.9
+SIDES = 0.8
+"""Ratio of rms distances above which it is not clear from which side a picture was taken."""
 WALL_FROM, WALL_REACH = 0.25, 0.3
 """Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
@@ -136,6 +139,7 @@ def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
     if not along:
         raise _none(image, ideal, "no edge runs along where its front would be")
     edges = _edges(image, pose, ideal, strip, along)
+    pose, more = _side(edges, pose, ideal)
     named = _named(edges, image, pose, ideal)
     if not named:
         raise _none(image, ideal, f"less than {LEAST_KEPT:.0%} of its edge can be measured ({_why(edges)})")
@@ -144,7 +148,7 @@ def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
     x = ordered[0].registration.points_mm[:, 0]
     ends = (float(x.min()), float(x.max()))
     said += [*_cropped(seen, ends), *_ends(ordered[0].edge), *_wide(width, ideal)]
-    return Outline(tuple(ordered), seen, ends, found.score, width, (*warnings, *said))
+    return Outline(tuple(ordered), seen, ends, found.score, width, (*warnings, *more, *said))
 
 
 def _check_scale(image: Image, ideal: Ideal) -> None:
@@ -217,7 +221,8 @@ def _edges(image: Image, pose: Pose, ideal: Ideal, strip: Strip, along: list[Lin
     if len(ordered) == 1:
         return [one(0)]
     blur = one(strongest).blur
-    if len(ordered) == 2 and np.isfinite(blur) and spaces[0] < OVERLAP * blur:
+    blur = blur if USUAL_BLUR_PX[0] < blur < USUAL_BLUR_PX[2] else USUAL_BLUR_PX[1]  # edges too near to tell it alone
+    if len(ordered) == 2 and spaces[0] < OVERLAP * blur:
         middle = off.mean(axis=0)
         contour = pose.to_px(points + normals * middle[:, None])
         at = ((off - middle) * px_per_mm).T
@@ -262,6 +267,18 @@ def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> list[Na
         )
         for name, edge in zip(names, kept, strict=False)
     ]
+
+
+def _side(edges: list[Edge], pose: Pose, ideal: Ideal) -> tuple[Pose, list[str]]:
+    """Pose from the side on which the edge lies best, where the design has two, and what is to be said of it."""
+    edge = max(edges, key=_share)
+    if ideal.is_symmetric or _share(edge) < LEAST_KEPT:
+        return pose, []
+    ways = [pose, replace(pose, mirrored=not pose.mirrored)]
+    laid = [register(edge.points_px[edge.kept], edge.u_px[edge.kept], way, ideal) for way in ways]
+    laid.sort(key=lambda one: one.rms_um)
+    said = f"the front lies as well on the design's mirror image ({laid[1].rms_um:.3g} and {laid[0].rms_um:.3g} µm rms)"
+    return laid[0].pose, [said] if laid[0].rms_um > SIDES * laid[1].rms_um else []
 
 
 def _share(edge: Edge) -> float:

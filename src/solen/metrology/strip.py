@@ -8,7 +8,6 @@ programming, then the next one beside it: the two rims of a thick transparent pa
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -24,12 +23,13 @@ SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
 JUMP = 2
 """Pixels by which a line may move aside from one place to the next."""
 JUMP_COST = 0.08
-APART = 3.5
-"""Smoothing widths between two lines, at least."""
+APART, APART_OTHER = 3.5, 1.0
+"""Smoothing widths between two lines, at least: of one sign, and of two, as on both sides of a narrow dark band."""
 FLANK = 3
 """Pixels to each side at which the change must be less than on a line."""
 MOST_LINES = 4
-LEAST_COVERED = 0.5
+LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
+"""Share of the places at which the first line, and a further one, must stand out; two lines may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
 """Change across a further line over that of the first."""
@@ -114,16 +114,17 @@ def lines(strip: Strip, most: int = MOST_LINES) -> list[Line]:
         return []
     noise = 1.4826 * float(np.median(np.abs(strip.change[strip.seen])))
     scale = float(np.median(np.abs(strip.change).max(axis=1))) + 1e-12
-    free = strip.seen.copy()
+    free = {rising: strip.seen.copy() for rising in (True, False)}
     found: list[Line] = []
     while len(found) < most:
-        both = [_line(strip, rising, free, scale, noise, found) for rising in (True, False)]
+        both = [_line(strip, rising, free[rising], scale, noise, found) for rising in (True, False)]
         best = max(both, key=lambda line: line.covered * line.strength)
-        if best.covered < LEAST_COVERED:
+        if best.covered < (LEAST_COVERED_FURTHER if found else LEAST_COVERED):
             break
         found.append(best)
         away = np.abs(strip.off_mm[None, :] - best.off_mm[:, None])
-        free &= away > APART * SMOOTH_ACROSS * strip.step_mm
+        for rising, places in free.items():
+            places &= away > (APART if rising == best.rising else APART_OTHER) * SMOOTH_ACROSS * strip.step_mm
     return found
 
 
@@ -154,19 +155,18 @@ def _peaks(gain: Floats, path: NDArray[np.intp]) -> Flags:
 def best_path(gain: Floats) -> NDArray[np.intp]:
     """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
     rows, columns = gain.shape
-    moves = np.arange(-JUMP, JUMP + 1)
-    cost = JUMP_COST * np.abs(moves)
-    came = np.zeros((rows, columns), dtype=np.int8)
-    padded = np.full(columns + 2 * JUMP, -np.inf)
-    total, beside = padded[JUMP : JUMP + columns], sliding_window_view(padded, len(moves))
+    cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
+    came = np.zeros((rows, columns), dtype=np.intp)
+    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; nothing comes from beyond the strip
+    total, near = padded[JUMP:-JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * JUMP + 1)
     total[:] = gain[0]
+    every = np.arange(columns)
     for row in range(1, rows):
-        reached = beside - cost
-        best = reached.argmax(axis=1)
-        came[row] = moves[best]
-        total[:] = reached.max(axis=1) + gain[row]
+        reached = near - cost
+        came[row] = reached.argmax(axis=1)
+        total[:] = reached[every, came[row]] + gain[row]
     path = np.zeros(rows, dtype=np.intp)
     path[-1] = int(np.argmax(total))
     for row in range(rows - 1, 0, -1):
-        path[row - 1] = path[row] + came[row, path[row]]
+        path[row - 1] = path[row] + came[row, path[row]] - JUMP
     return path
