@@ -117,7 +117,9 @@ def _whole(recording: Recording, one: Sampled) -> Sampled:
     for name, held in zip(one.receivers, good.T, strict=True):
         if not held.any():
             raise DataError(f"{recording.provenance.file}: {name}", limit="holds no number", remedy="leave it out")
-    kept = good.all(axis=1) if one.angle_deg is None else good.all(axis=1) & np.isfinite(one.angle_deg)
+    kept = np.asarray(good.all(axis=1))
+    if one.angle_deg is not None:
+        kept &= np.isfinite(one.angle_deg)
     if kept.all():
         return one
     said = f"{int((~kept).sum())} of {kept.size} samples miss a number and are left out"
