@@ -11,7 +11,7 @@ import sys
 
 import cyclopts
 
-from solen.cli import coupons, cure, cutback, design, export, index, refractometer, resin, spectra, stiffness
+from solen.cli import coupons, cure, cutback, design, export, index, inspect, refractometer, resin, spectra, stiffness
 from solen.cli.app import app
 from solen.errors import SolenError
 
@@ -23,6 +23,7 @@ __all__ = [
     "design",
     "export",
     "index",
+    "inspect",
     "main",
     "refractometer",
     "resin",

@@ -18,7 +18,9 @@ Floats = NDArray[np.float64]
 ROUNDS = 40
 SETTLED_PX = 1e-4
 """A fit whose edges move by less is done."""
-LEAST_BLUR_PX, MOST_BLUR_PX = 0.2, 50.0
+LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
+"""A pixel integrates over its width, 0.29 px as a standard deviation, and reading between pixels blurs a little more:
+no picture of an edge is sharper, and below this the place of an edge between two values would be undetermined."""
 NARROWER = 0.3
 """Limits of the logarithm of the blur's change in one round."""
 
@@ -77,7 +79,7 @@ def fit_steps(t_px: Floats, values: Floats, at_px: Floats, blur_px: float, use: 
     cost = np.sum(residual**2, axis=1)
     settled = np.zeros(len(values), dtype=bool)
     for _ in range(ROUNDS):
-        step = _step(jacobian, residual, damping)
+        step = _step(parameters, jacobian, residual, damping)
         trial = _limited(parameters, step, t_px)
         new_residual, new_jacobian = _model(t_px, values, trial, weight)
         new_cost = np.sum(new_residual**2, axis=1)
@@ -131,9 +133,14 @@ def _normal(jacobian: Floats, damping: Floats) -> Floats:
     return np.asarray(normal + extra[:, :, None] * np.eye(normal.shape[1]))
 
 
-def _step(jacobian: Floats, residual: Floats, damping: Floats) -> Floats:
+def _step(parameters: Floats, jacobian: Floats, residual: Floats, damping: Floats) -> Floats:
+    """Steps (N, P); a blur at its limit that would go beyond stays there, or what depends on it would never settle."""
     gradient = np.einsum("nmi,nm->ni", jacobian, residual)
-    return np.asarray(np.linalg.solve(_normal(jacobian, damping), gradient[..., None])[..., 0])
+    held = np.zeros(gradient.shape, dtype=bool)
+    blur, way = parameters[:, 4::3], gradient[:, 4::3]
+    held[:, 4::3] = (blur <= np.log(LEAST_BLUR_PX)) & (way < 0.0) | (blur >= np.log(MOST_BLUR_PX)) & (way > 0.0)
+    normal = _normal(np.where(held[:, None, :], 0.0, jacobian), damping)
+    return np.asarray(np.linalg.solve(normal, np.where(held, 0.0, gradient)[..., None])[..., 0])
 
 
 def _limited(parameters: Floats, step: Floats, t: Floats) -> Floats:

@@ -1,7 +1,10 @@
 """TIFF as microscopes write it: OME-TIFF, ImageJ, and plain TIFF with a resolution, by tifffile."""
 
 import io
+import logging
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +23,8 @@ UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
 """ResolutionUnit: inch and centimetre of TIFF 6.0, millimetre and micrometre of later writers."""
 AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
 WHITE_IS_ZERO, PALETTE = 0, 3
+MOST_SAMPLES = 4
+"""Red, green, blue and one more; of more channels the axes tell."""
 
 
 def read(file: str, data: bytes) -> Plane:
@@ -28,7 +33,7 @@ def read(file: str, data: bytes) -> Plane:
     import tifffile
 
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), _silent():
             warnings.simplefilter("ignore")
             with tifffile.TiffFile(io.BytesIO(data)) as opened:
                 return _plane(file, data, opened)
@@ -38,18 +43,31 @@ def read(file: str, data: bytes) -> Plane:
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
 
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep what tifffile logs of a damaged file off the terminal: what matters of it is raised."""
+    logger = logging.getLogger("tifffile")
+    before, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
 def _plane(file: str, data: bytes, opened: "tifffile.TiffFile") -> Plane:
     if not opened.series:
         raise DataError(file, limit="holds no picture", remedy="export it again")
     series, page = opened.series[0], opened.pages.first
     check_size(file, page.imagewidth, page.imagelength)
+    if page.samplesperpixel > MOST_SAMPLES:
+        raise DataError(file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane")
     _check_planes(file, opened, series)
     grey, bits, said = _grey(file, page, _decoded(file, data, page))
     tags, kind, instrument, date = _ome(opened) if opened.is_ome else ((), "tiff", "", "")
     if opened.is_imagej:
         kind = "imagej-tiff"
     tags = (*tags, *_imagej(opened), *_resolution(opened))
-    description, software = page.description, str(page.software or "")
+    description, software = f"{page.description} {opened.imagej_metadata or ''}", str(page.software or "")
     return Plane(
         upright(grey, int(_value(page, "Orientation", 1))),
         bits,

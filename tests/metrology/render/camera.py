@@ -61,7 +61,9 @@ def tiff(levels: NDArray[Any], um_per_px: float | None = None, **options: Any) -
     file = io.BytesIO()
     if um_per_px is not None:
         options |= {"resolution": (1e4 / um_per_px, 1e4 / um_per_px), "resolutionunit": "CENTIMETER"}
-    tifffile.imwrite(file, levels, photometric="rgb" if levels.ndim == 3 and levels.shape[-1] == 3 else None, **options)
+    tifffile.imwrite(
+        file, levels, photometric="rgb" if levels.ndim == 3 and levels.shape[-1] == 3 else "minisblack", **options
+    )
     return file.getvalue()
 
 

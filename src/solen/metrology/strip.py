@@ -1,0 +1,154 @@
+"""The surroundings of a front, unrolled: along it one way, across it the other, and the edges that run all along it.
+
+The idea: an edge of the lens is a line from one end of the strip to the other, wherever it lies across; dust and
+reflections are short. The line that gathers the most change of one sign, without jumping, is found exactly by dynamic
+programming, then the next one beside it: the two rims of a thick transparent part, or both sides of a dark band.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from solen.metrology.find import Pose, binned
+from solen.metrology.ideal import Ideal
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+ALONG, ACROSS = 500, 160
+"""Places along the front, and pixels from its middle to a side of the strip, about."""
+SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
+JUMP = 2
+"""Pixels by which a line may move aside from one place to the next."""
+JUMP_COST = 0.08
+APART = 3.5
+"""Smoothing widths between two lines, at least."""
+MOST_LINES = 4
+LEAST_COVERED = 0.5
+LEAST_SNR = 5.0
+FAINTEST = 0.15
+"""Change across a further line over that of the first."""
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Grey values around a front.
+
+    Attributes
+    ----------
+    arc_mm
+        Shape (N,), along the front.
+    off_mm
+        Shape (M,), across it, positive outwards.
+    change
+        Shape (N, M), smoothed derivative of the grey value across.
+    seen
+        Shape (N, M), whether the place is in the picture.
+    """
+
+    arc_mm: Floats
+    off_mm: Floats
+    change: Floats
+    seen: Flags
+
+    @classmethod
+    def of(cls, grey: Floats, pose: Pose, ideal: Ideal, reach_mm: float) -> "Strip":
+        """Strip of a picture, ``reach_mm`` to each side of the front."""
+        reach_px = reach_mm * 1e3 / pose.um_per_px
+        factor = max(1, int(reach_px / ACROSS))
+        coarse = binned(grey, factor)
+        arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
+        points, normals = ideal.at(arc)
+        off_px = np.arange(-np.ceil(reach_px / factor), np.ceil(reach_px / factor) + 0.5) * factor
+        places, ways = pose.to_px(points), pose.direction_px(normals)
+        x, y = ((places[:, i : i + 1] + ways[:, i : i + 1] * off_px - 0.5 * (factor - 1)) / factor for i in (0, 1))
+        seen = (x >= 0.0) & (x <= coarse.shape[1] - 1.0) & (y >= 0.0) & (y <= coarse.shape[0] - 1.0)
+        values = ndimage.map_coordinates(coarse, [y, x], order=1, mode="nearest")
+        smooth = ndimage.gaussian_filter1d(values, SMOOTH_ALONG, axis=0)
+        change = ndimage.gaussian_filter1d(smooth, SMOOTH_ACROSS, axis=1, order=1)
+        return cls(arc, off_px * pose.um_per_px / 1e3, np.where(seen, change, 0.0), seen)
+
+    @property
+    def step_mm(self) -> float:
+        """From one place across to the next."""
+        return float(self.off_mm[1] - self.off_mm[0])
+
+
+@dataclass(frozen=True)
+class Line:
+    """An edge along the whole front.
+
+    Attributes
+    ----------
+    off_mm
+        Shape (N,): where it is across, at the strip's places along.
+    rising
+        Whether the grey value rises outwards.
+    strength
+        Median change across it.
+    covered
+        Share of the places in the picture where it stands out.
+    shown
+        Shape (N,): whether it stands out there.
+    """
+
+    off_mm: Floats
+    rising: bool
+    strength: float
+    covered: float
+    shown: Flags
+
+
+def lines(strip: Strip, most: int = MOST_LINES) -> list[Line]:
+    """Edges that run along the front, the strongest first; none where nothing stands out of the noise."""
+    if not strip.seen.any():
+        return []
+    noise = 1.4826 * float(np.median(np.abs(strip.change[strip.seen])))
+    scale = float(np.median(np.abs(strip.change).max(axis=1))) + 1e-12
+    free = strip.seen.copy()
+    found: list[Line] = []
+    while len(found) < most:
+        both = [_line(strip, rising, free, scale, noise, found) for rising in (True, False)]
+        best = max(both, key=lambda line: line.covered * line.strength)
+        if best.covered < LEAST_COVERED:
+            break
+        found.append(best)
+        away = np.abs(strip.off_mm[None, :] - best.off_mm[:, None])
+        free &= away > APART * SMOOTH_ACROSS * strip.step_mm
+    return found
+
+
+def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, before: list[Line]) -> Line:
+    """The line of one sign that gathers the most change where it is free to go."""
+    change = np.where(free, strip.change if rising else -strip.change, 0.0)
+    gain = np.maximum(change, 0.0)
+    path = best_path(gain / (gain + scale))
+    along = np.arange(len(path))
+    own = change[along, path]
+    least = max(LEAST_SNR * noise, FAINTEST * before[0].strength if before else 0.0)
+    shown = own > least
+    seen = strip.seen[along, path]
+    covered = float(shown.sum()) / max(int(seen.sum()), 1)
+    strength = float(np.median(own[shown])) if shown.any() else 0.0
+    return Line(strip.off_mm[path], rising, strength, covered, shown)
+
+
+def best_path(gain: Floats) -> NDArray[np.intp]:
+    """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
+    rows, columns = gain.shape
+    moves = np.arange(-JUMP, JUMP + 1)
+    came = np.zeros((rows, columns), dtype=np.int8)
+    total = gain[0].copy()
+    for row in range(1, rows):
+        padded = np.pad(total, JUMP, constant_values=-np.inf)
+        reached = np.stack([padded[JUMP + move : JUMP + move + columns] - JUMP_COST * abs(move) for move in moves])
+        best = np.argmax(reached, axis=0)
+        came[row] = moves[best]
+        total = reached[best, np.arange(columns)] + gain[row]
+    path = np.zeros(rows, dtype=np.intp)
+    path[-1] = int(np.argmax(total))
+    for row in range(rows - 1, 0, -1):
+        path[row - 1] = path[row] + came[row, path[row]]
+    return path

@@ -1,0 +1,38 @@
+"""Rendered pictures of the shipped lens, for the tests of what is measured in them."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.metrology import Image, as_image
+from solen.metrology.ideal import Ideal
+from solen.pipeline.inspect import ideal_of
+from tests.metrology.render.micrograph import Level, Scene, reflected
+from tests.metrology.render.shape import Placing, Ring, outline_mm, shipped
+
+UM_PER_PX = 5.0
+SHAPE = (900, 1200)
+PLACING = Placing(UM_PER_PX, (600.0, 650.0), angle_deg=7.0)
+IDEAL: Ideal = ideal_of(shipped())
+OUTLINE = outline_mm(shipped())
+
+
+def taken(levels: Sequence[Level], seed: int = 1, um_per_px: float = UM_PER_PX, **options: Any) -> Image:
+    """Picture of levels with a scale."""
+    grey = Scene(options.pop("shape", SHAPE), levels, **options).taken(seed)
+    return as_image(as_levels(grey), um_per_px)
+
+
+def as_levels(grey: NDArray[Any]) -> NDArray[np.float64]:
+    return np.asarray(grey / float(np.iinfo(grey.dtype).max), dtype=np.float64)
+
+
+def printed(change: Callable[[Ring], Ring] | None = None, design: str = "solen-860") -> Ring:
+    return outline_mm(shipped(design), change)
+
+
+def plain(outline: Ring = OUTLINE, placing: Placing = PLACING, seed: int = 1, **options: Any) -> Image:
+    """The part brighter than its ground."""
+    return taken(reflected(outline, placing), seed, **options)

@@ -1,0 +1,219 @@
+"""A lens in a picture: found wherever it lies and however it is lit, laid on its design, or refused with the reason."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, SpecError
+from solen.metrology import as_image
+from solen.metrology.find import Pose, find
+from solen.metrology.ideal import Ideal
+from solen.metrology.nearest import cautions, nearest
+from solen.metrology.outline import measure
+from solen.metrology.register import effective_number, register
+from solen.pipeline.inspect import ideal_of
+from tests.metrology.lens_support import IDEAL, OUTLINE, PLACING, SHAPE, UM_PER_PX, plain, printed, taken
+from tests.metrology.render.micrograph import Level, dark_field, reflected, transmitted
+from tests.metrology.render.optics import gaussian
+from tests.metrology.render.scenery import dust, fibres, glare, gradient
+from tests.metrology.render.shape import Placing, bump, grown, shipped
+
+INDICES = (1.44, 1.49, 1.54)
+
+
+def ideals() -> list[Ideal]:
+    return [ideal_of(shipped(lens__design_index=index), f"n = {index}") for index in INDICES]
+
+
+def test_feet_of_points_beside_the_front_have_their_distances() -> None:
+    arc = np.linspace(0.2, float(IDEAL.arc_mm[-1]) - 0.2, 300)
+    points, normals = IDEAL.at(arc)
+    off = 0.05 * np.sin(7.0 * arc)
+    feet = IDEAL.feet(points + off[:, None] * normals)
+    # normals are interpolated between points 2 µm apart: 50 µm along one that is off by 1e-4 rad is 3e-7 mm
+    np.testing.assert_allclose(feet.off_mm, off, atol=1e-6)
+    np.testing.assert_allclose(feet.arc_mm, arc, atol=1e-4)
+    assert not feet.beyond.any()
+    assert np.all(normals[:, 1] < 0.0), "outwards is towards the emitter"
+
+
+def test_a_pose_goes_to_the_picture_and_back() -> None:
+    pose = Pose(33.0, (410.0, 520.0), 2.5, mirrored=True)
+    points = np.array([[0.0, 0.0], [1.0, 0.5], [-0.3, 1.2]])
+    np.testing.assert_allclose(pose.to_mm(pose.to_px(points)), points, atol=1e-12)
+    up = Pose(0.0, (0.0, 0.0), 1000.0).to_px(np.array([[1.0, 2.0]]))
+    np.testing.assert_allclose(up, [[1.0, -2.0]])
+
+
+@pytest.mark.parametrize("rotation_deg", [0.0, 48.0, 137.0, 180.0, 271.0])
+def test_the_lens_is_found_at_any_rotation(rotation_deg: float) -> None:
+    placing = replace(PLACING, origin_px=(500.0, 420.0), angle_deg=rotation_deg)
+    found = find(plain(OUTLINE, placing).grey, UM_PER_PX, IDEAL)[0]
+    assert (found.pose.rotation_deg - rotation_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=2.5)
+    assert np.hypot(*np.subtract(found.pose.vertex_px, (500.0, 420.0))) < 25.0
+
+
+def test_a_perfect_print_lies_on_its_design() -> None:
+    found = measure(plain(), IDEAL)
+    laid = found.chosen.registration
+    assert found.chosen.name == "single"
+    assert found.seen == 1.0
+    assert laid.rms_um < 0.1 * UM_PER_PX
+    assert abs(laid.off_um.mean()) < 0.05 * UM_PER_PX
+    assert laid.pose.rotation_deg == pytest.approx(PLACING.angle_deg, abs=4.0 * laid.u_rotation_deg + 0.01)
+    # the renderer counts from a pixel's corner, places are counted from its middle
+    np.testing.assert_allclose(np.add(laid.pose.vertex_px, 0.5), PLACING.origin_px, atol=0.3)
+    assert laid.scale_factor == pytest.approx(1.0, abs=4.0 * laid.u_scale_factor + 2e-3)
+
+
+def test_a_bump_is_seen_where_it_is_with_its_sign_and_height() -> None:
+    for height in (30.0, -30.0):
+        laid = measure(plain(printed(bump(0.8, height, 0.12))), IDEAL).chosen.registration
+        worst = int(np.argmax(np.abs(laid.off_um)))
+        # the fit gives a part of the bump to the pose: the rest of the front then lies off by some µm the other way
+        assert laid.off_um[worst] == pytest.approx(height, abs=5.0)
+        assert laid.points_mm[worst, 0] == pytest.approx(0.8, abs=0.05)
+
+
+LIT = {
+    "bright on dark": (reflected(OUTLINE, PLACING), 0.25),
+    "dark on bright": (reflected(OUTLINE, PLACING, step=-0.4), 0.7),
+    "faint": (reflected(OUTLINE, PLACING, step=0.15), 0.4),
+}
+
+
+@pytest.mark.parametrize("lit", LIT)
+def test_the_lens_is_measured_in_any_light(lit: str) -> None:
+    levels, ground = LIT[lit]
+    laid = measure(taken(levels, ground=ground), IDEAL).chosen.registration
+    assert laid.rms_um < 0.3 * UM_PER_PX
+    assert abs(laid.off_um.mean()) < 0.05 * UM_PER_PX
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_both_edges_of_a_thick_part_are_found_and_named(dark: bool) -> None:
+    inner = grown(OUTLINE, -80.0)
+    if dark:
+        image = taken(dark_field((OUTLINE, PLACING, 2.0), (inner, PLACING, 4.0)), ground=0.1)
+    else:
+        image = taken(transmitted((OUTLINE, PLACING, 2.0), (inner, PLACING, 4.0)), ground=0.8)
+    found = measure(image, IDEAL)
+    by_name = {one.name: one for one in found.edges}
+    assert set(by_name) == {"outer", "inner"}
+    assert found.chosen is by_name["outer"]
+    assert found.chosen.sharpest
+    assert found.chosen.registration.rms_um < 0.2 * UM_PER_PX
+    assert any("80 µm apart" in warning for warning in found.warnings)
+    assert measure(image, IDEAL, "inner").chosen.name == "inner"
+
+
+def test_of_two_faces_that_are_shifted_the_one_in_focus_is_taken() -> None:
+    levels = [
+        Level([OUTLINE], PLACING, -0.3, gaussian(2.0)),
+        Level([OUTLINE], PLACING.moved(25.0, 5.0), -0.2, gaussian(4.0)),
+    ]
+    found = measure(taken(levels, ground=0.8), IDEAL)
+    assert len(found.edges) == 2
+    assert found.chosen.sharpest
+    assert found.chosen.registration.rms_um < 0.3 * UM_PER_PX
+
+
+def test_dust_glare_and_uneven_light_do_not_change_the_outline() -> None:
+    dirt = [gradient(0.5, 30.0), dust(40, 12.0, 0.9), fibres(6, 150.0, 6.0, 0.9), glare(4, 25.0, 1.0)]
+    found = measure(plain(scenery=dirt), IDEAL)
+    assert found.chosen.registration.rms_um < 0.25 * UM_PER_PX
+    assert sum(found.chosen.edge.rejected.values()) > 0
+
+
+def test_a_cropped_lens_is_measured_as_far_as_it_goes() -> None:
+    found = measure(plain(OUTLINE, PLACING.moved(-250.0, -300.0), shape=(500, 600)), IDEAL)
+    assert 0.5 < found.seen < 0.9
+    assert found.chosen.registration.rms_um < 0.1 * UM_PER_PX
+    assert any("% of the front" in warning for warning in found.warnings)
+
+
+def test_too_little_of_a_lens_is_refused() -> None:
+    with pytest.raises(DataError, match=r"% of the front|shows no lens"):
+        measure(plain(OUTLINE, PLACING.moved(-850.0, -300.0), shape=(500, 600)), IDEAL)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_picture_of_nothing_is_refused(seed: int) -> None:
+    with pytest.raises(DataError, match="no lens"):
+        measure(taken([], seed, scenery=[dust(60, 14.0, 0.9), gradient(0.4, 10.0)]), IDEAL)
+
+
+def test_a_scale_that_cannot_be_is_refused() -> None:
+    picture = np.random.default_rng(1).random(SHAPE)
+    for um_per_px in (0.5, 90.0):
+        with pytest.raises(DataError, match="pixels wide"):
+            measure(as_image(picture, um_per_px), IDEAL)
+
+
+def test_unknown_edge_is_refused() -> None:
+    with pytest.raises(SpecError, match="outer"):
+        measure(plain(), IDEAL, "left")
+
+
+def test_a_design_without_a_lens_is_refused() -> None:
+    with pytest.raises(DataError, match="no lens"):
+        ideal_of(shipped(lens__shape="none"))
+
+
+@pytest.mark.parametrize("index", INDICES)
+def test_the_nearest_design_is_the_printed_one(index: float) -> None:
+    outline = printed(bump(-0.7, 12.0, 0.3), {1.44: "solen-860", 1.49: "solen-500", 1.54: "solen-450"}[index])
+    found = measure(plain(outline), IDEAL).chosen
+    edge, pose = found.edge, found.registration.pose
+    rivals = nearest(edge.points_px[edge.kept], edge.u_px[edge.kept], pose, ideals())
+    assert rivals[0].name == f"n = {index}"
+    assert rivals[0].probability > 0.99
+    assert sum(rival.probability for rival in rivals) == pytest.approx(1.0)
+    assert rivals[0].registration.independent < 100, "what neighbours have in common is no new witness"
+
+
+def test_designs_that_are_alike_are_not_told_apart() -> None:
+    alike = [ideal_of(shipped(lens__design_index=index), f"n = {index}") for index in (1.44, 1.442)]
+    found = measure(plain(printed(bump(0.5, 20.0, 0.3))), IDEAL).chosen
+    edge = found.edge
+    rivals = nearest(edge.points_px[edge.kept], edge.u_px[edge.kept], found.registration.pose, alike)
+    assert rivals[0].probability < 0.95
+    assert "cannot be told apart" in cautions(rivals)[0]
+
+
+def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
+    rng = np.random.default_rng(4)
+    truth = Pose(21.0, (300.0, 400.0), 4.0)
+    points, normals = IDEAL.at(np.linspace(0.1, float(IDEAL.arc_mm[-1]) - 0.1, 500))
+    errors = []
+    for _ in range(40):
+        noisy = truth.to_px(points + rng.normal(0.0, 0.002, (500, 1)) * normals)
+        laid = register(noisy, np.full(500, 0.5), Pose(19.0, (306.0, 395.0), 4.0), IDEAL)
+        shift = 4.0 * np.subtract(laid.pose.vertex_px, truth.vertex_px)
+        errors.append([(laid.pose.rotation_deg - 21.0) / laid.u_rotation_deg, np.hypot(*shift)])
+        assert laid.rms_um == pytest.approx(2.0, rel=0.15)
+    spread = np.std([error[0] for error in errors])
+    assert spread == pytest.approx(1.0, abs=0.35)  # of 40 draws, three standard errors
+    assert np.max([error[1] for error in errors]) < 2.0
+
+
+def test_a_mirrored_picture_of_an_asymmetric_front_is_told() -> None:
+    front = IDEAL.front_mm.copy()
+    front[:, 1] += 0.05 * np.exp(-(((front[:, 0] - 1.0) / 0.3) ** 2))
+    lopsided = Ideal("lopsided", front, IDEAL.left_mm, IDEAL.right_mm)
+    assert IDEAL.is_symmetric
+    assert not lopsided.is_symmetric
+    outline = np.vstack([front, [[2.2, 3.0], [-2.2, 3.0]]])
+    image = plain(outline, Placing(UM_PER_PX, (600.0, 650.0), angle_deg=5.0))
+    mirrored = as_image(np.ascontiguousarray(image.grey[:, ::-1]), UM_PER_PX)
+    for picture, expected in ((image, False), (mirrored, True)):
+        found = measure(picture, lopsided).chosen.registration
+        assert found.pose.mirrored is expected
+        assert found.rms_um < 0.2 * UM_PER_PX
+
+
+def test_effective_number_of_noise_and_of_a_wave() -> None:
+    noise = np.random.default_rng(3).normal(size=2000)
+    assert effective_number(noise) == pytest.approx(2000, rel=0.1)
+    assert effective_number(np.sin(np.linspace(0.0, 6.0 * np.pi, 2000))) < 30
