@@ -108,6 +108,10 @@ class Journal:
             file.truncate(found.whole_bytes)
         return cls(path, FileIO(path, "ab"), _dtypes(found.header, path)), found
 
+    def dtype(self, stream: str) -> np.dtype[np.void]:
+        """Columns of a stream."""
+        return self._dtypes[stream]
+
     def rows(self, stream: str, rows: Rows) -> None:
         """Append rows of a stream."""
         if len(rows) == 0:

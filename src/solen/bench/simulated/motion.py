@@ -7,6 +7,7 @@ The interface: `Move` is one move; `Axis` is where an axis is, move after move.
 """
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -102,8 +103,15 @@ class Axis:
     def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions at ascending times, shape (N,)."""
         found = np.full(len(time_s), self.rest)
-        begins = np.searchsorted(time_s, [move.begin_s for move in self.moves])
-        for number, move in enumerate(self.moves):
-            end = begins[number + 1] if number + 1 < len(begins) else len(time_s)
-            found[begins[number] : end] = move.at(time_s[begins[number] : end])
+        if len(time_s) == 0 or not self.moves:
+            return found
+        first = max(bisect_right(self.moves, time_s[0], key=_begin) - 1, 0)
+        moves = self.moves[first : bisect_right(self.moves, time_s[-1], key=_begin)]
+        begins = np.searchsorted(time_s, [move.begin_s for move in moves]).tolist()
+        for move, begin, end in zip(moves, begins, [*begins[1:], len(time_s)], strict=False):
+            found[begin:end] = move.at(time_s[begin:end])
         return found
+
+
+def _begin(move: Move) -> float:
+    return move.begin_s
