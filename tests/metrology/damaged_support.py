@@ -78,7 +78,7 @@ def mutations(data: bytes, count: int, rng: np.random.Generator) -> Iterator[byt
         for _ in range(rng.integers(1, 5)):
             near = int(rng.integers(min(400, len(data))))
             place = near if rng.random() < 0.5 else len(data) - 1 - near
-            damaged[place] = int(rng.choice([0, 1, 255, 127, rng.integers(256)]))
+            damaged[place] = (0, 1, 127, 255, int(rng.integers(256)))[int(rng.integers(5))]
         kind = rng.integers(10)
         if kind == 0:
             damaged = damaged[: rng.integers(1, len(damaged))]

@@ -11,11 +11,25 @@ import sys
 
 import cyclopts
 
-from solen.cli import coupons, cure, cutback, design, export, index, inspect, refractometer, resin, spectra, stiffness
+from solen.cli import (
+    analyse,
+    coupons,
+    cure,
+    cutback,
+    design,
+    export,
+    index,
+    inspect,
+    refractometer,
+    resin,
+    spectra,
+    stiffness,
+)
 from solen.cli.app import app
 from solen.errors import SolenError
 
 __all__ = [
+    "analyse",
     "app",
     "coupons",
     "cure",

@@ -26,6 +26,7 @@ Out = Annotated[
 MATERIAL = Group("The resin, from what instruments export", sort_key=1)
 DESIGN = Group("The sensor, from its design", sort_key=2)
 PRINT = Group("The print", sort_key=3)
+BENCH = Group("The bench, and what it recorded", sort_key=4)
 
 app = App(
     name="solen",

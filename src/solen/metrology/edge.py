@@ -30,8 +30,8 @@ BLURS = 5.0
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 200, 1.25
 """The blur is found from so many places; lines are long enough where it grows by less than this factor."""
-SATURATED = 0.2
-"""Share of a line at the camera's limit."""
+SATURATED = 0.5
+"""Share of the pixels across a line that are at the camera's limit; noise alone brings fewer there."""
 MOST_U_PX = 1.0
 LEAST_SNR = 4.0
 """Rise of the step over the noise of a line, below which it is none."""
@@ -44,6 +44,10 @@ ODD_SHARE = 0.05
 """Of the rise: residuals below it are no sign of anything."""
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
+NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
+"""How many neighbours tell the noise of a place, and how much more that counts than its own residuals."""
+LEAST_TRIPLES = 40
+"""Comparisons of places with their neighbours, below which their scatter says nothing."""
 
 
 @dataclass(frozen=True)
@@ -103,27 +107,27 @@ def normals_of(contour_px: Floats, *, closed: bool, over: int = 5) -> Floats:
 
 
 def profiles(
-    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES
+    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES, order: Literal[1, 3] = 3
 ) -> tuple[Floats, Flags]:
     """Grey values (N, M) at distances ``t_px`` (M,) along normals, and whether they lie in the picture.
 
-    Values between pixels are by cubic splines; ``lines`` parallel lines, one pixel apart, are averaged.
+    Values between pixels are by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart, are averaged.
     """
     rows, columns = grey.shape
     values = np.zeros((len(points_px), len(t_px)))
     inside = np.ones(values.shape, dtype=bool)
-    patch, corner = _patch(grey, points_px, float(np.max(np.abs(t_px))) + lines)
+    patch, corner = _patch(grey, points_px, float(np.max(np.abs(t_px))) + lines, order)
     for shift in np.arange(lines) - 0.5 * (lines - 1):
         x = points_px[:, :1] + normals[:, :1] * t_px - normals[:, 1:] * shift
         y = points_px[:, 1:] + normals[:, 1:] * t_px + normals[:, :1] * shift
         inside &= (x >= 0.0) & (x <= columns - 1.0) & (y >= 0.0) & (y <= rows - 1.0)
         values += ndimage.map_coordinates(
-            patch, [y - corner[1], x - corner[0]], order=3, prefilter=False, mode="nearest"
+            patch, [y - corner[1], x - corner[0]], order=order, prefilter=False, mode="nearest"
         )
     return values / lines, inside
 
 
-def _patch(grey: Floats, points: Floats, reach: float) -> tuple[Floats, tuple[int, int]]:
+def _patch(grey: Floats, points: Floats, reach: float, order: Literal[1, 3]) -> tuple[Floats, tuple[int, int]]:
     """Spline coefficients of the part of the picture that is needed, and its first column and row."""
     rows, columns = grey.shape
     margin = reach + 12.0  # the spline's memory is a few pixels
@@ -131,7 +135,7 @@ def _patch(grey: Floats, points: Floats, reach: float) -> tuple[Floats, tuple[in
     x1, y1 = (int(np.ceil(float(points[:, i].max()) + margin)) + 1 for i in (0, 1))
     x0, y0 = min(x0, columns - 1), min(y0, rows - 1)
     part = grey[y0 : max(y1, y0 + 1), x0 : max(x1, x0 + 1)]
-    return np.asarray(ndimage.spline_filter(part, order=3, mode="nearest")), (x0, y0)
+    return (np.asarray(ndimage.spline_filter(part, order=3, mode="nearest")) if order > 1 else part), (x0, y0)
 
 
 def fit_edge(
@@ -224,8 +228,15 @@ class _View:
         t = np.arange(-half, half + 0.5)
         values, inside = profiles(self.grey, self.contour_px, self.normals, t, self.lines)
         use = (t >= at.min(axis=1, keepdims=True) - around) & (t <= at.max(axis=1, keepdims=True) + around)
-        saturated = np.sum((values >= self.ceiling - 1e-9) & use, axis=1) > SATURATED * np.sum(use, axis=1)
-        return fit_steps(t, values, at, blur_px, use), (inside | ~use).all(axis=1), saturated
+        return fit_steps(t, values, at, blur_px, use), (inside | ~use).all(axis=1), self._saturated(t, use)
+
+    def _saturated(self, t: Floats, use: Flags) -> Flags:
+        """Lines some place of which is at the camera's limit: what is cut off there pulls the step aside."""
+        limit = self.grey >= self.ceiling
+        if not limit.any():
+            return np.zeros(len(use), dtype=bool)
+        share, _ = profiles(limit.astype(np.float64), self.contour_px, self.normals, t, self.lines, order=1)
+        return np.asarray(((share > SATURATED) & use).any(axis=1))
 
     def judged(self, steps: Steps, which: int, rising: bool | None, inside: Flags, saturated: Flags) -> Edge:
         """One of the fitted edges, with what is no edge set aside."""
@@ -248,7 +259,42 @@ class _View:
         kept, rejected = _counted(bad, len(at))
         bad = {"off its neighbours": kept & _off(points, self.contour_px, self.normals, kept, self.closed)}
         still, more = _counted(bad, len(at))
-        return Edge(points, self.normals, u, blur, rise, kept & still, rejected | more)
+        kept &= still
+        u = u * _steadied(steps.noise)
+        u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
+        return Edge(points, self.normals, u, blur, rise, kept, rejected | more)
+
+
+def _steadied(noise: Floats) -> Floats:
+    """By what factors (N,) uncertainties change where the noise is taken from neighbours as well.
+
+    A line has some ten values and five parameters: what is left tells its own noise to 30 % at best.
+    """
+    usual = ndimage.median_filter(noise, NOISE_PLACES, mode="nearest")
+    own = np.maximum(noise, 1e-12)
+    return np.asarray(np.sqrt((1.0 + NEIGHBOURS_WEIGHT * (usual / own) ** 2) / (1.0 + NEIGHBOURS_WEIGHT)))
+
+
+def scatter_over_u(points: Floats, normals: Floats, u: Floats, kept: Flags, lines: int = LINES) -> float:
+    """By what factor edges scatter more between neighbours than the residuals of their fits say; at least 1.
+
+    Residuals are taken as independent, which those of a sharpened, compressed or textured picture are not, nor quite
+    those between pixels. Each place is compared with the mean of one before and one behind that share no pixel with
+    it; what bends slowly is no scatter. So roughness finer than some ten pixels counts as uncertainty as well.
+    """
+    step = float(np.median(np.hypot(*np.diff(points, axis=0).T))) if len(points) > 1 else 0.0
+    lag = int(np.ceil((lines + 1.0) / step)) if step > 0.0 else 0
+    if lag == 0 or len(points) <= 2 * lag:
+        return 1.0
+    here, before, behind = np.s_[lag:-lag], np.s_[: -2 * lag], np.s_[2 * lag :]
+    bend = np.sum((points[here] - 0.5 * (points[before] + points[behind])) * normals[here], axis=1)
+    sigma = np.sqrt(u[here] ** 2 + 0.25 * (u[before] ** 2 + u[behind] ** 2))
+    known = kept[here] & kept[before] & kept[behind] & (sigma > 0.0)
+    if known.sum() < LEAST_TRIPLES:
+        return 1.0
+    ratio = bend[known] / sigma[known]
+    rest = ratio - ndimage.median_filter(ratio, 12 * lag + 1, mode="nearest")
+    return float(max(1.0, 1.4826 * float(np.median(np.abs(rest)))))
 
 
 def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:

@@ -1,7 +1,7 @@
 """Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +48,25 @@ def leave(
     ``kind`` says in the file what the result is: ``index``, ``cutback``, ``cure``, ``stiffness``; `solen resin build`
     reads it.
     """
+    return write(found, kind, out, {"figure": (figure, draw)})
+
+
+def write(
+    found: dict[str, Any],
+    kind: str,
+    out: Path | None,
+    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure]]]",
+) -> dict[str, Any]:
+    """As `leave`, with several figures, each by the name under which the result tells where it is."""
     contents: dict[Path, files.Content] = {}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | found
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    if figure is not None:
-        from solen.report import canvas
+    for path, draw in figures.values():
+        if path is not None:
+            from solen.report import canvas
 
-        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
+            contents[path] = canvas.encoded(draw(), path.suffix.lower(), kind)
     files.write_all(contents)
-    return found | {name: str(path) for name, path in (("out", out), ("figure", figure)) if path is not None}
+    places = {"out": out} | {name: path for name, (path, _) in figures.items()}
+    return found | {name: str(path) for name, path in places.items() if path is not None}

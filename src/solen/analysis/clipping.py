@@ -1,0 +1,62 @@
+"""Samples at the end of what a recorder can show.
+
+The idea: a converter, an amplifier or a circuit at its rail repeats one value, the largest or the smallest of the whole
+recording, while the angle goes on moving. A hold repeats a value, too, and so does a coarse converter; therefore only
+runs of the very same extreme value within ramps tell, and only if no other value of that recording is repeated as long.
+Rails that are known are better than any guess: with them, every sample at or beyond counts.
+
+The interface: `clipped` marks samples.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.recording.model import FloatArray
+
+_RUN = 3
+"""Samples in a row of one extreme value, on the move, from which on they count as clipped."""
+_TIMES = 2  # how much longer than the longest run of any other value
+
+
+def clipped(
+    volts: FloatArray, moving: NDArray[np.bool_], rails: tuple[float, float] | None = None
+) -> NDArray[np.bool_]:
+    """Which samples of one receiver are clipped, (n,).
+
+    Parameters
+    ----------
+    volts
+        (n,).
+    moving
+        Which samples belong to a ramp, (n,).
+    rails
+        Lowest and highest voltage that can be shown, where they are known.
+    """
+    if rails is not None:
+        return np.asarray((volts <= rails[0]) | (volts >= rails[1]))
+    found = np.zeros(volts.size, dtype=bool)
+    if not np.isfinite(volts).any():
+        return found
+    starts, stops = _runs(volts)
+    counts = _moving_counts(moving, starts, stops)
+    low, high = np.nanmin(volts), np.nanmax(volts)
+    values = volts[starts]
+    ends = (values == low) | (values == high)
+    usual = int(counts[~ends].max(initial=0))
+    for end in (low, high):
+        ours = values == end
+        if low < high and counts[ours].max(initial=0) >= max(_RUN, _TIMES * usual + 1):
+            found |= volts == end
+    return found
+
+
+def _runs(volts: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """First sample and the one after the last of each run of one value."""
+    bounds = np.flatnonzero(np.diff(volts) != 0.0) + 1
+    return np.append(0, bounds).astype(np.intp), np.append(bounds, volts.size).astype(np.intp)
+
+
+def _moving_counts(moving: NDArray[np.bool_], starts: NDArray[np.intp], stops: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Samples of each run that are on the move."""
+    total = np.append(0, np.cumsum(moving))
+    return np.asarray(total[stops] - total[starts], dtype=np.int64)

@@ -1,0 +1,350 @@
+"""What the angle did: ramps, holds and cycles, whatever the protocol.
+
+The idea: a protocol is levels and the ways between them. A way (a ramp) is where the angle changes steadily over a
+tenth of its range; a hold is where it does not. A cycle begins where the angle leaves its rest to the side that it left
+to first, and ends where it is back at rest after all sides that the others visit: 0, +3, 0, −3, 0 is one, and so is
+0, +3, 0, or −3, +3, −3. Noise and steps of an encoder are measured first and set the tolerances. The angle is averaged
+over a few samples to *find* edges; every number uses the samples as they are.
+
+The interface: `find_motion` gives a `Motion` with its ramps and cycles.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+_TENTH = 0.1
+"""Share of the range that an excursion must exceed, and over which a ramp is told from a hold."""
+_SLOWEST = 0.1  # speed, relative to the fastest, that is still a ramp
+_MOST = 4_000_000  # points of the even grid that edges are found on
+_SIGMAS = 4.0
+_COARSEST = 1.0 / 8.0  # of the range: an encoder whose steps are larger shows set points
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A way from one level to another.
+
+    Attributes
+    ----------
+    start, stop
+        First sample and the one after the last: both belong to the levels that it joins.
+    direction
+        1 where the angle rises, −1 where it falls.
+    start_deg, end_deg
+        The levels.
+    """
+
+    start: int
+    stop: int
+    direction: int
+    start_deg: float
+    end_deg: float
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """From leaving the rest to being back there: times, and the samples [start, stop)."""
+
+    start_s: float
+    end_s: float
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What an angle did.
+
+    Attributes
+    ----------
+    ramps, cycles
+        In the order of time; cycles are whole ones.
+    holds
+        First sample and the one after the last of each hold, (k, 2).
+    rest_deg
+        Where cycles begin.
+    low_deg, high_deg
+        Ends of the range.
+    noise_deg, step_deg
+        Noise of the angle (standard deviation) and its finest step; 0 where there is none to be seen.
+    speed_deg_per_s
+        Median speed over the ramps.
+    warnings
+        What is left out, and why.
+    """
+
+    ramps: tuple[Ramp, ...]
+    cycles: tuple[Cycle, ...]
+    holds: NDArray[np.intp]
+    rest_deg: float
+    low_deg: float
+    high_deg: float
+    noise_deg: float
+    step_deg: float
+    speed_deg_per_s: float
+    warnings: tuple[str, ...]
+
+
+def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
+    """Ramps, holds and cycles of an angle.
+
+    Parameters
+    ----------
+    time_s
+        Times that never fall, (n,).
+    angle_deg
+        Angles in degrees, without gaps, (n,).
+
+    Raises
+    ------
+    DataError
+        Where the angle does not move, jumps from level to level, or makes no whole cycle.
+    """
+    clean = median_filter(angle_deg, 5, mode="nearest")
+    low, high = float(clean.min()), float(clean.max())
+    noise, step = _noise(angle_deg), _finest(angle_deg)
+    if step > _COARSEST * (high - low):
+        _refuse_jumps(0.0)
+    if high - low <= max(20.0 * noise, 1e-9):
+        limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be told"
+        raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
+    tolerance = max(3.0 * noise, 0.51 * step, 0.002 * (high - low))
+    edges = _Edges(time_s, clean, noise, step, high - low)
+    ramps = _ramps(angle_deg, edges.runs(), edges.half_samples, tolerance)
+    if not ramps:
+        raise DataError("angle", limit="has no steady way between two levels", remedy="check the column of the angle")
+    _check_sampled(ramps)
+    rest, first = _rest(angle_deg, ramps, (low, high))
+    cycles, warnings = _cycles(time_s, angle_deg, ramps, rest, first, max(tolerance, 0.02 * (high - low)))
+    return Motion(
+        ramps=ramps,
+        cycles=cycles,
+        holds=_holds(ramps, angle_deg.size),
+        rest_deg=rest,
+        low_deg=low,
+        high_deg=high,
+        noise_deg=noise,
+        step_deg=step,
+        speed_deg_per_s=_speed(time_s, ramps),
+        warnings=warnings,
+    )
+
+
+def _noise(angle_deg: FloatArray) -> float:
+    """Standard deviation of white noise on a piecewise straight line, from second differences."""
+    second = np.abs(np.diff(angle_deg, 2))
+    return float(1.4826 * np.median(second) / math.sqrt(6.0))
+
+
+def _finest(angle_deg: FloatArray) -> float:
+    """Finest step of an encoder; 0 where the angle has as many values as samples."""
+    levels = np.unique(angle_deg)
+    if levels.size < 2 or levels.size > 0.2 * angle_deg.size:
+        return 0.0
+    steps = np.diff(levels)
+    return float(np.min(steps[steps > 1e-9 * np.ptp(levels)], initial=np.ptp(levels)))
+
+
+class _Edges:
+    """Where the angle moves, found on an even grid of times."""
+
+    def __init__(self, time_s: FloatArray, clean: FloatArray, noise: float, step: float, reach: float) -> None:
+        usual = np.diff(time_s)
+        self._time_s = time_s
+        self._even_s = max(float(np.median(usual[usual > 0.0])), float(np.ptp(time_s)) / _MOST)
+        grid = np.arange(time_s[0], time_s[-1] + 0.5 * self._even_s, self._even_s)
+        self._angle = np.interp(grid, time_s, clean)
+        self._grid = grid
+        self.half_samples = self._half(reach)
+        smooth = uniform_filter1d(self._angle, self.half_samples, mode="nearest")
+        self._change = np.zeros(grid.size)
+        half = self.half_samples
+        self._change[half:-half] = smooth[2 * half :] - smooth[: -2 * half]
+        floor = _SIGMAS * noise * (2.0 / half) ** 0.5
+        self._least = max(_SLOWEST * _TENTH * reach, floor, 1.01 * step)
+
+    def _half(self, reach: float) -> int:
+        """Half the samples in which the angle moves by a tenth of its range, at its fastest."""
+        lag = 1
+        while lag < self._angle.size // 4:
+            moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag])))
+            if moved >= 2.0 * _TENTH * reach:
+                return max(1, round(0.5 * lag * _TENTH * reach / moved))
+            lag *= 2
+        return max(1, lag // 4)
+
+    def runs(self) -> list[tuple[int, int, int]]:
+        """First sample, the one after the last, and direction of each run in which the angle moves one way."""
+        sign = np.where(np.abs(self._change) > self._least, np.sign(self._change), 0.0).astype(np.int8)
+        bounds = np.flatnonzero(np.diff(sign)) + 1
+        starts, stops = np.append(0, bounds), np.append(bounds, sign.size)
+        moving = sign[starts] != 0
+        found = []
+        for start, stop in zip(starts[moving], stops[moving], strict=True):
+            if abs(self._angle[stop - 1] - self._angle[start]) > 2.0 * self._least or stop - start > self.half_samples:
+                place = np.searchsorted(self._time_s, self._grid[[start, stop - 1]])
+                found.append((int(place[0]), int(place[1]) + 1, int(sign[start])))
+        return _joined(found, self.half_samples)
+
+
+def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int, int]]:
+    """Runs of one direction with less than a window between them are one."""
+    found: list[tuple[int, int, int]] = []
+    for run in runs:
+        if found and found[-1][2] == run[2] and run[0] - found[-1][1] <= reach:
+            found[-1] = (found[-1][0], run[1], run[2])
+        else:
+            found.append(run)
+    return found
+
+
+def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, tolerance: float) -> tuple[Ramp, ...]:
+    """Ramps from runs, with their edges where the angle leaves one level's tolerance and enters the next one's."""
+    size = angle_deg.size
+    cuts = [0, *((before[1] + after[0]) // 2 for before, after in pairwise(runs)), size]
+    found: list[Ramp] = []
+    for number, (start, stop, direction) in enumerate(runs):
+        middle = (start + stop) // 2
+        before = _level(angle_deg, runs[number - 1][1] if number else 0, start, half)
+        after = _level(angle_deg, stop, runs[number + 1][0] if number + 1 < len(runs) else size, half)
+        low = max(cuts[number] - (half if before is None else 0), 0)  # an edge may be found a little beside a turn
+        high = min(cuts[number + 1] + (half if after is None else 0), size)
+        first = _leaves(angle_deg, low, middle, before, tolerance, direction)
+        last = _enters(angle_deg, middle, high, after, tolerance, direction)
+        start_deg = float(angle_deg[first]) if before is None else before
+        end_deg = float(angle_deg[last]) if after is None else after
+        found.append(Ramp(first, last + 1, direction, start_deg, end_deg))
+    return tuple(found)
+
+
+def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
+    """Median of a hold between two runs; None where they follow one another at once."""
+    inner = angle_deg[start + half : stop - half] if stop - start > 2 * half + 2 else angle_deg[start:stop]
+    return float(np.median(inner)) if stop - start > half + 2 else None
+
+
+def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
+    """Last sample at a level before the middle of a ramp; at a mere turn, the farthest one."""
+    part = a[low : middle + 1]
+    if level is None:
+        return low + int(np.argmin(direction * part))
+    held = np.flatnonzero(direction * (part - level) <= tolerance)
+    return low + int(held[-1]) if held.size else low
+
+
+def _enters(a: FloatArray, middle: int, high: int, level: float | None, tolerance: float, direction: int) -> int:
+    """First sample at a level after the middle of a ramp; at a mere turn, the farthest one."""
+    part = a[middle:high]
+    if level is None:
+        return middle + int(np.argmax(direction * part))
+    held = np.flatnonzero(direction * (part - level) >= -tolerance)
+    return middle + int(held[0]) if held.size else high - 1
+
+
+def _check_sampled(ramps: tuple[Ramp, ...]) -> None:
+    """`DataError` where the angle jumps: a list of set points holds no sample on its way."""
+    inside = float(np.median([ramp.stop - ramp.start - 2 for ramp in ramps]))
+    if inside < 3.0:
+        _refuse_jumps(max(inside, 0.0))
+
+
+def _refuse_jumps(inside: float) -> NoReturn:
+    limit = f"jumps from level to level, with {inside:g} samples on the way"
+    remedy = "give the measured angle instead of the set points, sampled at least five times in a ramp"
+    raise DataError("angle", limit=limit, remedy=remedy)
+
+
+def _holds(ramps: tuple[Ramp, ...], size: int) -> NDArray[np.intp]:
+    stops = [0, *(ramp.stop for ramp in ramps)]
+    starts = [*(ramp.start for ramp in ramps), size - 1]
+    pairs = [(start, stop + 1) for start, stop in zip(stops, starts, strict=True) if stop + 1 - start > 2]
+    return np.array(pairs, dtype=np.intp).reshape(-1, 2)
+
+
+def _speed(time_s: FloatArray, ramps: tuple[Ramp, ...]) -> float:
+    took = np.array([time_s[ramp.stop - 1] - time_s[ramp.start] for ramp in ramps])
+    way = np.array([abs(ramp.end_deg - ramp.start_deg) for ramp in ramps])
+    return float(np.median(way[took > 0.0] / took[took > 0.0])) if (took > 0.0).any() else 0.0
+
+
+def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, float]) -> tuple[float, int]:
+    """Angle at which cycles begin, and the side that it is left to first.
+
+    The level before the first ramp; where the recording begins on the way, that after the last one, else 0 or the
+    middle of the range.
+    """
+    low, high = ends
+    if ramps[0].start > 2:
+        return ramps[0].start_deg, ramps[0].direction
+    middle = 0.0 if low < 0.0 < high else 0.5 * (low + high)
+    rest = ramps[-1].end_deg if angle_deg.size - ramps[-1].stop > 2 else middle
+    if rest > high - _TENTH * (high - low):
+        return rest, -1
+    return rest, 1 if rest < low + _TENTH * (high - low) else _side(ramps, rest, _TENTH * (high - low))
+
+
+def _side(ramps: tuple[Ramp, ...], rest: float, far: float) -> int:
+    """Side of the first ramp that leaves a rest within the range."""
+    for ramp in ramps:
+        if abs(ramp.start_deg - rest) <= far:
+            return ramp.direction
+    return ramps[0].direction
+
+
+def _cycles(
+    time_s: FloatArray, angle_deg: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, tolerance: float
+) -> tuple[tuple[Cycle, ...], tuple[str, ...]]:
+    """Whole cycles, and what is left out."""
+    away = first * (angle_deg - rest)
+    far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
+    starts = _starts(away, ramps, rest, first, far, tolerance)
+    if not starts:
+        raise DataError("angle", limit="makes no cycle from its rest", remedy="record at least one whole cycle")
+    spans = [_span(away, start, stop, tolerance) for start, stop in zip(starts, [*starts[1:], None], strict=True)]
+    both = [bool(np.min(away[a:b]) < -far) for a, b, _ in spans]
+    wanted = 2 * sum(both[:-1]) >= len(both[:-1]) if len(both) > 1 else both[0]
+    whole = [back and (two or not wanted) for (_, _, back), two in zip(spans, both, strict=True)]
+    cycles = tuple(
+        Cycle(float(time_s[a]), float(time_s[b - 1]), a, b) for (a, b, _), ok in zip(spans, whole, strict=True) if ok
+    )
+    if not cycles:
+        raise DataError("angle", limit="makes no whole cycle", remedy="record at least one, from rest to rest")
+    warnings = [
+        f"the cycle that begins at {time_s[a]:.6g} s is not whole and is left out"
+        for (a, _, _), ok in zip(spans, whole, strict=True)
+        if not ok
+    ]
+    if abs(ramps[0].start_deg - rest) > far:
+        warnings.insert(0, f"the recording begins on the way: what is before {time_s[starts[0]]:.6g} s is left out")
+    return cycles, tuple(warnings)
+
+
+def _starts(
+    away: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, far: float, tolerance: float
+) -> list[int]:
+    """Last sample at rest before each excursion to the first side."""
+    found: list[int] = []
+    for ramp in ramps:
+        if ramp.direction == first and first * (ramp.start_deg - rest) <= far < first * (ramp.end_deg - rest):
+            low = found[-1] + 1 if found else 0
+            held = np.flatnonzero(away[low : ramp.stop] <= tolerance)
+            found.append(low + int(held[-1]) if held.size else ramp.start)
+    return found
+
+
+def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:
+    """Samples of a cycle, and whether it came back to rest."""
+    stop = away.size if following is None else following + 1
+    out = np.flatnonzero(np.abs(away[start:stop]) > tolerance)
+    last = start + int(out[-1]) + 1 if out.size else stop - 1
+    back = last < stop or following is not None
+    return start, min(last + 1, stop), back

@@ -1,0 +1,236 @@
+"""Voltage against angle: each way of each cycle on one grid of angles, then their mean and spread.
+
+The idea: the samples of one way (all of a cycle's rising ramps, or all its falling ones) are joined by straight lines
+in the order of their angle; a grid's point gets the mean of that line over its cell, half a step to each side. Where
+there are many samples in a cell this is their mean, where there are few it is their interpolation: either way no sample
+reaches beyond its cell, and nothing is filtered. A cell that no sample is near stays empty, and one that a clipped
+sample touches is marked.
+
+The interface: `grid_deg` makes a grid, `passes` the ways on it, `Passes.joined` those of several recordings of one
+sensor; `curve` gives their mean and standard deviation.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.analysis.motion import Motion, Ramp
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+DIRECTIONS = ("rising", "falling")
+_STEPS_DEG = (1.0, 2.0, 5.0)
+_CELLS = 60  # of a whole range, about
+_NEAR = 5.0  # times the usual distance of samples that a cell may be from them
+_OUT = 0.25  # share of a step that a point may lie beyond the last sample
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Ways over the angles, on one grid.
+
+    Attributes
+    ----------
+    angle_deg
+        The grid, (g,).
+    volts
+        (cycles, 2, g, receivers): rising, then falling; NaN where there is no sample.
+    clipped
+        Whether a clipped sample is in it, of the same shape.
+    middle_s
+        Middle of each cycle's time, (cycles,).
+    """
+
+    angle_deg: FloatArray
+    volts: FloatArray
+    clipped: NDArray[np.bool_]
+    middle_s: FloatArray
+
+    @property
+    def cycles(self) -> int:
+        """How many cycles."""
+        return int(self.volts.shape[0])
+
+    def joined(self, other: "Passes") -> "Passes":
+        """These and the passes of another recording on the same grid."""
+        volts, clipped = np.concatenate([self.volts, other.volts]), np.concatenate([self.clipped, other.clipped])
+        return Passes(self.angle_deg, volts, clipped, np.concatenate([self.middle_s, other.middle_s]))
+
+    def of(self, receiver: int) -> "Passes":
+        """Those of one receiver, with a last axis of one."""
+        part = slice(receiver, receiver + 1)
+        return Passes(self.angle_deg, self.volts[..., part], self.clipped[..., part], self.middle_s)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Mean and standard deviation of ways at each angle, NaN where there is none, and how many there were."""
+
+    mean_V: FloatArray
+    sd_V: FloatArray
+    count: NDArray[np.int64]
+
+
+def nice_step(reach_deg: float) -> float:
+    """A step of 1, 2 or 5 times a power of ten that parts a range into some sixty cells."""
+    wanted = reach_deg / _CELLS
+    power = 10.0 ** np.floor(np.log10(wanted))
+    steps = [step * power for step in (*_STEPS_DEG, 10.0)]
+    return float(min(steps, key=lambda step: abs(np.log(step / wanted))))
+
+
+def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> tuple[float, float]:
+    """Angles that every way of the used cycles reaches."""
+    ends = [
+        (float(angle_deg[part].min()), float(angle_deg[part].max()))
+        for number in used
+        for direction in (1, -1)
+        if (part := samples(motion, number, direction)).size
+    ]
+    if not ends:
+        raise DataError("angle", limit="has no ramp in the cycles that are used", remedy="use more cycles")
+    return max(low for low, _ in ends), min(high for _, high in ends)
+
+
+def grid_deg(low: float, high: float, step: float) -> FloatArray:
+    """Multiples of a step within a range, or a quarter of a step beyond."""
+    first, last = np.ceil(low / step - _OUT), np.floor(high / step + _OUT)
+    if last - first < 4:
+        limit = f"of {step:.3g}° leaves fewer than five points between {low:.3g}° and {high:.3g}°"
+        raise DataError("grid of angles", limit=limit, remedy="choose a smaller --step-deg")
+    return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
+
+
+def samples(motion: Motion, number: int, direction: int) -> NDArray[np.intp]:
+    """Samples of a cycle's ramps in one direction, with those on which a ramp begins and ends; holds are cropped."""
+    cycle = motion.cycles[number]
+    parts = [_within(ramp, cycle.start, cycle.stop) for ramp in motion.ramps if ramp.direction == direction]
+    held = [part for part in parts if part.size > 1]
+    return np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
+
+
+def _within(ramp: Ramp, start: int, stop: int) -> NDArray[np.intp]:
+    return np.arange(max(ramp.start, start), min(ramp.stop, stop), dtype=np.intp)
+
+
+def passes(
+    angle_deg: FloatArray,
+    volts: FloatArray,
+    motion: Motion,
+    used: Sequence[int],
+    grid: FloatArray,
+    clipped: NDArray[np.bool_] | None = None,
+) -> Passes:
+    """Ways of the used cycles on a grid.
+
+    Parameters
+    ----------
+    angle_deg
+        (n,).
+    volts, clipped
+        (n, receivers).
+    motion, used
+        Its cycles, and the places of those that are used.
+    grid
+        Evenly spaced angles, (g,).
+    """
+    shape = (len(used), 2, grid.size, volts.shape[1])
+    found, marked = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
+    by_direction = _ramps_by_cycle(motion, used)
+    flagged = clipped is not None and bool(clipped.any())
+    for place, ways in enumerate(by_direction):
+        for side, part in enumerate(ways):
+            if part.size < 2:
+                continue
+            found[place, side] = on_grid(angle_deg[part], volts[part], grid)
+            if flagged and clipped is not None and clipped[part].any():
+                marked[place, side] = (
+                    np.nan_to_num(on_grid(angle_deg[part], clipped[part].astype(np.float64), grid)) > 1e-9
+                )
+    middle = np.array([0.5 * (motion.cycles[n].start_s + motion.cycles[n].end_s) for n in used])
+    return Passes(grid, found, marked, middle)
+
+
+def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[NDArray[np.intp]]]:
+    """Samples of the rising and of the falling ramps of each used cycle; each ramp is looked at once."""
+    starts = np.array([ramp.start for ramp in motion.ramps])
+    stops = np.array([ramp.stop for ramp in motion.ramps])
+    found = []
+    for number in used:
+        cycle = motion.cycles[number]
+        near = range(int(np.searchsorted(stops, cycle.start)), int(np.searchsorted(starts, cycle.stop)))
+        ways: list[list[NDArray[np.intp]]] = [[], []]
+        for place in near:
+            ramp = motion.ramps[place]
+            part = _within(ramp, cycle.start, cycle.stop)
+            if part.size > 1:
+                ways[0 if ramp.direction > 0 else 1].append(part)
+        found.append([np.concatenate(way) if way else np.zeros(0, dtype=np.intp) for way in ways])
+    return found
+
+
+def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> FloatArray:
+    """Mean over each cell of the straight lines through samples, (g, receivers).
+
+    Samples of one angle are averaged first. A cell at the end of the samples is narrowed so that it stays about its
+    point.
+    """
+    angles, values = _merged(angle_deg, volts)
+    if angles.size < 2:
+        return np.full((grid.size, volts.shape[1]), np.nan)
+    step = float(grid[1] - grid[0])
+    low, high = angles[0], angles[-1]
+    points = np.clip(grid, low, high)
+    half = np.minimum(0.5 * step, np.minimum(points - low, high - points))
+    mean = _cell_means(angles, values, points, half)
+    widths = np.diff(angles)
+    allowed = max(2.0 * step, _NEAR * float(np.median(widths)))
+    place = np.clip(np.searchsorted(angles, points) - 1, 0, widths.size - 1)
+    missing = (widths[place] > allowed) | (np.abs(grid - points) > _OUT * step * 1.001)
+    mean[missing] = np.nan
+    return mean
+
+
+def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Samples in the order of their angle, those of one angle averaged."""
+    order = np.argsort(angle_deg, kind="stable")
+    angles, values = angle_deg[order], volts[order]
+    first = np.flatnonzero(np.append(True, np.diff(angles) > 0.0))
+    counts = np.diff(np.append(first, angles.size))
+    return angles[first], np.add.reduceat(values, first, axis=0) / counts[:, None]
+
+
+def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:
+    """Mean of the piecewise straight line over [point − half, point + half]; its value where half is 0."""
+    widths = np.diff(angles)[:, None]
+    total = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * (values[1:] + values[:-1]) * widths, axis=0)])
+
+    def at(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        place = np.clip(np.searchsorted(angles, x, side="right") - 1, 0, angles.size - 2)
+        dx = (x - angles[place])[:, None]
+        slope = (values[place + 1] - values[place]) / widths[place]
+        return total[place] + values[place] * dx + 0.5 * slope * dx**2, values[place] + slope * dx
+
+    narrow = half < 1e-9
+    upper, _ = at(points + half)
+    lower, _ = at(points - half)
+    _, value = at(points)
+    mean = (upper - lower) / np.where(narrow, 1.0, 2.0 * half)[:, None]
+    return np.where(narrow[:, None], value, mean)
+
+
+def curve(volts: FloatArray, clipped: NDArray[np.bool_]) -> Curve:
+    """Mean and standard deviation (n − 1) over the first axis, (ways, g).
+
+    There is no mean at an angle where a way is clipped: what is left of the others would be another mean.
+    """
+    valid = np.isfinite(volts)
+    count = valid.sum(axis=0)
+    kept = np.where(valid, volts, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = kept.sum(axis=0) / count
+        sd = np.sqrt((np.where(valid, volts - mean, 0.0) ** 2).sum(axis=0) / (count - 1))
+    hidden = clipped.any(axis=0) | (count == 0)
+    return Curve(np.where(hidden, np.nan, mean), np.where(hidden | (count < 2), np.nan, sd), count)

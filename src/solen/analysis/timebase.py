@@ -1,0 +1,124 @@
+"""Time as a recorder wrote it: irregular, with gaps, with stamps twice, now and then backward.
+
+The idea: samples are used where they stand and never resampled for the numbers, so an irregular clock needs no repair.
+What does need a word is said with its place: a gap, a stamp that several samples share, samples out of order. A clock
+that runs backward for longer than a few samples was set, or two recordings were joined: that is refused, as no order
+could be right.
+
+The interface: `time_base` of stamps gives a `TimeBase`: which samples, in what order, and what to know.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+LONGEST_GAP = 5.0
+"""Times the usual step from which on a step is a gap."""
+_FEW_STEPS, _SHARE = 10.0, 0.01  # how far back, and how many of the samples, is disorder and not another clock
+_LEAST = 16
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """Order of the samples in time.
+
+    Attributes
+    ----------
+    order
+        Places of the samples that are used, in the order of their time, (n,).
+    time_s
+        Their times, which never fall, (n,).
+    step_s
+        The usual step between two.
+    gaps_s
+        Start and end of each gap, (g, 2).
+    warnings
+        What is not as a steady clock would have it.
+    """
+
+    order: NDArray[np.intp]
+    time_s: FloatArray
+    step_s: float
+    gaps_s: FloatArray
+    warnings: tuple[str, ...]
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples in a second, by the usual step."""
+        return 1.0 / self.step_s
+
+
+def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
+    """Order of samples by their stamps.
+
+    Parameters
+    ----------
+    time_s
+        Stamps in s, NaN where the file has none, (n,).
+    name
+        What the stamps are called in an error.
+
+    Raises
+    ------
+    DataError
+        Where there are too few stamps, or the clock runs backward.
+    """
+    order = np.flatnonzero(np.isfinite(time_s))
+    warnings = [] if order.size == time_s.size else [f"{time_s.size - order.size} samples without a time are left out"]
+    if order.size < _LEAST:
+        limit = f"has {order.size} samples with a time; at least {_LEAST} are needed"
+        raise DataError(name, limit=limit, remedy="name the column of times with --time")
+    steps = np.diff(time_s[order])
+    if not (steps > 0.0).any():
+        raise DataError(
+            name, limit="does not advance", remedy="name the column of times with --time, or give --rate-hz"
+        )
+    usual = float(np.median(steps[steps > 0.0]))
+    if (steps < 0.0).any():
+        warnings.append(_disorder(time_s, order, steps, usual, name))
+        order = order[np.argsort(time_s[order], kind="stable")]
+    ordered = time_s[order]
+    warnings += _repeated(ordered)
+    gaps = _gaps(ordered, usual)
+    warnings += _gap_words(gaps)
+    return TimeBase(order, ordered, usual, gaps, tuple(warnings))
+
+
+def _disorder(time_s: FloatArray, order: NDArray[np.intp], steps: FloatArray, usual: float, name: str) -> str:
+    """Warning of a few samples out of order; `DataError` where the clock was set back."""
+    back = np.flatnonzero(steps < 0.0)
+    worst = back[np.argmin(steps[back])]
+    row = int(order[worst + 1]) + 1
+    if -steps[worst] > _FEW_STEPS * usual or back.size > _SHARE * order.size:
+        told = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
+        limit = f"{told}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
+        raise DataError(name, limit=limit, remedy="split the file there, or export it with one running clock")
+    return (
+        f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
+    )
+
+
+def _repeated(ordered: FloatArray) -> list[str]:
+    same = int(np.sum(np.diff(ordered) == 0.0))
+    if not same:
+        return []
+    where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
+    return [f"{same} samples share their time with the one before (first at {where:.6g} s); all are kept"]
+
+
+def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
+    wide = np.flatnonzero(np.diff(ordered) > LONGEST_GAP * usual)
+    return np.column_stack([ordered[wide], ordered[wide + 1]])
+
+
+def _gap_words(gaps: FloatArray) -> list[str]:
+    if not len(gaps):
+        return []
+    longest = int(np.argmax(gaps[:, 1] - gaps[:, 0]))
+    start, end = gaps[longest]
+    count = f"{len(gaps)} gap{'s' * (len(gaps) > 1)} in the samples"
+    return [f"{count}, the longest {end - start:.3g} s from {start:.6g} s; nothing is made up for them"]

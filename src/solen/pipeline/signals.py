@@ -1,0 +1,286 @@
+"""Columns of a recording to the signals of sensors: which column is the time, the angle, a receiver, and of whom.
+
+What is named on the command line is taken by its name; what is not is told by its quantity, unit or words, and where
+that leaves a doubt it is asked for with the columns that there are.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from solen.analysis import Signals, TimeBase, side_of, time_base
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Recording
+from solen.recording.model import FloatArray
+from solen.recording.words import heading, plain
+from solen.units import factor
+
+_TIMES = ("timestamp", "time stamp", "elapsed", "elapsed time", "zeitstempel", "clock", "datetime", "date time", "t")
+_ANGLES = ("theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg")
+_ENDS = re.compile(r"(?:_|\b)V$")
+_DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
+_SLOW_S = 1.0  # a step of a time without a unit from which on it may be samples or ms
+_HIGH_V = 100.0  # volts that no receiver here shows
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Which columns are what, as asked for.
+
+    Attributes
+    ----------
+    time, angle
+        Names of columns, or None for those that are told by themselves.
+    channels
+        Receiver (with its sensor before a point, where it has one) and column.
+    time_unit
+        Unit of a time without one.
+    rate_hz
+        Samples in a second, of a recording without times.
+    zero_deg, flip
+        What the angle reads at rest, and whether it counts the other way.
+    """
+
+    time: str | None = None
+    angle: str | None = None
+    channels: tuple[tuple[str, str], ...] = ()
+    time_unit: str | None = None
+    rate_hz: float | None = None
+    zero_deg: float = 0.0
+    flip: bool = False
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Columns of one recording on its own clock: ``angle_deg`` is None where there is none."""
+
+    base: TimeBase
+    angle_deg: FloatArray | None
+    receivers: tuple[str, ...]
+    volts: FloatArray
+    warnings: tuple[str, ...]
+
+
+def named_channels(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Receivers and columns of ``NAME=COLUMN`` texts; a name alone is that of its column."""
+    found = []
+    for text in texts:
+        name, separator, column = text.partition("=")
+        if not name.strip() or (separator and not column.strip()):
+            raise SpecError("--channel", value=text, limit="must be NAME=COLUMN", remedy="as in --channel left=V_L")
+        found.append((name.strip(), (column if separator else name).strip()))
+    twice = [name for name, count in Counter(name for name, _ in found).items() if count > 1]
+    if twice:
+        raise SpecError("--channel", value=twice[0], limit="is named twice", remedy="give each receiver its own name")
+    return tuple(found)
+
+
+def sampled(recording: Recording, asked: Columns, *, need_angle: bool = False) -> Sampled:
+    """Samples of a recording in the order of their time.
+
+    Raises
+    ------
+    DataError
+        Where a column is missing, holds no numbers or has a unit of another kind.
+    """
+    warnings = list(recording.warnings)
+    times = _time_s(recording, asked, warnings)
+    base = time_base(times, f"{recording.provenance.file}: time")
+    angle = _angle_deg(recording, asked, warnings, need=need_angle)
+    taken = {one.name for one in (_time(recording, asked), _angle(recording, asked)) if one is not None}
+    channels = _receivers(recording, asked, taken)
+    names = tuple(channels)
+    volts = np.column_stack([_volts(channel, warnings) for channel in channels.values()])
+    angle = None if angle is None else angle[base.order]
+    return _whole(recording, base, angle, names, volts[base.order], [*base.warnings, *warnings])
+
+
+def _whole(
+    recording: Recording,
+    base: TimeBase,
+    angle: FloatArray | None,
+    names: tuple[str, ...],
+    volts: FloatArray,
+    warnings: list[str],
+) -> Sampled:
+    """Samples without those that miss a number."""
+    good = np.isfinite(volts)
+    for name, held in zip(names, good.T, strict=True):
+        if not held.any():
+            raise DataError(f"{recording.provenance.file}: {name}", limit="holds no number", remedy="leave it out")
+    kept = good.all(axis=1) if angle is None else good.all(axis=1) & np.isfinite(angle)
+    if not kept.all():
+        warnings.append(f"{int((~kept).sum())} of {kept.size} samples miss a number and are left out")
+        base = replace(base, order=base.order[kept], time_s=base.time_s[kept])
+        angle, volts = None if angle is None else angle[kept], volts[kept]
+    return Sampled(base, angle, names, volts, tuple(warnings))
+
+
+def column(recording: Recording, name: str, option: str) -> Channel:
+    """Column of a name, with or without its unit; `DataError` with the columns that there are."""
+    found = recording.find(name, heading(name).name)
+    if found is not None:
+        return found
+    what = f"{recording.provenance.file or 'recording'}: {option} {name}"
+    if recording.label(name, heading(name).name) is not None:
+        raise DataError(what, limit="is a column of words, not of numbers", remedy=_there(recording))
+    raise DataError(what, limit="no such column", remedy=_there(recording))
+
+
+def _there(recording: Recording) -> str:
+    shown = recording.names[:12]
+    more = len(recording.names) - len(shown)
+    return f"its columns are {', '.join(shown)}" + (f" and {more} more" if more else "")
+
+
+def _time(recording: Recording, asked: Columns) -> Channel | None:
+    if asked.time is not None:
+        return column(recording, asked.time, "--time")
+    if asked.rate_hz is not None:
+        return None
+    return _told(recording, "time", _TIMES)
+
+
+def _angle(recording: Recording, asked: Columns) -> Channel | None:
+    if asked.angle is not None:
+        return column(recording, asked.angle, "--angle")
+    return _told(recording, "angle", _ANGLES)
+
+
+def _told(recording: Recording, quantity: str, words: tuple[str, ...]) -> Channel | None:
+    """Column of a quantity by its unit or its words; `DataError` where several are."""
+    for found in (
+        [one for one in recording.channels if one.quantity == quantity],
+        [one for one in recording.channels if plain(one.name) in words],
+        [one for one in recording.channels if plain(one.name).startswith(quantity)],
+    ):
+        if len(found) == 1:
+            return found[0]
+        if found:
+            names = ", ".join(one.name for one in found)
+            raise DataError(
+                recording.provenance.file or "recording",
+                limit=f"has {len(found)} columns that may be the {quantity}: {names}",
+                remedy=f"name one with --{quantity}",
+            )
+    return None
+
+
+def _time_s(recording: Recording, asked: Columns, warnings: list[str]) -> FloatArray:
+    channel = _time(recording, asked)
+    file = recording.provenance.file or "recording"
+    if channel is None:
+        if asked.rate_hz is None:
+            remedy = f"name it with --time, or give --rate-hz; {_there(recording)}"
+            raise DataError(file, limit="has no column that is told to be the time", remedy=remedy)
+        return np.arange(recording.channels[0].values.size) / asked.rate_hz
+    unit = asked.time_unit or channel.unit
+    if unit:
+        scale = factor(unit, "s")
+        if scale is None:
+            remedy = "name another column with --time, or its unit with --time-unit"
+            raise DataError(f"{file}: {channel.name}", value=unit, limit="is no unit of time", remedy=remedy)
+        return channel.values * scale
+    steps = np.diff(channel.values)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if usual >= _SLOW_S:
+        limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
+    warnings.append(
+        f"{channel.name} states no unit; it is taken for s, so that there are {1 / usual:.4g} samples a second"
+        if usual
+        else f"{channel.name} states no unit; it is taken for s"
+    )
+    return channel.values
+
+
+def _angle_deg(recording: Recording, asked: Columns, warnings: list[str], *, need: bool) -> FloatArray | None:
+    channel = _angle(recording, asked)
+    file = recording.provenance.file or "recording"
+    if channel is None:
+        if need:
+            remedy = (
+                "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; "
+                f"{_there(recording)}"
+            )
+            raise DataError(file, limit="has no column that is told to be the angle", remedy=remedy)
+        return None
+    scale = factor(channel.unit, "deg") if channel.unit else 1.0
+    if scale is None or channel.unit == "1":
+        limit = "is no unit of an angle"
+        raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
+    if not channel.unit and not plain(channel.name).endswith("deg"):
+        warnings.append(f"{channel.name} states no unit; it is taken for degrees")
+    return (-1.0 if asked.flip else 1.0) * (channel.values * scale - asked.zero_deg)
+
+
+def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[str, Channel]:
+    """Columns of the receivers, by the names that they are given."""
+    if asked.channels:
+        return {name: column(recording, text, "--channel") for name, text in asked.channels}
+    free = [one for one in recording.channels if one.name not in taken]
+    found = [one for one in free if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
+    found = found or [one for one in free if not one.unit and (_ENDS.search(one.name) or side_of(one.name))]
+    if not found:
+        limit = "has no column that is told to be a receiver's voltage"
+        remedy = f"name them with --channel NAME=COLUMN; {_there(recording)}"
+        raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
+    return {one.name: one for one in found}
+
+
+def _volts(channel: Channel, warnings: list[str]) -> FloatArray:
+    if channel.unit and channel.unit != "1":
+        return channel.to("V")
+    if not _ENDS.search(channel.name):
+        largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+        doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
+        warnings.append(f"{channel.name} states no unit; it is taken for V{doubt}")
+    return channel.values
+
+
+def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
+    """Receivers of each sensor and the columns' places, by names such as ``S1.left`` or ``S1_L`` beside ``S2_L``.
+
+    ``label`` is the file's own; it stands before the sensor's where there are several files.
+    """
+    parts = [_DOTTED.fullmatch(name) for name in names]
+    split = [(part[1], part[2]) if part else ("", name) for part, name in zip(parts, names, strict=True)]
+    if not any(parts):
+        split = _by_side(names)
+    found: dict[str, dict[str, int]] = {}
+    for place, (sensor, receiver) in enumerate(split):
+        full = label if not sensor else sensor if alone else f"{label}.{sensor}"
+        found.setdefault(full, {})[receiver] = place
+    return found
+
+
+def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Sensor and receiver of names that differ in a side and something else: both sides of each must be there."""
+    bases = [(_without_side(name), side_of(name)) for name in names]
+    pairs = Counter(bases)
+    sensors = {base for base, _ in bases}
+    whole = all(pairs[base, side] == 1 for base in sensors for side in ("left", "right"))
+    if len(sensors) > 1 and whole and len(names) == 2 * len(sensors):
+        return bases
+    return [("", name) for name in names]
+
+
+def _without_side(name: str) -> str:
+    words = re.split(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])", name)
+    return " ".join(word for word in words if word and word.lower() not in {"l", "r", "left", "right", "v"})
+
+
+def signals_of(
+    one: Sampled, angle_deg: FloatArray, label: str, source: Path, lens: Mapping[str, bool | None], *, alone: bool
+) -> list[Signals]:
+    """Signals of each sensor of a recording; ``lens`` says by label which has one."""
+    found = []
+    for sensor, places in by_sensor(one.receivers, label, alone=alone).items():
+        volts = one.volts[:, list(places.values())]
+        has = lens.get(sensor, lens.get(label))
+        found.append(Signals(sensor, tuple(places), one.base.time_s, angle_deg, volts, has, source.name))
+    return found

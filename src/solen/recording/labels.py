@@ -1,0 +1,78 @@
+"""Labels in the names of files: ``S1_lens_2.csv`` says which sensor, whether it has a lens, and which recording.
+
+The interface: `labels` of a name by a pattern such as ``{sensor}_{lens}_{run}.csv``; `has_lens` reads the word for it.
+"""
+
+import re
+from pathlib import Path
+
+from solen.errors import DataError, SpecError
+
+FIELDS = ("sensor", "lens", "run")
+_FIELD = re.compile(r"\{([^{}]*)\}")
+_WITH = {"lens", "with", "withlens", "yes", "y", "1", "true", "on", "linse", "mit"}
+_WITHOUT = {
+    "nolens",
+    "without",
+    "withoutlens",
+    "no",
+    "n",
+    "0",
+    "none",
+    "false",
+    "off",
+    "control",
+    "flat",
+    "bare",
+    "ohne",
+}
+
+
+def labels(path: Path, pattern: str) -> dict[str, str]:
+    """What a file's name says by a pattern.
+
+    Parameters
+    ----------
+    path
+        The file.
+    pattern
+        Its name with a field in braces for each part that differs: ``sensor``, ``lens``, ``run``, others at will; ``*``
+        stands for what does not matter. With or without an ending; a pattern with ``/`` is of the last folders, too.
+
+    Raises
+    ------
+    SpecError
+        Where the pattern has no field, or one twice.
+    DataError
+        Where the name is not of that form.
+    """
+    expression, fields = _expression(pattern)
+    depth = pattern.count("/") + 1
+    name = "/".join(path.parts[-depth:])
+    stem = name[: -len(path.suffix)] if path.suffix and not pattern.endswith(path.suffix) else name
+    found = expression.fullmatch(name) or expression.fullmatch(stem)
+    if found is None:
+        remedy = "correct --pattern, or rename the file; a field is written as in {sensor}_{lens}_{run}.csv"
+        raise DataError(str(path), limit=f"is not named as {pattern}", remedy=remedy)
+    return dict(zip(fields, found.groups(), strict=True))
+
+
+def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
+    fields = _FIELD.findall(pattern)
+    bad = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
+    if not fields or bad is not None:
+        limit = "has no field" if bad is None else f"has the field {{{bad}}}, which is no single name"
+        remedy = "write one as in {sensor}_{lens}_{run}.csv"
+        raise SpecError("--pattern", value=pattern, limit=limit, remedy=remedy)
+    parts = _FIELD.split(pattern)
+    texts = [re.escape(part).replace(r"\*", "[^/]*") for part in parts[::2]]
+    return re.compile("([^/]+?)".join(texts)), fields
+
+
+def has_lens(word: str) -> bool:
+    """Whether a word says that there is a lens; `DataError` where it says neither."""
+    plain = re.sub(r"[\W_]+", "", word).casefold()
+    if plain in _WITH or plain in _WITHOUT:
+        return plain in _WITH
+    remedy = "call it lens or nolens, or leave {lens} out of --pattern and name the sensors without one with --control"
+    raise DataError("lens", value=word, limit="says neither that there is a lens nor that there is none", remedy=remedy)

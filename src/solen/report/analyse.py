@@ -1,0 +1,86 @@
+"""The response of sensors: voltage against angle, as in the paper's figure 4D.
+
+Every way of every used cycle is a faint line, the mean a strong one in its band of one standard deviation. Right is
+blue and left orange in a sensor's own panel; where sensors share one, a colour is a sensor, right is whole and left
+dashed.
+"""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.analysis import Analysed, side_of
+from solen.report.canvas import LEFT, LOST, RIGHT, SERIES, STYLE
+
+_ACROSS = 4
+_SHOWN = 60  # ways that are drawn one by one
+_OTHERS = SERIES[2:]
+
+
+def colour_of(name: str, place: int) -> str:
+    """Colour of a receiver: by its side, else by its place."""
+    return {"left": LEFT, "right": RIGHT}.get(side_of(name), _OTHERS[place % len(_OTHERS)])
+
+
+def response_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str = "") -> Figure:
+    """A panel for each sensor, all to one scale, and one with all of them where there are several."""
+    panels = len(sensors) + (len(sensors) > 1)
+    across = 3 if panels in {5, 6} else min(panels, _ACROSS)
+    down = -(-panels // across)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(3.3 * across + 0.6, 3.2 * down + 0.3), layout="constrained")
+        axes = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
+        for one, panel in zip(sensors, axes, strict=False):
+            _draw_sensor(panel, one)
+        if len(sensors) > 1:
+            _draw_all(axes[len(sensors)], sensors)
+        for empty in axes[panels:]:
+            empty.set_visible(False)
+        for number, panel in enumerate(axes[:panels]):
+            panel.set_xlabel("rotation angle (°)")
+            if number % across == 0:
+                panel.set_ylabel("voltage (V)")
+        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark)))
+        if said:
+            figure.suptitle(said, color=LOST, fontsize=9)
+    return figure
+
+
+def title_of(one: Analysed) -> str:
+    """Name of a sensor with what it is."""
+    return one.label + {None: "", True: ", lens", False: ", no lens"}[one.lens]
+
+
+def _draw_sensor(axes: Axes, one: Analysed) -> None:
+    angle = one.passes.angle_deg
+    for place, name in enumerate(one.receivers):
+        colour = colour_of(name, place)
+        ways = one.passes.volts[..., place].reshape(-1, angle.size)
+        every = max(1, len(ways) // _SHOWN)
+        axes.plot(angle, ways[::every].T, color=colour, lw=0.4, alpha=0.3)
+        found = one.curve(place)
+        axes.fill_between(angle, found.mean_V - found.sd_V, found.mean_V + found.sd_V, color=colour, alpha=0.25, lw=0)
+        axes.plot(angle, found.mean_V, color=colour, lw=1.8, label=name)
+    count = one.passes.cycles
+    axes.set_title(f"{title_of(one)} ({count} cycle{'s' * (count != 1)}, ± SD)", fontsize=9, loc="left")
+    axes.legend(fontsize=8, loc="best")
+
+
+def _draw_all(axes: Axes, sensors: Sequence[Analysed]) -> None:
+    """Means of all sensors with their bands; sensors without a lens are grey."""
+    with_lens = [one for one in sensors if one.lens is not False]
+    for one in sensors:
+        plain = one.lens is False
+        colour = LOST if plain else SERIES[with_lens.index(one) % len(SERIES)]
+        for place, name in enumerate(one.receivers):
+            found, angle = one.curve(place), one.passes.angle_deg
+            dashes = "--" if side_of(name) == "left" else "-"
+            low, high = found.mean_V - found.sd_V, found.mean_V + found.sd_V
+            axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)
+            axes.plot(angle, found.mean_V, dashes, color=colour, lw=1.4)
+        axes.plot(np.nan, np.nan, color=colour, label=title_of(one))
+    axes.set_title("all: right whole, left dashed", fontsize=9, loc="left")
+    axes.legend(fontsize=8, loc="best")

@@ -1,0 +1,174 @@
+"""`solen analyse` on files in the conventions of others."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.cli import _run
+from solen.errors import DataError, SpecError
+from solen.pipeline import analyse as pipeline
+from solen.pipeline.signals import Columns, named_channels
+from tests.analysis.made_support import Truth, made
+
+TRUTH = Truth(noise_V=0.01)
+
+
+def write(path: Path, truth: Truth, header: str = "time_s,angle_deg,left_V,right_V", mark: str = ".") -> Path:
+    separator = ";" if ";" in header else ","
+    signals = made(truth)
+    rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts])
+    lines = [separator.join(f"{value:.5f}".replace(".", mark) for value in row) for row in rows.tolist()]
+    path.write_text("\n".join([header, *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
+    assert _run(["analyse", *arguments, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert isinstance(found, dict)
+    return found
+
+
+def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "one.csv", TRUTH, "Clock (ms);stage;ai0;ai1", ",")
+    path.write_text(path.read_text(encoding="utf-8").replace("(ms)", "(s)"), encoding="utf-8")
+    found = result(
+        capsys, str(path), "--time", "Clock (s)", "--angle", "stage", "--channel", "left=ai0", "--channel", "right=ai1"
+    )
+    sensor = found["sensors"]["one"]  # type: ignore[index]
+    assert len(sensor["cycles"]) == 6
+    assert [cycle["used"] for cycle in sensor["cycles"]] == [False] + 5 * [True]
+    right = sensor["receivers"]["right"]
+    assert right["mean_V"] == pytest.approx(TRUTH.response_V(np.array(right["angle_deg"]))[:, 1].tolist(), abs=0.02)
+    assert len(right["sd_V"]) == len(right["angle_deg"]) == len(right["rising"]["mean_V"])
+    assert any("states no unit; it is taken for V" in warning for warning in found["warnings"])  # type: ignore[attr-defined]
+
+
+def test_german_headers_are_told_by_themselves(tmp_path: Path) -> None:
+    path = write(tmp_path / "messung.csv", TRUTH, "Zeit (s);Winkel (°);PD links (V);PD rechts (V)", ",")
+    found = pipeline.analyse(pipeline.Request((path,)))
+    sensor = found["sensors"]["messung"]
+    assert list(sensor["receivers"]) == ["PD links", "PD rechts"]
+    assert sensor["left_minus_right"]["swing_V"] < 0.0
+
+
+def test_units_are_converted(tmp_path: Path) -> None:
+    signals = made(TRUTH)
+    rows = np.column_stack([1e3 * signals.time_s, np.radians(signals.angle_deg), 1e3 * signals.volts])
+    path = tmp_path / "units.csv"
+    np.savetxt(path, rows, delimiter=",", header="t_ms,angle_rad,left_mV,right_mV", comments="", fmt="%.8g")
+    found = pipeline.analyse(pipeline.Request((path,)))["sensors"]["units"]
+    assert found["receivers"]["right"]["range_V"] == pytest.approx(1.81, abs=0.03)
+    assert found["motion"][0]["highest_deg"] == pytest.approx(3.0, abs=0.01)
+    assert found["cycles"][1]["start_s"] == pytest.approx(3.4, abs=0.02)
+
+
+def test_labels_lens_and_runs_from_names(tmp_path: Path) -> None:
+    paths = [
+        write(tmp_path / f"{name}.csv", replace(TRUTH, swing_V=swing, seed=seed))
+        for seed, (name, swing) in enumerate(
+            {"S1_lens_1": 1.0, "S1_lens_2": 1.0, "S2_lens_1": 1.2, "S3_nolens_1": 0.01}.items()
+        )
+    ]
+    found = pipeline.analyse(pipeline.Request(tuple(paths), pattern="{sensor}_{lens}_{run}.csv"))
+    assert list(found["sensors"]) == ["S1", "S2", "S3"]
+    assert found["sensors"]["S1"]["cycles_used"] == 10
+    assert [found["sensors"][name]["lens"] for name in ("S1", "S2", "S3")] == [True, True, False]
+    assert found["mean_of_sensors"]["n"] == 2
+    assert found["lens_beside_none"]["right_V"]["without_lens_percent"] == pytest.approx(100 * 0.01 / 1.1, abs=0.5)
+    assert len(found["sources"]) == 4
+
+
+def test_several_sensors_in_one_file(tmp_path: Path) -> None:
+    signals = made(TRUTH)
+    rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts, 2.0 + 0.01 * (signals.volts - 2.0)])
+    path = tmp_path / "rig.csv"
+    np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,S1_L,S1_R,S4_L,S4_R", comments="", fmt="%.7g")
+    found = pipeline.analyse(pipeline.Request((path,), controls=("S4",)))
+    assert list(found["sensors"]) == ["S1", "S4"]
+    assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
+    assert found["lens_beside_none"]["right"]["without_lens_percent"] == pytest.approx(1.0, abs=0.01)
+    other = Columns(channels=named_channels(["A.l=S1_L", "A.r=S1_R", "B.l=S4_L", "B.r=S4_R"]))
+    assert list(pipeline.analyse(pipeline.Request((path,), columns=other))["sensors"]) == ["A", "B"]
+
+
+def test_a_table_without_times_has_a_rate(tmp_path: Path) -> None:
+    signals = made(TRUTH)
+    path = tmp_path / "raw.txt"
+    np.savetxt(path, np.column_stack([signals.angle_deg, signals.volts]), delimiter="\t", fmt="%.6f")
+    asked = pipeline.Request((path,), names=("angle_deg", "left_V", "right_V"), columns=Columns(rate_hz=200.0))
+    assert len(pipeline.analyse(asked)["sensors"]["raw"]["cycles"]) == 6
+
+
+def test_smoothing_is_said_in_result_and_figures(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    figure, traces = tmp_path / "response.svg", tmp_path / "traces.svg"
+    asked = pipeline.Request((path,), smooth_ms=25.0)
+    found = pipeline.analyse(asked, figure=figure, traces=traces, out=tmp_path / "one.json")
+    assert found["settings"]["smooth_ms"] == 25.0
+    for drawn in (figure, traces):
+        assert "moving mean over 25 ms" in drawn.read_text(encoding="utf-8")
+    assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))["kind"] == "analysis"
+    pipeline.analyse(pipeline.Request((path,)), figure=figure)
+    assert "moving mean" not in figure.read_text(encoding="utf-8")
+
+
+def test_a_simulated_recording_is_called_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    path.write_text("# simulated: yes\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    figure = tmp_path / "response.svg"
+    assert pipeline.analyse(pipeline.Request((path,)), figure=figure)["simulated"] is True
+    assert "simulated data" in figure.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        (
+            Columns(angle="angel"),
+            "one.csv: --angle angel; no such column; its columns are time, angle, left_V, right_V",
+        ),
+        (Columns(time="stamp"), "no such column; its columns are"),
+        (Columns(channels=(("left", "V_L"),)), "--channel V_L; no such column; its columns are"),
+    ],
+)
+def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, columns: Columns, said: str) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    with pytest.raises(DataError) as refused:
+        pipeline.analyse(pipeline.Request((path,), columns=columns))
+    assert said in str(refused.value)
+
+
+def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH, "time_s,rotation of it,left_V,right_V")
+    with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
+        pipeline.analyse(pipeline.Request((path,)))
+    path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
+    with pytest.raises(DataError, match="name it with --time, or give --rate-hz"):
+        pipeline.analyse(pipeline.Request((path,)))
+    signals = made(TRUTH)
+    rows = np.column_stack([1e3 * signals.time_s, signals.angle_deg, signals.volts])
+    np.savetxt(path, rows, delimiter=",", header="timestamp,angle_deg,left_V,right_V", comments="", fmt="%.8g")
+    with pytest.raises(DataError, match="give --time-unit ms"):
+        pipeline.analyse(pipeline.Request((path,)))
+    asked = pipeline.Request((path,), columns=Columns(time_unit="ms"))
+    assert len(pipeline.analyse(asked)["sensors"]["two"]["cycles"]) == 6
+
+
+def test_options_that_cannot_be(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    for asked, said in (
+        (pipeline.Request(()), "needs a file"),
+        (pipeline.Request((path,), pattern="one.csv"), "has no field"),
+        (pipeline.Request((path,), controls=("S9",)), "no sensor is called so"),
+        (pipeline.Request((path,), smooth_ms=-1.0), "must be above 0"),
+    ):
+        with pytest.raises(SpecError, match=said):
+            pipeline.analyse(asked)
+    with pytest.raises(DataError, match="is not named as"):
+        pipeline.analyse(pipeline.Request((path,), pattern="{sensor}_{run}.csv"))
+    with pytest.raises(SpecError, match="NAME=COLUMN"):
+        named_channels(["=x"])
