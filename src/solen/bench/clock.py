@@ -23,13 +23,13 @@ class Clock(Protocol):
 
 
 class Wall:
-    """The computer's own time, from 0 when the clock is made."""
+    """The computer's own time, counted from what it is when the clock is made."""
 
-    def __init__(self) -> None:
-        self._begun = time.monotonic()
+    def __init__(self, at_s: float = 0.0) -> None:
+        self._begun = time.monotonic() - at_s
 
     def now_s(self) -> float:
-        """Seconds since the clock was made."""
+        """Seconds since the clock's beginning."""
         return time.monotonic() - self._begun
 
     def sleep(self, duration_s: float) -> None:

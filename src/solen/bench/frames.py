@@ -27,7 +27,7 @@ bytes as they come and gives `Periods`; `Losses` counts what was not believed or
 
 import binascii
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -110,6 +110,22 @@ class Periods:
     def __len__(self) -> int:
         return len(self.number)
 
+    def taken(self, places: Sequence[int]) -> "Periods":
+        """Some of them, by their places."""
+        kept = np.asarray(places, dtype=np.intp)
+        return Periods(self.number[kept], self.board_us[kept], self.flags[kept], self.counts[kept])
+
+    @staticmethod
+    def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
+        """Parts one after the other; none where there is no part."""
+        nothing = np.zeros((0, layout.emitters, 2, layout.receivers), np.uint16)
+        return Periods(
+            np.concatenate([np.zeros(0, np.int64), *(part.number for part in parts)]),
+            np.concatenate([np.zeros(0, np.int64), *(part.board_us for part in parts)]),
+            np.concatenate([np.zeros(0, np.uint8), *(part.flags for part in parts)]),
+            np.concatenate([nothing, *(part.counts for part in parts)]),
+        )
+
 
 @dataclass
 class Losses:
@@ -184,11 +200,15 @@ class FrameReader:
         What was lost up to now.
     answers
         Payloads of `ANSWER` frames that nobody has taken yet.
+    every_kind
+        Keep all frames as they are in ``others``, kind and payload: how a board reads commands.
     """
 
     layout: Layout
     losses: Losses = field(default_factory=Losses)
     answers: list[bytes] = field(default_factory=list)
+    every_kind: bool = False
+    others: list[tuple[int, bytes]] = field(default_factory=list)
     _waiting: bytearray = field(default_factory=bytearray)
     _next: int | None = None
     _shift: int = 0
@@ -203,6 +223,9 @@ class FrameReader:
         flags: list[int] = []
         rows: list[bytes] = []
         for kind, wire_number, payload in self._frames():
+            if self.every_kind:
+                self.others.append((kind, payload))
+                continue
             if kind == ANSWER:
                 self.answers.append(payload)
                 continue

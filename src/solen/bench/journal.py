@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,43 +163,62 @@ def read_journal(path: Path) -> Journaled:
         Where the file cannot be read, is no journal, or was damaged before its end.
     """
     try:
-        data = path.read_bytes()
+        with path.open("rb") as file:
+            return _read(file, path)
     except OSError as bad:
         raise DataError(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
-    if not data.startswith(MAGIC):
+
+
+def _read(file: BinaryIO, path: Path) -> Journaled:
+    """Two passes, so that a long journal needs little more memory than its rows: what there is, then the rows."""
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
+    if file.read(len(MAGIC)) != MAGIC:
         raise DataError(str(path), limit="is no journal of solen", remedy=f"name a {SUFFIX} file")
     header: dict[str, Any] | None = None
-    parts: dict[int, list[memoryview]] = {}
+    sizes: dict[int, int] = {}
     events: list[dict[str, Any]] = []
     end: dict[str, Any] | None = None
     whole = len(MAGIC)
-    for kind, stream, payload, after in _records(memoryview(data), whole):
-        whole = after
+    for kind, stream, payload in _records(file, size):
+        whole += _HEAD.size + len(payload)
         if kind == HEADER and header is None:
-            header = json.loads(bytes(payload))
+            header = json.loads(payload)
         elif kind == ROWS:
-            parts.setdefault(stream, []).append(payload)
+            sizes[stream] = sizes.get(stream, 0) + len(payload)
         elif kind == EVENT:
-            events.append(json.loads(bytes(payload)))
+            events.append(json.loads(payload))
         elif kind == END:
-            end = json.loads(bytes(payload))
+            end = json.loads(payload)
     if header is None:
         raise DataError(str(path), limit="was killed before its header was whole: it holds nothing")
+    data = {number: bytearray(size_of) for number, size_of in sizes.items()}
+    _fill(data, file, whole)
     dtypes = _dtypes(header, path)
-    data_of = {name: b"".join(parts.get(number, [])) for number, name in enumerate(dtypes)}
-    streams = {name: np.frombuffer(data_of[name], dtype) for name, dtype in dtypes.items()}
-    return Journaled(header, streams, tuple(events), end, whole, len(data) - whole)
+    found = {name: np.frombuffer(data.get(number, b""), dtype) for number, (name, dtype) in enumerate(dtypes.items())}
+    return Journaled(header, found, tuple(events), end, whole, size - whole)
 
 
-def _records(data: memoryview, at: int) -> Iterator[tuple[int, int, memoryview, int]]:
-    """Kind, stream, payload and end of each whole record, up to the first that is not."""
-    while at + _HEAD.size <= len(data):
-        kind, stream, length, crc = _HEAD.unpack_from(data, at)
-        begin, end = at + _HEAD.size, at + _HEAD.size + length
-        if length > _LONGEST or end > len(data) or _crc(data[at : at + 6], data[begin:end]) != crc:
+def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
+    """Rows of each stream, one after the other."""
+    at = dict.fromkeys(data, 0)
+    file.seek(len(MAGIC))
+    for kind, stream, payload in _records(file, whole):
+        if kind == ROWS:
+            data[stream][at[stream] : at[stream] + len(payload)] = payload
+            at[stream] += len(payload)
+
+
+def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
+    """Kind, stream and payload of each whole record, up to the first that is not."""
+    while len(head := file.read(_HEAD.size)) == _HEAD.size:
+        kind, stream, length, crc = _HEAD.unpack(head)
+        if length > min(_LONGEST, size - file.tell()):
             return
-        yield kind, stream, data[begin:end], end
-        at = end
+        payload = file.read(length)
+        if len(payload) < length or _crc(head[:6], payload) != crc:
+            return
+        yield kind, stream, payload
 
 
 def _record(kind: int, stream: int, payload: bytes) -> bytes:
@@ -207,7 +226,7 @@ def _record(kind: int, stream: int, payload: bytes) -> bytes:
     return head + struct.pack("<I", _crc(head, payload)) + payload
 
 
-def _crc(head: bytes | memoryview, payload: bytes | memoryview) -> int:
+def _crc(head: bytes, payload: bytes) -> int:
     return zlib.crc32(payload, zlib.crc32(head))
 
 

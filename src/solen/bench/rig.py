@@ -64,6 +64,11 @@ class BoardOf(Strict):
     rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
     bits: Annotated[int, Field(strict=True, ge=8, le=16)] = Field(16, description="Bits of the board's converter.")
     range_v: Positive = Field(5.0, description="Its range from 0, in V.")
+    trim_v: Positive | None = Field(
+        None,
+        description="Trimmers of a simulated board are turned until a receiver's brightest reading stands at this "
+        "voltage, as far as they go; default: readout.load_ohm of the designs as it is.",
+    )
     noise_uv: NotNegative = Field(150.0, description="Noise of a simulated board's converter, in µV.")
 
     @model_validator(mode="after")

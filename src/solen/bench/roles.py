@@ -20,6 +20,10 @@ class Stage(Protocol):
 
     name: str
 
+    @property
+    def unit(self) -> Literal["deg", "mm"]:
+        """Unit of its positions."""
+
     def reference(self) -> None:
         """Find the zero, where that is not known yet; returns when it is found."""
 
@@ -42,13 +46,17 @@ class Stage(Protocol):
 class RotationStage(Stage, Protocol):
     """A stage that turns; degrees."""
 
-    unit: Literal["deg"]
+    @property
+    def unit(self) -> Literal["deg"]:
+        """Degrees."""
 
 
 class LinearStage(Stage, Protocol):
     """A stage that shifts; mm."""
 
-    unit: Literal["mm"]
+    @property
+    def unit(self) -> Literal["mm"]:
+        """Millimetres."""
 
 
 class EmitterBoard(Protocol):
@@ -60,17 +68,19 @@ class EmitterBoard(Protocol):
         How many emitters and receivers it has.
     period_s
         From one period to the next.
-    volts_per_count
-        Of its converter.
-    losses
-        What did not come.
     """
 
     name: str
     layout: Layout
     period_s: float
-    volts_per_count: float
-    losses: Losses
+
+    @property
+    def volts_per_count(self) -> float:
+        """Of its converter."""
+
+    @property
+    def losses(self) -> Losses:
+        """What did not come."""
 
     def start(self) -> None:
         """Begin to light and to sample."""

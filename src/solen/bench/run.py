@@ -5,7 +5,7 @@ before it does anything else. Whatever ends a run, the end of the protocol, Ctrl
 the stage stops, in that order, and the journal says why. Completed cycles are written down, so that a run that was
 ended or killed is taken up after the last one.
 
-The interface: `Instruments`; `begin` writes a journal's header, `run` the rest of it; `Tick` is what a watcher is shown.
+The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
 """
 
 from collections.abc import Callable, Mapping
@@ -95,7 +95,7 @@ def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Jo
         "receivers": board.layout.receivers,
         "board": board.name,
         "stage": instruments.stage.name,
-        "unit": instruments.stage.unit,  # type: ignore[attr-defined]  # of both kinds of stage
+        "unit": instruments.stage.unit,
     }
     return Journal.create(path, {**header, **told}, streams(board.layout))
 

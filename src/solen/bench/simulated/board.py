@@ -79,9 +79,7 @@ class SimulatedBoard:
         parts: list[Periods] = []
         while self._next < complete or not parts:
             parts.append(self._periods(min(complete - self._next, AT_ONCE)))
-        if len(parts) == 1:
-            return parts[0]
-        return Periods(*(np.concatenate([getattr(part, name) for part in parts]) for name in _COLUMNS))
+        return Periods.joined(parts, self.layout)
 
     def stop(self) -> None:
         """Emitters off."""
@@ -120,6 +118,3 @@ class SimulatedBoard:
         drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
         flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + self._phase)
         return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))
-
-
-_COLUMNS = ("number", "board_us", "flags", "counts")

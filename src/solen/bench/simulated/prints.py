@@ -93,7 +93,20 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     board = rig.board
     adc = Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
     circuit = replace(circuit, adc=adc, rate_hz=board.rate_hz)
-    return Print(wires, drawn, response.angle_deg, np.column_stack([response.right, response.left]), circuit)
+    fractions = np.column_stack([response.right, response.left])
+    if board.trim_v is not None:
+        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, board.trim_v)
+    return Print(wires, drawn, response.angle_deg, fractions, circuit)
+
+
+def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
+    """A circuit whose loads let the brightest reading stand at a voltage; a trimmer goes no higher than it is."""
+    if to_v >= circuit.supply_V:
+        limit = f"must be below the supply, {circuit.supply_V:g} V"
+        raise BenchError("board.trim_v", value=to_v, limit=limit)
+    most_ma = circuit.current_mA(fractions, room_mw_cm2).max(axis=0)
+    wanted = 1e3 * (circuit.supply_V - to_v) / most_ma
+    return replace(circuit, load_ohm=tuple(np.minimum(wanted, circuit.load_ohm).tolist()))
 
 
 def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) -> dict[str, float]:
