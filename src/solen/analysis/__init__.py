@@ -2,7 +2,7 @@
 
 `time_base` orders samples, `find_motion` finds ramps, holds and cycles in an angle, `analysed` makes the response of a
 sensor of its `Signals`, and `beside` puts sensors side by side. Voltages are analysed as they were recorded: no filter
-runs unless it is asked for.
+runs unless it is asked for. Of emitters that switch, `solen.analysis.demodulation` takes the ambient light out first.
 """
 
 from solen.analysis.motion import Cycle, Motion, Ramp, find_motion

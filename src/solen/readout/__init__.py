@@ -5,7 +5,8 @@ face's area an irradiance, the part's sensitivity a current, the load a voltage,
 is a lower voltage.** Each step is a formula with its source; noise is a formula first and drawn from it second.
 
 The interface: `circuit_of` a design with the areas of its receivers' faces (`face_areas_mm2`); `volts` of power
-fractions over time; `noise` by where it comes from; `advise` on the load. `solen.readout.transistor` holds the load
+fractions over time; `noise` by where it comes from; `advise` on the load; `readings_of` all of it
+over a motion. `solen.readout.transistor` holds the load
 line, `solen.readout.adc` the converter, `solen.readout.emitter` the power of the emitter.
 """
 
@@ -14,6 +15,7 @@ from solen.readout.advice import Advice, Setting, advise
 from solen.readout.circuit import CASES, Case, Circuit, circuit_of, face_areas_mm2, spread
 from solen.readout.emitter import Drive
 from solen.readout.noise import Noise, noise
+from solen.readout.readings import Readings, readings_of
 from solen.readout.samples import noisy, settled, volts
 from solen.readout.transistor import Phototransistor
 
@@ -26,12 +28,14 @@ __all__ = [
     "Drive",
     "Noise",
     "Phototransistor",
+    "Readings",
     "Setting",
     "advise",
     "circuit_of",
     "face_areas_mm2",
     "noise",
     "noisy",
+    "readings_of",
     "settled",
     "spread",
     "volts",

@@ -1,0 +1,33 @@
+"""Ambient light out of a recording: emitters switch on and off, and what is left while they are off is subtracted.
+
+The idea: samples are gathered into slots, runs of one state of the emitters (`slots_of`). Each on slot gives a reading:
+its mean less the ambient light at its time, on the straight line between the off slots before and after it
+(`subtract`). Without a column of states the slots are found in the waveform itself (`find_clock`). What the subtraction
+lets through at a frequency is a formula (`solen.analysis.demodulation.rejection`). No filter runs unless asked for:
+`averaged` takes the mean over whole periods of the mains.
+"""
+
+from solen.analysis.demodulation.average import averaged, readings_per_mains
+from solen.analysis.demodulation.clock import Clock, find_clock
+from solen.analysis.demodulation.rejection import Kernel, gain, rejection_dB
+from solen.analysis.demodulation.samples import Samples
+from solen.analysis.demodulation.slots import DROPPED, OFF, Slots, slots_of
+from solen.analysis.demodulation.subtract import Counts, Demodulated, subtract
+
+__all__ = [
+    "DROPPED",
+    "OFF",
+    "Clock",
+    "Counts",
+    "Demodulated",
+    "Kernel",
+    "Samples",
+    "Slots",
+    "averaged",
+    "find_clock",
+    "gain",
+    "readings_per_mains",
+    "rejection_dB",
+    "slots_of",
+    "subtract",
+]

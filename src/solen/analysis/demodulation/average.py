@@ -1,0 +1,91 @@
+"""Means of readings over whole periods of the mains: what takes flicker out that a subtraction cannot.
+
+Lamps flicker at twice the mains' frequency. At 200 readings a second 100 Hz alternates from one reading to the next,
+and four of them, one period of 50 Hz, average it and all its multiples out, but for those that fall on 200 Hz itself.
+This is a filter: it is applied only where it is asked for, blocks do not overlap, and the result says how many readings
+are in each.
+
+The interface: `readings_per_mains`, `averaged`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.analysis.demodulation.slots import OFF, BoolArray, FloatArray, IntArray, Slots
+from solen.analysis.demodulation.subtract import Demodulated, on_sd, slot_sd
+from solen.errors import DataError
+
+MOST_READINGS = 1000
+NEAR = 0.02
+"""Part of a mains period that a block may miss a whole number of them by."""
+
+
+@dataclass(frozen=True)
+class Averaged:
+    """Means of blocks of readings: as `Demodulated`, with ``left_out`` readings that fill no unbroken block."""
+
+    time_s: FloatArray
+    emitter: IntArray
+    signal: FloatArray
+    u: FloatArray
+    ambient: FloatArray
+    clipped: BoolArray
+    readings: int
+    left_out: int
+
+
+def readings_per_mains(period_s: float, mains_hz: float) -> int:
+    """Fewest readings that last whole periods of the mains; `DataError` where no number up to 1000 does."""
+    for readings in range(1, MOST_READINGS + 1):
+        periods = readings * period_s * mains_hz
+        if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
+            return readings
+    limit = f"no whole number of readings every {1e3 * period_s:.4g} ms lasts whole periods of it"
+    raise DataError("mains", value=mains_hz, limit=limit, remedy="leave it out")
+
+
+def averaged(found: Demodulated, slots: Slots, readings: int) -> Averaged:
+    """Means of blocks of successive readings of each emitter; a block with a reading missing inside is left out.
+
+    ``slots`` are those that the readings were made of. Flicker that the means take out is no part of their uncertainty.
+    """
+    parts = [_of_emitter(found, emitter, readings) for emitter in found.emitters]
+    places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
+    places = places[np.argsort(found.time_s[places].mean(axis=1), kind="stable")]
+    u = _u(found, slots, found.emitter[places[:, 0]], readings)
+    return Averaged(
+        time_s=found.time_s[places].mean(axis=1),
+        emitter=found.emitter[places[:, 0]],
+        signal=found.signal[places].mean(axis=1),
+        u=np.where(np.isfinite(found.signal[places]).all(axis=1), u, np.nan),
+        ambient=found.ambient[places].mean(axis=1),
+        clipped=found.clipped[places].any(axis=1),
+        readings=readings,
+        left_out=len(found.time_s) - places.size,
+    )
+
+
+def _u(found: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
+    """Uncertainty of means: with one emitter successive readings share the off slot between them."""
+    off = slots.time_s[slots.state == OFF]
+    per_period = max(1, round(found.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
+    off_sd = slot_sd(slots, readings * per_period)
+    shared = len(found.emitters) == 1
+    of_off = (readings - 0.5) / readings**2 if shared else 0.5 / readings
+    return np.asarray(np.sqrt(on_sd(slots, off_sd, emitter) ** 2 / readings + of_off * off_sd**2))
+
+
+def _of_emitter(found: Demodulated, emitter: int, readings: int) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
+    """Places (B, readings) of blocks without a gap: their number on the emitter's clock is one after the other."""
+    places = np.flatnonzero(found.of(emitter))
+    if not places.size or not math.isfinite(found.period_s):
+        return np.empty((0, readings), dtype=np.intp)
+    steps = np.rint(np.diff(found.time_s[places]) / found.period_s).astype(np.int64)
+    run = np.concatenate([[0], np.cumsum(steps != 1)])
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    inside = np.arange(len(places)) - first[run]
+    length = np.bincount(run)
+    usable = inside < (length // readings * readings)[run]
+    return np.asarray(places[usable].reshape(-1, readings))

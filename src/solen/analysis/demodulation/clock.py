@@ -1,0 +1,222 @@
+"""The clock of the emitters, found in a waveform that was sampled while they switched.
+
+The idea: the sum of all channels rises and falls with the emitters. Its phase at the switching frequency is followed
+block by block, so that a drift between the emitters' clock and the recording's is followed too. Samples folded at that
+phase show one period, and where it crosses half its height are the edges. From then on a sample is on, off, or too near
+after an edge, whatever the noise of that sample is.
+
+With several emitters in turn, each of them on and off once, the clock is that of the slots, and an emitter is known by
+its place in the sequence, counted from the first on slot of the recording.
+
+The interface: `find_clock`; `Clock.states` gives the state of each sample for `slots_of`.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from solen.analysis.demodulation.slots import DROPPED, OFF, FloatArray, IntArray
+from solen.errors import DataError
+
+On = Literal["low", "high"]
+
+LEAST_PERIODS, BLOCK_PERIODS = 8, 32
+LEAST_SAMPLES = 6
+"""Samples in a period: an edge, a settled and a spare one on each side."""
+SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
+"""How far from the stated rate it is searched, and how much of the recording that takes."""
+BINS = 200
+CLEAR = 6.0
+"""How many times its noise a modulation must stand out by."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Phases of N samples.
+
+    Attributes
+    ----------
+    phase
+        Turns of the switching since the first edge to on, (N,); whole numbers are such edges.
+    rate_hz, u_rate_hz
+        Mean switching frequency on the recording's clock.
+    wander_us
+        Largest distance of an edge from where a clock of that rate would have it.
+    jitter_us
+        Standard uncertainty of an edge's place.
+    on_share
+        Share of a period that an emitter is on.
+    depth
+        Of the modulation in the sum of the channels, in their unit.
+    clearness
+        Modulation over its noise.
+    """
+
+    phase: FloatArray
+    rate_hz: float
+    u_rate_hz: float
+    wander_us: float
+    jitter_us: float
+    on_share: float
+    depth: float
+    clearness: float
+
+    def states(self, settle_s: float, emitters: int = 1) -> IntArray:
+        """State of each sample (N,): settling ones, and those within three jitters of the next edge, are dropped."""
+        turns = np.floor(self.phase).astype(np.int64)
+        inside = self.phase - turns
+        is_on = inside < self.on_share
+        since = np.where(is_on, inside, inside - self.on_share) / self.rate_hz
+        until = np.where(is_on, self.on_share - inside, 1.0 - inside) / self.rate_hz
+        whole = turns - turns.min() if turns.size else turns
+        state = np.where(is_on, whole % emitters + 1, OFF)
+        guard = 3e-6 * self.jitter_us
+        return np.asarray(np.where((since < settle_s + guard) | (until < guard), DROPPED, state), dtype=np.int64)
+
+
+def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On = "low", emitters: int = 1) -> Clock:
+    """Clock of a waveform.
+
+    Parameters
+    ----------
+    time_s
+        Shape (N,), ascending, near to even.
+    values
+        Shape (N, C), of channels that all move the same way with the light.
+    rate_hz
+        Stated number of readings of one emitter per second; the true one may be 5 % off.
+    on
+        Whether light makes the values low, as at a receiver that pulls a load down, or high.
+    emitters
+        How many take turns.
+
+    Raises
+    ------
+    DataError
+        Where the recording is too short or too slowly sampled, or shows no modulation near that rate.
+    """
+    stated = rate_hz * emitters
+    signal = np.nan_to_num(values - np.nanmean(values, axis=0)).sum(axis=1) * (-1.0 if on == "low" else 1.0)
+    _check(time_s, stated)
+    start = time_s - time_s[0]
+    near = _strongest(start, signal, stated)
+    middle, turns, clearness = _followed(start, signal, near)
+    if clearness < CLEAR:
+        limit = f"no modulation stands out near it: {clearness:.1f} times its noise, where {CLEAR:g} are needed"
+        raise DataError("rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or a column of states")
+    slope, u_slope, rough = _line(middle, turns)
+    phase = near * start + _between(middle, turns, start)
+    rise, on_share, depth = _edges(phase, signal)
+    phase -= rise
+    phase -= np.floor(phase[0] + 1e-9)
+    wander = turns - np.polyval(np.polyfit(middle, turns, 1), middle)
+    found = near + slope
+    return Clock(
+        phase=phase,
+        rate_hz=found,
+        u_rate_hz=u_slope,
+        wander_us=1e6 * float(np.abs(wander).max()) / found,
+        jitter_us=1e6 * rough / found,
+        on_share=on_share,
+        depth=depth,
+        clearness=clearness,
+    )
+
+
+def _check(time_s: FloatArray, rate_hz: float) -> None:
+    length = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
+    if length * rate_hz < LEAST_PERIODS:
+        limit = f"must hold at least {LEAST_PERIODS} periods of {rate_hz:g} Hz to find its clock"
+        raise DataError("recording", value=f"{length:.3g} s", limit=limit)
+    per_period = (len(time_s) - 1) / (length * rate_hz)
+    if per_period < LEAST_SAMPLES:
+        limit = f"samples in a period of {rate_hz:g} Hz: at least {LEAST_SAMPLES} are needed to find its edges"
+        raise DataError("recording", value=round(per_period, 2), limit=limit, remedy="add a column of states (--state)")
+
+
+def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
+    """Frequency of the strongest line near the stated one, in the first seconds, by a padded transform."""
+    last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
+    values = signal[:last] - signal[:last].mean()
+    step = float(start[last - 1]) / (last - 1)
+    padded = 1 << (4 * last - 1).bit_length()
+    frequency = np.fft.rfftfreq(padded, step)
+    power = np.abs(np.fft.rfft(values * np.hanning(last), padded))
+    near = np.abs(frequency - rate_hz) <= SEARCHED_SHARE * rate_hz
+    return float(frequency[near][int(np.argmax(power[near]))])
+
+
+def _followed(start: FloatArray, signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray, float]:
+    """Middle of each block, its phase in turns against a clock of that rate, and how clearly it stands out."""
+    periods = min(BLOCK_PERIODS, max(2, int(start[-1] * rate_hz) // 4))
+    block = np.minimum((start * rate_hz / periods).astype(np.int64), int(start[-1] * rate_hz / periods) - 1)
+    count = np.bincount(block)
+    turning = np.exp(-2j * np.pi * rate_hz * start)
+    mean = np.bincount(block, signal) / count
+    level = signal - mean[block]
+    real, imaginary = (np.bincount(block, level * part) / count for part in (turning.real, turning.imag))
+    fundamental = real + 1j * imaginary
+    turns = np.unwrap(np.angle(fundamental)) / (2.0 * np.pi)
+    line = np.median(np.abs(fundamental))
+    beside = _noise(start, level, rate_hz, block, count)
+    return np.bincount(block, start) / count, turns, float(line / beside) if beside > 0.0 else np.inf
+
+
+def _noise(start: FloatArray, level: FloatArray, rate_hz: float, block: IntArray, count: IntArray) -> float:
+    """What blocks show beside the line: at three quarters of its frequency, no multiple of anything that switches."""
+    turning = np.exp(-2j * np.pi * 0.7309 * rate_hz * start)
+    real, imaginary = (np.bincount(block, level * part) / count for part in (turning.real, turning.imag))
+    return float(np.median(np.hypot(real, imaginary)))
+
+
+def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
+    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in turns, drift apart."""
+    if len(middle) < 3:
+        return float((turns[-1] - turns[0]) / (middle[-1] - middle[0])) if len(middle) > 1 else 0.0, np.inf, 0.0
+    bends = turns[1:-1] - 0.5 * (turns[:-2] + turns[2:])
+    rough = float(np.sqrt(np.mean(bends**2) / 1.5))
+    slope = float(np.polyfit(middle, turns, 1)[0])
+    u_slope = rough / float(np.sqrt(np.sum((middle - middle.mean()) ** 2)))
+    return slope, u_slope, rough
+
+
+def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatArray:
+    """Phase at every sample: straight between the blocks' middles, and on beyond the first and the last."""
+    if len(middle) == 1:
+        return np.full_like(start, turns[0])
+    found = np.interp(start, middle, turns)
+    for end, beyond in ((0, start < middle[0]), (-1, start > middle[-1])):
+        near = (0, 1) if end == 0 else (-2, -1)
+        slope = (turns[near[1]] - turns[near[0]]) / (middle[near[1]] - middle[near[0]])
+        found[beyond] = turns[end] + slope * (start[beyond] - middle[end])
+    return found
+
+
+def _edges(phase: FloatArray, signal: FloatArray) -> tuple[float, float, float]:
+    """Phase of the rise of the folded signal, share of the period above half its height, and its height."""
+    place = np.floor((phase % 1.0) * BINS).astype(np.int64) % BINS
+    count = np.bincount(place, minlength=BINS)
+    filled = np.flatnonzero(count)
+    means = np.bincount(place, signal, minlength=BINS)[filled] / count[filled]
+    folded = np.interp(np.arange(BINS), filled, means, period=BINS)
+    low, high = np.percentile(folded, 10), np.percentile(folded, 90)
+    above = folded - 0.5 * (low + high)
+    rise, fall = _crossing(above), _crossing(-above)
+    return rise, float((fall - rise) % 1.0), float(high - low)
+
+
+def _crossing(above: FloatArray) -> float:
+    """Phase of the steepest crossing from below to above zero, between bins."""
+    following = np.roll(above, -1)
+    candidates = np.flatnonzero((above < 0.0) & (following >= 0.0))
+    if not candidates.size:
+        raise DataError("waveform", limit="shows no edge at that rate", remedy="state the rate, or a column of states")
+    width = 3
+    climb = [
+        np.roll(above, -place)[: width + 1].mean() - np.roll(above, width - place)[:width].mean()
+        for place in candidates
+    ]
+    place = int(candidates[int(np.argmax(climb))])
+    share = above[place] / (above[place] - following[place])
+    return float((place + 0.5 + share) / BINS % 1.0)

@@ -1,0 +1,172 @@
+"""Slots: runs of samples during which the emitters stay as they are.
+
+The idea: a slot ends where the state changes or samples are missing. Its first samples may still settle and are
+dropped; the rest are averaged, each channel over the samples that it has.
+
+The interface: `slots_of` samples with their states.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+OFF, DROPPED = 0, -1
+"""States of samples: all emitters off; not to be used. Emitters that are on are numbered from 1."""
+BREAK = 1.5
+"""A step of time this many times the usual one is one where samples are missing."""
+
+
+@dataclass(frozen=True)
+class Slots:
+    """K slots of C channels.
+
+    Attributes
+    ----------
+    time_s, state
+        Mean time of the samples that were averaged, and the state, both (K,).
+    mean
+        Of each channel, (K, C); NaN where it has no sample.
+    scatter
+        Noise of one sample, from differences of neighbours inside slots, pooled by state: by state, (C,). Empty where
+        slots are single samples.
+    samples
+        How many were averaged, (K,), of the channel that has most.
+    clipped
+        Whether a sample of the slot stood at a limit, (K, C).
+    emptied
+        Slots of which nothing was left after settling.
+    """
+
+    time_s: FloatArray
+    state: IntArray
+    mean: FloatArray
+    scatter: dict[int, FloatArray]
+    samples: IntArray
+    clipped: BoolArray
+    emptied: int = 0
+
+
+def slots_of(
+    time_s: FloatArray,
+    values: FloatArray,
+    state: IntArray,
+    *,
+    settle_s: float = 0.0,
+    limits: tuple[FloatArray, FloatArray] | None = None,
+) -> Slots:
+    """Slots of samples.
+
+    Parameters
+    ----------
+    time_s
+        Shape (N,), ascending.
+    values
+        Shape (N, C); NaN where a channel has no sample.
+    state
+        Shape (N,): `OFF`, the number of the emitter that is on, or `DROPPED`.
+    settle_s
+        Time from a slot's first sample during which samples are left out.
+    limits
+        Lowest and highest value of each channel, both (C,): a sample there is taken as cut off.
+
+    Raises
+    ------
+    DataError
+        Where times do not ascend or there are no samples.
+    """
+    _check(time_s, values, state)
+    begins = _begins(time_s, state)
+    if begins.all():
+        return _single(time_s, values, state, settle_s, limits)
+    slot = np.cumsum(begins) - 1
+    starts = np.flatnonzero(begins)
+    used = state != DROPPED
+    if settle_s > 0.0:
+        used &= time_s - time_s[starts][slot] >= settle_s * (1.0 - 1e-9)
+    kept = np.add.reduceat(used.astype(np.int64), starts)
+    valid = np.isfinite(values) & used[:, None]
+    counts = np.add.reduceat(valid.astype(np.int64), starts, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.add.reduceat(np.where(valid, values, 0.0), starts, axis=0) / counts
+        middle = np.add.reduceat(np.where(used, time_s, 0.0), starts) / kept
+    at_limit = _at_limit(values, limits) & used[:, None]
+    there, states = kept > 0, state[starts]
+    return Slots(
+        time_s=middle[there],
+        state=states[there],
+        mean=mean[there],
+        scatter=_scatter(values, valid, slot, states) if kept.max() > 1 else {},
+        samples=counts.max(axis=1)[there],
+        clipped=np.asarray(np.logical_or.reduceat(at_limit, starts, axis=0)[there]),
+        emptied=int(np.sum((states != DROPPED) & ~there)),
+    )
+
+
+def _single(
+    time_s: FloatArray,
+    values: FloatArray,
+    state: IntArray,
+    settle_s: float,
+    limits: tuple[FloatArray, FloatArray] | None,
+) -> Slots:
+    """Slots that are one sample each; none is left of them where samples are to settle."""
+    there = (state != DROPPED) & (settle_s <= 0.0)
+    whole = bool(there.all())
+    mean = values if whole else values[there]
+    finite = np.isfinite(mean)
+    return Slots(
+        time_s=time_s if whole else time_s[there],
+        state=state if whole else state[there],
+        mean=mean if finite.all() else np.where(finite, mean, np.nan),
+        scatter={},
+        samples=np.ones(len(mean), dtype=np.int64),
+        clipped=_at_limit(mean, limits),
+        emptied=int(np.sum((state != DROPPED) & ~there)),
+    )
+
+
+def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
+    if values.ndim != 2 or not len(time_s) == len(values) == len(state) or not len(time_s):
+        shapes = f"{np.shape(time_s)}, {np.shape(values)}, {np.shape(state)}"
+        raise DataError("samples", value=shapes, limit="must be (N,) times, (N, C) values and (N,) states, N from 1 on")
+    late = np.flatnonzero(~(np.diff(time_s) > 0.0))
+    if late.size or not np.isfinite(time_s).all():
+        row = int(late[0]) + 1 if late.size else int(np.flatnonzero(~np.isfinite(time_s))[0])
+        raise DataError(
+            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the one before"
+        )
+
+
+def _begins(time_s: FloatArray, state: IntArray) -> BoolArray:
+    """Whether a sample begins a slot: another state, or a gap in time before it."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return np.concatenate([[True], (np.diff(state) != 0) | (steps > BREAK * usual)])
+
+
+def _at_limit(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
+    if limits is None:
+        return np.broadcast_to(np.False_, values.shape)
+    low, high = limits
+    with np.errstate(invalid="ignore"):
+        return np.asarray((values <= low) | (values >= high))
+
+
+def _scatter(values: FloatArray, valid: BoolArray, slot: NDArray[np.intp], states: IntArray) -> dict[int, FloatArray]:
+    """Noise of a sample inside slots, by state: by differences of neighbours, which a slow change hardly moves."""
+    inside = slot[1:] == slot[:-1]
+    there = valid[1:] & valid[:-1] & inside[:, None]
+    squares = np.where(there, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2
+    found = {}
+    for state in np.unique(states[states != DROPPED]).tolist():
+        here = states[slot[1:]] == state
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found[int(state)] = np.sqrt(0.5 * squares[here].sum(axis=0) / there[here].sum(axis=0))
+    return found

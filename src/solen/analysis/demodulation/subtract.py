@@ -1,0 +1,213 @@
+"""On less off: the reading of each on slot without the ambient light of its time.
+
+The idea: ambient light at the time of an on slot lies on the straight line between the off slots before and after it.
+Where these are equally far that is their mean. Constant light and light that changes at a constant rate are taken out
+exactly, for every emitter of a sequence. With one off slot alone (one-sided) only constant light is.
+
+The uncertainty of a reading is told by the off slots themselves: what one of them differs by from the line between its
+neighbours is the noise of a slot and whatever of the ambient light is too fast to subtract.
+
+The interface: `subtract` `Slots`; `Demodulated` is what it gives, with `Counts` of what was missing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.analysis.demodulation.rejection import Kernel
+from solen.analysis.demodulation.slots import OFF, BoolArray, FloatArray, IntArray, Slots
+from solen.errors import DataError
+
+FAR = 1.5
+"""An off slot this many times as far as is usual for the emitter has another that is missing before it."""
+
+Places = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What happened to the on slots: by emitter where it is by emitter.
+
+    ``missing`` of a regular sequence are not in the recording, ``without_off`` have no off slot near and give no
+    reading, ``one_sided`` have one on one side only, ``emptied`` had no sample left after settling, ``clipped`` are
+    readings with a sample at a limit in any channel.
+    """
+
+    readings: dict[int, int]
+    missing: dict[int, int]
+    without_off: int
+    one_sided: int
+    emptied: int
+    clipped: int
+
+
+@dataclass(frozen=True)
+class Demodulated:
+    """M readings of C channels, in the order of time.
+
+    Attributes
+    ----------
+    time_s, emitter
+        Of each reading, (M,).
+    signal, u
+        On less ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
+    ambient
+        What was subtracted, (M, C): the reading with the emitter off.
+    one_sided
+        Whether only one off slot was near, (M,).
+    clipped
+        Whether a sample of the on slot or of its off slots stood at a limit, (M, C).
+    slot_sd
+        Noise of a slot, (C,), of which the uncertainties are made; NaN with fewer than three off slots.
+    period_s
+        Usual time between readings of one emitter; NaN with fewer than two.
+    counts
+        What was missing.
+    """
+
+    time_s: FloatArray
+    emitter: IntArray
+    signal: FloatArray
+    u: FloatArray
+    ambient: FloatArray
+    one_sided: BoolArray
+    clipped: BoolArray
+    slot_sd: FloatArray
+    period_s: float
+    counts: Counts
+
+    @property
+    def emitters(self) -> tuple[int, ...]:
+        """Numbers of the emitters."""
+        return tuple(int(one) for one in np.unique(self.emitter))
+
+    def of(self, emitter: int) -> BoolArray:
+        """Which readings are of an emitter, (M,)."""
+        return np.asarray(self.emitter == emitter)
+
+
+def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
+    """Readings of all on slots.
+
+    Parameters
+    ----------
+    slots
+        In the order of time.
+    kernel
+        ``two-sided`` by the off slots before and after, ``one-sided`` by the one before alone, for comparison.
+
+    Raises
+    ------
+    DataError
+        Where there is no on slot or no off slot.
+    """
+    on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
+    if not on.size or not off.size:
+        limit = f"needs slots with an emitter on and slots with all off; there are {on.size} and {off.size}"
+        raise DataError("demodulation", limit=limit)
+    before, after, there = _neighbours(slots, on, off)
+    if kernel == "one-sided":
+        there = there & np.array([True, False])
+    kept = there.any(axis=1)
+    on, before, after, there = on[kept], before[kept], after[kept], there[kept]
+    share = _share_of_after(slots.time_s, on, before, after, there)[:, None]
+    ambient = (1.0 - share) * slots.mean[before] + share * slots.mean[after]
+    off_sd = slot_sd(slots)
+    u = np.sqrt(on_sd(slots, off_sd, slots.state[on]) ** 2 + ((1.0 - share) ** 2 + share**2) * off_sd**2)
+    clipped = slots.clipped[on] | (slots.clipped[before] & (share < 1.0)) | (slots.clipped[after] & (share > 0.0))
+    emitter = slots.state[on]
+    periods, missing = _cadence(slots)
+    counts = Counts(
+        readings={int(one): int(np.sum(emitter == one)) for one in np.unique(emitter)},
+        missing=missing,
+        without_off=int(np.sum(~kept)),
+        one_sided=0 if kernel == "one-sided" else int(np.sum(~there.all(axis=1))),
+        emptied=slots.emptied,
+        clipped=int(np.sum(clipped.any(axis=1))),
+    )
+    return Demodulated(
+        time_s=slots.time_s[on],
+        emitter=emitter,
+        signal=slots.mean[on] - ambient,
+        u=np.where(np.isfinite(ambient), u, np.nan),
+        ambient=ambient,
+        one_sided=np.logical_not(there.all(axis=1)),
+        clipped=clipped,
+        slot_sd=off_sd,
+        period_s=float(np.median(periods)) if periods.size else float("nan"),
+        counts=counts,
+    )
+
+
+def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
+    """Noise of an off slot (C,), by what each differs by from the line between its neighbours; NaN below three.
+
+    With a ``block``, by the means of so many successive differences: flicker whose whole periods a block holds is then
+    no part of it. Of independent slots such a mean varies by their noise over the block's length.
+    """
+    off = np.flatnonzero(slots.state == OFF)
+    if off.size < 3:
+        return np.full(slots.mean.shape[1], np.nan)
+    time, mean = slots.time_s[off], slots.mean[off]
+    share = ((time[1:-1] - time[:-2]) / (time[2:] - time[:-2]))[:, None]
+    left = mean[1:-1] - (1.0 - share) * mean[:-2] - share * mean[2:]
+    if block == 1:
+        squares = left**2 / (1.0 + share**2 + (1.0 - share) ** 2)
+    else:
+        blocks = len(left) // block
+        squares = (block * left[: blocks * block].reshape(blocks, block, -1).mean(axis=1)) ** 2
+    there = np.isfinite(squares)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.sqrt(np.where(there, squares, 0.0).sum(axis=0) / there.sum(axis=0)))
+
+
+def _neighbours(slots: Slots, on: Places, off: Places) -> tuple[Places, Places, BoolArray]:
+    """Off slots before and after each on slot, and whether each is there and near, (M, 2)."""
+    place = np.searchsorted(off, on)
+    first, last = place == 0, place == off.size
+    before, after = off[np.maximum(place - 1, 0)], off[np.minimum(place, off.size - 1)]
+    there = np.stack([~first, ~last], axis=1)
+    away = np.stack([slots.time_s[on] - slots.time_s[before], slots.time_s[after] - slots.time_s[on]], axis=1)
+    for emitter in np.unique(slots.state[on]):
+        here = slots.state[on] == emitter
+        for side in (0, 1):
+            known = here & there[:, side]
+            if known.any():
+                there[here, side] &= away[here, side] <= FAR * np.median(away[known, side])
+    return before, after, there
+
+
+def _share_of_after(time_s: FloatArray, on: Places, before: Places, after: Places, there: BoolArray) -> FloatArray:
+    """Weight of the off slot after, (M,): by time between the two, or all of the one that is there."""
+    both = there.all(axis=1)
+    span = np.where(both, time_s[after] - time_s[before], 1.0)
+    return np.where(both, (time_s[on] - time_s[before]) / span, np.where(there[:, 1], 1.0, 0.0))
+
+
+def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
+    """Noise of on slots (M, C) of emitters (M,): as of an off slot, or of the samples inside, where that is more.
+
+    A receiver in light has more shot noise than one in the dark.
+    """
+    found = np.broadcast_to(off_sd, (len(emitter), len(off_sd))).copy()
+    for one, scatter in slots.scatter.items():
+        if one == OFF:
+            continue
+        here = emitter == one
+        inside = scatter / np.sqrt(np.median(slots.samples[slots.state == one]))
+        found[here] = np.fmax(found[here], inside)
+    return found
+
+
+def _cadence(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
+    """Usual period of each emitter that has one, and how many of its slots are missing between those that are there."""
+    periods, missing = [], {}
+    for emitter in np.unique(slots.state[slots.state > OFF]).tolist():
+        steps = np.diff(slots.time_s[slots.state == emitter])
+        missing[int(emitter)] = 0
+        if steps.size:
+            period = float(np.median(steps))
+            periods.append(period)
+            missing[int(emitter)] = int(np.sum(np.maximum(np.rint(steps / period) - 1, 0)))
+    return np.array(periods), missing

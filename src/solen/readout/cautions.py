@@ -1,0 +1,143 @@
+"""What must be known of a readout's numbers, in sentences.
+
+The interface: `cautions` of a circuit, its advice and its light.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.readout.advice import Advice
+from solen.readout.circuit import Circuit
+
+FloatArray = NDArray[np.float64]
+
+SETTLED = 5.0
+"""Time constants after which 0.7 % of a step are left."""
+FAR_NM = 40.0
+"""Difference of wavelengths from which on an emitter is another one."""
+DIM, OTHER_WINDOW = 0.5, 0.05
+FOR_VISIBLE = "TEMT7000X01"
+
+
+def cautions(circuit: Circuit, found: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
+    """Sentences with numbers; empty where there is nothing to say.
+
+    Parameters
+    ----------
+    circuit, found
+        With typical parts, and the advice on its loads.
+    wavelength_nm
+        Of the traced light.
+    dark_V
+        Highest reading: with the emitter off.
+    in_space
+        Whether rays were traced in space rather than in the plane.
+    """
+    sentences = [
+        *_wavelength(circuit, wavelength_nm),
+        *_range(circuit, found),
+        *_limits(circuit, dark_V),
+        *_time(circuit),
+    ]
+    if not in_space:
+        sentences.append(
+            "the powers are those of rays in the plane: light that the emitter sends above and below it is taken to "
+            'arrive in the same shares; trace.dimension = "extruded" traces it'
+        )
+    return sentences
+
+
+def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
+    part, drive = circuit.transistor, circuit.drive
+    if part.response < DIM:
+        yield (
+            f"{part.name} sees light of {wavelength_nm:g} nm with {100.0 * part.response:.2g} % of the "
+            f"sensitivity that its current is stated for: it loses a factor {1.0 / part.response:.3g}; "
+            f"{_remedy(part.name)} (readout.part)"
+        )
+    if abs(drive.peak_nm - wavelength_nm) > FAR_NM:
+        yield (
+            f"the power is that of {drive.name}, which emits at {drive.peak_nm:g} nm, and the light is traced at "
+            f"{wavelength_nm:g} nm: name the emitter of this design (readout.emitter_part)"
+        )
+    if abs(part.exponent - 1.0) > OTHER_WINDOW:
+        yield (
+            f"{part.name} is directional, cos^{part.exponent:.3g}: what it makes of light depends on how it points at "
+            "the face, which is taken as square on"
+        )
+
+
+def _remedy(name: str) -> str:
+    other = "" if name == FOR_VISIBLE else f", as {FOR_VISIBLE} for visible light"
+    return f"take a receiver that is made for this wavelength{other}"
+
+
+def _range(circuit: Circuit, found: Advice) -> Iterator[str]:
+    usual, bright = found.of("typical"), found.of("brightest")
+    load = circuit.load_ohm[0]
+    if usual.saturates:
+        yield (
+            f"typical parts saturate: {usual.volts_bright:.2f} V at the brightest angle, where {found.target_V:.2f} V "
+            f"still follow the light; at most {usual.largest_ohm:.0f} ohm keep them in range, not {load:g}"
+        )
+    elif bright.saturates:
+        yield (
+            f"the brightest parts saturate at {load:g} ohm, typical ones do not: such a part needs at most "
+            f"{bright.largest_ohm:.0f} ohm"
+        )
+    if not found.reaches_all:
+        yield "no one current of the emitter brings all parts within the trimmer's range: sort the receivers"
+
+
+def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
+    part, drive, adc = circuit.transistor, circuit.drive, circuit.adc
+    if drive.current_mA > drive.most_current_mA:
+        yield f"{drive.current_mA:g} mA are above the {drive.most_current_mA:g} mA that {drive.name} may carry steadily"
+    if circuit.supply_V > part.most_supply_V:
+        yield f"a supply of {circuit.supply_V:g} V is above the {part.most_supply_V:g} V that {part.name} may see"
+    most_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
+    if most_mA > part.most_current_mA:
+        yield (
+            f"a load of {min(circuit.load_ohm):g} ohm lets up to {most_mA:.3g} mA through, above the "
+            f"{part.most_current_mA:g} mA that {part.name} may carry"
+        )
+    if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:
+        yield (
+            f"the range of {adc.name}, {adc.low_V:g} to {adc.high_V:g} V, is left: dark readings of {dark_V:.3g} V are "
+            "cut off, and so is ambient light that is subtracted"
+        )
+
+
+def _time(circuit: Circuit) -> Iterator[str]:
+    tau_us, slot_us = float(circuit.time_constant_us.max()), 0.5e6 / circuit.rate_hz
+    if SETTLED * tau_us > slot_us:
+        yield (
+            f"after a switch the receivers need some {SETTLED * tau_us:.0f} µs, and a slot at {circuit.rate_hz:g} Hz "
+            f"lasts {slot_us:.0f} µs: lower the load or the rate"
+        )
+
+
+def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of an angle told from one reading of each receiver, (A, R), and of all together, (A,).
+
+    Each receiver tells the angle to σ/|slope|; together, weighted as their information, to (Σ (slope/σ)²)^−1/2, which
+    no way to decode them can better (Cramér, Rao). NaN where nothing moves.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
+        information = ((slope_V_per_deg / sd_V) ** 2).sum(axis=-1)
+        both = np.where(information > 0.0, 1.0 / np.sqrt(information), np.nan)
+    return np.asarray(each), np.asarray(both)
+
+
+def of_a_difference_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
+    """Noise of an on reading less the mean of the off readings before and after it."""
+    return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))
+
+
+def number(value: float) -> float | None:
+    """A number, or None for what is none."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,94 @@
+"""The figure of a demodulation: what was recorded, what is left of it, and what the subtraction lets through."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.analysis.demodulation import OFF, Demodulated, Kernel, Samples, gain, rejection_dB
+from solen.analysis.demodulation.average import Averaged
+from solen.analysis.demodulation.rejection import KERNELS, mean_gain
+from solen.report.canvas import INK, LOST, SERIES, STYLE
+
+SHOWN_PERIODS = 12
+MOST_POINTS = 4000
+
+
+def demodulation_figure(
+    samples: Samples,
+    found: Demodulated,
+    means: Averaged | None,
+    title: str,
+    window_s: float,
+    kernel: Kernel,
+) -> Figure:
+    """A stretch of the samples with their states, all readings, and the rejection by frequency."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.2, 5.2), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1.0))
+        _stretch(figure.add_subplot(grid[0, 0]), samples, found)
+        _rejection(figure.add_subplot(grid[0, 1]), found, means, window_s, kernel)
+        _readings(figure.add_subplot(grid[1, :]), samples, found, means)
+        figure.suptitle(title, fontsize=9)
+    return figure
+
+
+def _stretch(axes: Axes, samples: Samples, found: Demodulated) -> None:
+    """Some periods in the middle: dots that were used, on filled and off open; crosses that settle."""
+    period = found.period_s if np.isfinite(found.period_s) else 1.0
+    middle = float(found.time_s[len(found.time_s) // 2])
+    here = np.abs(samples.time_s - middle) <= 0.5 * SHOWN_PERIODS * period / max(1, len(found.emitters))
+    time, state = 1e3 * (samples.time_s[here] - samples.time_s[here][0]), samples.state[here]
+    column = samples.values[here, 0]
+    axes.plot(time, column, color=LOST, lw=0.6)
+    for label, chosen, marker, face in (
+        ("on", state > OFF, "o", SERIES[0]),
+        ("off", state == OFF, "o", "white"),
+        ("settling, left out", state < OFF, "x", LOST),
+    ):
+        edge = LOST if marker == "x" else SERIES[0]
+        axes.plot(time[chosen], column[chosen], marker, ms=3, mfc=face, mec=edge, mew=0.8, label=label)
+    name, unit = samples.names[0], samples.units[0]
+    axes.set(xlabel=f"time (ms) from {samples.time_s[here][0]:.3f} s", ylabel=_labelled(name, unit))
+    axes.legend(fontsize=7, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+
+
+def _readings(axes: Axes, samples: Samples, found: Demodulated, means: Averaged | None) -> None:
+    kept = means or found
+    many = len(found.emitters) > 1
+    number = 0
+    for place, channel in enumerate(samples.names):
+        for emitter in found.emitters:
+            here = np.flatnonzero(kept.emitter == emitter)
+            here = here[:: max(1, len(here) // MOST_POINTS)]
+            colour = SERIES[number % len(SERIES)]
+            name = f"{channel}, emitter {emitter}" if many else channel
+            axes.plot(kept.time_s[here], kept.signal[here, place], "-", color=colour, lw=0.8, label=name)
+            clipped = here[kept.clipped[here, place]]
+            axes.plot(kept.time_s[clipped], kept.signal[clipped, place], "x", color=INK, ms=4)
+            number += 1
+    told = "" if means is None else f", means of {means.readings}"
+    axes.set(xlabel="time (s)", ylabel=_labelled(f"on less off{told}", samples.units[0]))
+    axes.legend(fontsize=7, ncols=4)
+
+
+def _rejection(axes: Axes, found: Demodulated, means: Averaged | None, window_s: float, kernel: Kernel) -> None:
+    period = found.period_s
+    if not np.isfinite(period):
+        axes.set_axis_off()
+        return
+    hz = np.linspace(0.5, min(150.0, 0.99 / period), 600)
+    for one, style in zip(KERNELS, ("-", "--"), strict=True):
+        axes.plot(hz, rejection_dB(gain(hz, period, window_s, one)), style, color=SERIES[0], lw=1.3, label=one)
+    if means is not None:
+        both = gain(hz, period, window_s, kernel) * mean_gain(hz, period, means.readings)
+        axes.plot(
+            hz, rejection_dB(np.maximum(both, 1e-4)), color=SERIES[1], lw=1.0, label=f"and mean of {means.readings}"
+        )
+    axes.axhline(0.0, color=INK, lw=0.8)
+    axes.set(xlabel="ambient light (Hz)", ylabel="rejection (dB)", ylim=(-8.0, 62.0))
+    axes.legend(fontsize=7)
+
+
+def _labelled(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name

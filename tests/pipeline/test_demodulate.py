@@ -1,0 +1,167 @@
+"""`solen demodulate`: tables with states or waveforms in, readings with uncertainties out."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, OutputError, SpecError
+from solen.pipeline.demodulate import Options, demodulate
+from solen.recording import read
+from tests.analysis.switching_support import PERIOD_S, FloatArray, stream, waveform
+
+
+def written(path: Path, heads: str, *columns: Sequence[object] | FloatArray) -> Path:
+    rows = zip(*(list(column) for column in columns), strict=True)
+    text = [heads, *(",".join(f"{one:.9g}" if isinstance(one, float) else str(one) for one in row) for row in rows)]
+    path.write_text("\n".join(text) + "\n", encoding="utf-8")
+    return path
+
+
+def with_states(path: Path, heads: str = "time_s,right (V),led", readings: int = 60, emitters: int = 1) -> Path:
+    time, values, state = stream(readings, lambda t: 4.0 - 0.5 * t, emitters)
+    return written(path, heads, time, values[:, 0], state.tolist())
+
+
+def test_readings_come_back_as_they_were_made(tmp_path: Path) -> None:
+    """The table of readings is read again by the same reader, with units and gaps."""
+    path = with_states(tmp_path / "a.csv", emitters=2)
+    found = demodulate(path, Options(), out=tmp_path / "r.csv")
+    assert found["method"] == "states"
+    assert found["counts"]["readings"] == {"1": 60, "2": 60}
+    assert found["rate_hz"] == pytest.approx(200.0)
+    again = read(tmp_path / "r.csv")
+    assert again.channel("right").unit == "V"
+    inner = slice(1, -1)
+    emitter = again.channel("emitter").values
+    assert again.channel("right").values[inner] == pytest.approx(-emitter[inner], abs=1e-8)
+    assert again.channel("time").to("s")[2] == pytest.approx(PERIOD_S, abs=1e-6)
+    assert set(again.names) == {"time", "emitter", "right", "u_right", "ambient_right", "clipped_right"}
+
+
+@pytest.mark.parametrize(
+    ("words", "states"),
+    [(("off", "on"), (0, 1)), (("dark", "emitter 2"), (0, 2)), (("Aus", "E3"), (0, 3)), (("OFF", "LED_1"), (0, 1))],
+)
+def test_states_may_be_words(tmp_path: Path, words: tuple[str, str], states: tuple[int, int]) -> None:
+    time, values, state = stream(20, np.zeros_like)
+    texts = [words[1] if one else words[0] for one in state]
+    found = demodulate(
+        written(tmp_path / "a.csv", "time_s,right (V),lamp", time, values[:, 0], texts), Options(state="lamp")
+    )
+    assert found["emitters"] == [states[1]]
+
+
+def test_voltages_are_found_by_their_units_and_by_their_names(tmp_path: Path) -> None:
+    path = with_states(tmp_path / "a.csv", "time_s,right_V,state")
+    assert demodulate(path, Options())["channels"] == ["right"]
+    other = with_states(tmp_path / "b.csv", "time_s,signal of it,state")
+    with pytest.raises(SpecError, match="no column is in V; there are"):
+        demodulate(other, Options())
+    assert demodulate(other, Options(channels=("signal of it",)))["channels"] == ["signal of it"]
+
+
+def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
+    time, values, _ = waveform(2.0, ppm=60.0, noise=0.002)
+    shaken = values + 0.2 * np.cos(2 * np.pi * 100.0 * time)[:, None] + 0.1 * time[:, None]
+    path = written(tmp_path / "w.csv", "# simulated: yes\ntime_s,right (V),left (V)", time, shaken[:, 0], shaken[:, 1])
+    options = Options(rate_hz=200.0, mains_hz=50.0)
+    found = demodulate(path, options, out=tmp_path / "r.csv", figure=tmp_path / "r.svg")
+    assert found["method"] == "waveform"
+    assert found["clock"]["off_stated_ppm"] == pytest.approx(60.0, abs=30.0)
+    assert found["readings_averaged"] == 4
+    for name, depth in (("right", -1.0), ("left", -0.5)):
+        one = found["by_channel"][name]["by_emitter"]["1"]
+        assert one["mean"] == pytest.approx(depth, abs=3e-3)
+        assert one["sd"] < 0.01, "0.2 V of flicker are gone"
+        assert one["u_reading"] < 0.01
+    drawn = (tmp_path / "r.svg").read_text(encoding="utf-8")
+    assert "simulated: w.csv" in drawn
+    assert read(tmp_path / "r.csv").provenance.simulated
+
+
+def test_the_rejection_is_stated_beside_the_one_sided(tmp_path: Path) -> None:
+    rows = {row["hz"]: row for row in demodulate(with_states(tmp_path / "a.csv"), Options())["rejection"]}
+    assert rows[100.0]["two_sided_dB"] == pytest.approx(0.0, abs=1e-6)
+    assert rows[100.0]["one_sided_dB"] == pytest.approx(-3.01, abs=0.01)
+    assert rows[1.0]["two_sided_dB"] > 70.0
+
+
+def test_clipping_is_found_and_told(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    time, values, state = stream(400, lambda t: 4.0 + 0.8 * np.sin(2 * np.pi * t))
+    noisy = np.minimum(values[:, 0] + 0.001 * rng.standard_normal(len(time)), 4.5)
+    found = demodulate(written(tmp_path / "a.csv", "time_s,right (V),state", time, noisy, state.tolist()), Options())
+    assert 50 < found["counts"]["clipped"] < 300
+    assert any("samples at a limit" in one for one in found["warnings"])
+    free = demodulate(tmp_path / "a.csv", Options(low=-10.0, high=10.0))
+    assert free["counts"]["clipped"] == 0
+
+
+def test_missing_slots_are_told(tmp_path: Path) -> None:
+    time, values, state = stream(50, np.zeros_like)
+    kept = np.ones(100, dtype=bool)
+    kept[[20, 41, 51, 53]] = False
+    path = written(tmp_path / "a.csv", "time_s,right (V),state", time[kept], values[kept, 0], state[kept].tolist())
+    told = " ".join(demodulate(path, Options())["warnings"])
+    assert "1 on slots of a regular sequence are missing" in told
+    assert "1 on slots have no off slot near" in told
+
+
+@pytest.mark.parametrize(
+    ("options", "heads", "error", "words"),
+    [
+        (Options(on="up"), "", SpecError, "--on = 'up'"),
+        (Options(kernel="three"), "", SpecError, "--kernel = 'three'"),
+        (Options(emitters=0), "", SpecError, "--emitters"),
+        (Options(mains_hz=-1.0), "", SpecError, "--mains-hz"),
+        (Options(settle_us=-1.0), "", SpecError, "--settle-us"),
+        (Options(state="led", rate_hz=200.0), "", SpecError, "has no meaning beside --state"),
+        (Options(state="lid"), "", DataError, "did you mean led"),
+        (Options(time="tine"), "", DataError, "tine"),
+        (Options(channels=("rihgt",)), "", DataError, "did you mean right"),
+        (Options(), "time_s,right (V),other", SpecError, "neither a column of states nor a rate"),
+        (Options(), "clock,right (V),led", DataError, "has no column time"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    tmp_path: Path, options: Options, heads: str, error: type[Exception], words: str
+) -> None:
+    path = with_states(tmp_path / "a.csv", heads or "time_s,right (V),led")
+    with pytest.raises(error) as refusal:
+        demodulate(path, options, out=tmp_path / "r.csv")
+    assert words in str(refusal.value)
+    assert not (tmp_path / "r.csv").exists()
+
+
+def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
+    time, values, state = stream(5, np.zeros_like)
+    texts = ["on" if one else "off" for one in state]
+    texts[6] = "maybe"
+    path = written(tmp_path / "a.csv", "time_s,right (V),state", time, values[:, 0], texts)
+    with pytest.raises(DataError, match=r"state in row 7 = 'maybe'"):
+        demodulate(path, Options())
+    path = written(
+        tmp_path / "b.csv", "time_s,right (V),state", time, values[:, 0], [0.5 * one for one in state.tolist()]
+    )
+    with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be whole"):
+        demodulate(path, Options())
+
+
+def test_readings_are_written_as_csv_only(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"written as \.csv"):
+        demodulate(with_states(tmp_path / "a.csv"), Options(), out=tmp_path / "a.json")
+
+
+def test_the_command(tmp_path: Path) -> None:
+    path = with_states(tmp_path / "a.csv")
+    command = [sys.executable, "-m", "solen", "demodulate", str(path), "--out", str(tmp_path / "r.csv")]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "60 readings" in done.stdout
+    bare = subprocess.run([*command, "--json"], capture_output=True, text=True, encoding="utf-8", check=False)
+    assert json.loads(bare.stdout)["sources"][0]["file"] == "a.csv"

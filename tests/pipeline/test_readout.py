@@ -1,0 +1,154 @@
+"""`solen readout`: from a design file to volts, and what is said of them."""
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, DesignError, OutputError, SpecError
+from solen.pipeline.readout import readout
+from solen.spec import template
+
+FAST = ("motion.step_deg=1.5", "emitter.width_mm=0.2")
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("readout") / "sensor.toml"
+    path.write_text(template(), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(design: Path) -> dict[str, Any]:
+    return readout(design, FAST)
+
+
+def test_a_negative_angle_lowers_the_right_voltage(found: dict[str, Any]) -> None:
+    """As in the paper: turned to the right, the right receiver is brighter, which is a lower voltage."""
+    assert found["angle_deg"] == [-3.0, -1.5, 0.0, 1.5, 3.0]
+    right, left = (np.array(found["receivers"][name]["volts"]) for name in ("right", "left"))
+    assert (np.diff(right) > 0).all()
+    assert (np.diff(left) < 0).all()
+    assert right == pytest.approx(left[::-1], abs=1e-3), "the sensor is symmetric"
+    assert found["both"]["contrast"][0] > 0.8
+    assert found["simulated"] is True
+
+
+def test_the_numbers_hang_together(found: dict[str, Any]) -> None:
+    one, circuit = found["receivers"]["right"], found["circuit"]
+    mW = circuit["emitter_power_mW"][1]
+    asked_A = np.array(one["irradiance_mW_cm2"]) * 450e-6 * circuit["response"]
+    assert np.array(one["power_fraction"]) * mW / 0.12 == pytest.approx(np.array(one["irradiance_mW_cm2"]), rel=1e-6)
+    dim = asked_A * 2000.0 < 3.0
+    assert dim.any()
+    assert np.array(one["volts"])[dim] == pytest.approx(5.0 - 2000.0 * asked_A[dim], abs=1e-4)
+    parts = [one[f"noise_{name}_V"] for name in ("shot", "thermal", "converter", "quantisation")]
+    assert np.array(one["noise_V"]) == pytest.approx(np.sqrt(np.square(parts).sum(axis=0)))
+    middle = one["noise_subtracted_V"][2] / abs(one["slope_V_per_deg"][2])
+    assert one["resolution_deg"][2] == pytest.approx(middle)
+    assert found["both"]["resolution_deg"][2] == pytest.approx(middle / math.sqrt(2.0), rel=1e-2), "two alike"
+    assert (np.array(one["volts_brightest"]) < one["volts"]).all()
+    assert (np.array(one["volts_dimmest"]) > one["volts"]).all()
+    assert found["range"]["lowest_V"] == min(one["volts"])
+
+
+def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
+    by_name = {part["name"]: part["estimates"] for part in found["parts"]}
+    assert set(by_name) == {"TEMT7100X01", "VSMY1850", "TC33X-2-202E", "USB-6218"}
+    assert "spectrum" in by_name["TEMT7100X01"]
+    assert "current_ua_per_mw_cm2" not in by_name["TEMT7100X01"]
+    assert by_name["TC33X-2-202E"] == []
+    assert "range" in by_name["USB-6218"]
+
+
+@pytest.mark.parametrize(
+    ("assignments", "words"),
+    [
+        (("emitter.wavelength_nm=450",), "sees light of 450 nm with 1.2 % of the sensitivity"),
+        (("emitter.wavelength_nm=450",), "VSMY1850, which emits at 850 nm"),
+        (("readout.emitter_current_ma=20",), "typical parts saturate: 0.16 V"),
+        (("readout.emitter_current_ma=1",), "the brightest parts saturate at 2000 ohm, typical ones do not"),
+        (("readout.emitter_current_ma=150",), "150 mA are above the 100 mA that VSMY1850 may carry"),
+        (("readout.load_ohm=100",), "lets up to 50 mA through, above the 20 mA"),
+        (("readout.supply_v=24",), "a supply of 24 V is above the 20 V"),
+        (("readout.adc=ATmega328P",), "the range of ATmega328P, 0 to 5 V, is left"),
+        (("readout.load_ohm=200000",), "lower the load or the rate"),
+        ((), "rays in the plane"),
+        ((), "take a smaller motion.step_deg"),
+    ],
+)
+def test_what_must_be_known_is_said(design: Path, assignments: tuple[str, ...], words: str) -> None:
+    told = readout(design, ("motion.step_deg=3", *assignments))["warnings"]
+    assert any(words in one for one in told), told
+
+
+def test_nothing_is_said_where_nothing_is_wrong(design: Path) -> None:
+    """A receiver that sees red, its emitter's own power: nothing is left but the plane."""
+    mine = 'schema = 1\nname = "Red"\nkind = "emitter"\nmaker = "me"\ndocument = "notes"\n' + "".join(
+        f'[{key}]\ntypical = {value}\nbasis = "measured"\nsource = "bench"\n'
+        for key, value in (("peak_nm", 650), ("power_mw", 40), ("current_ma", 100))
+    )
+    mine += '[pattern]\nangle_deg = [0, 90]\nrelative = [1, 0]\nbasis = "measured"\nsource = "bench"\n'
+    (design.parent / "red.toml").write_text(mine, encoding="utf-8")
+    parts = ("readout.part=TEMT7000X01", "readout.emitter_part=red.toml", "readout.emitter_current_ma=1")
+    told = readout(design, (*FAST, "motion.step_deg=0.75", "emitter.wavelength_nm=650", *parts))["warnings"]
+    assert len(told) == 1, told
+
+
+def test_a_directional_part_loses_light_from_the_side(design: Path) -> None:
+    """A lens in front of the part that sees ±10° alone gets less of what arrives at all angles."""
+    text = 'schema = 1\nname = "Narrow"\nkind = "receiver"\nmaker = "me"\ndocument = "notes"\n' + "".join(
+        f'[{key}]\ntypical = {value}\nbasis = "measured"\nsource = "bench"\n'
+        for key, value in (("current_ua_per_mw_cm2", 450), ("half_angle_deg", 10))
+    )
+    (design.parent / "narrow.toml").write_text(text, encoding="utf-8")
+    (design.parent / "flat.toml").write_text(text.replace("= 10\n", "= 60\n"), encoding="utf-8")
+    narrow, flat = (
+        readout(design, ("motion.step_deg=3", f"readout.part={name}.toml"))["receivers"]["right"]["power_fraction"][0]
+        for name in ("narrow", "flat")
+    )
+    assert 0.01 < narrow / flat < 0.9
+
+
+@pytest.mark.parametrize(
+    ("assignments", "error", "words"),
+    [
+        (("readout.part=VSMY1850",), DataError, "not a receiver"),
+        (("readout.lod_ohm=1",), SpecError, "did you mean readout.load_ohm"),
+        (("body.kind=outline", "body.file=none.dxf"), Exception, "none.dxf"),
+    ],
+)
+def test_a_design_without_a_readout_is_refused(
+    design: Path, assignments: tuple[str, ...], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error) as refusal:
+        readout(design, assignments)
+    assert words in str(refusal.value)
+    assert not isinstance(refusal.value, DesignError)
+
+
+def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"ends in \.json"):
+        readout(design, FAST, out=tmp_path / "a.csv", figure=tmp_path / "a.png")
+    found = readout(design, ("motion.step_deg=3",), out=tmp_path / "a.json", figure=tmp_path / "a.svg")
+    drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    assert "simulated: SOLen 860 nm" in drawn
+    assert "brighter is lower" in drawn
+    data = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
+    assert data["kind"] == "readout"
+    assert data["receivers"] == found["receivers"]
+
+
+def test_the_command(design: Path) -> None:
+    command = [sys.executable, "-m", "solen", "readout", str(design), "--set", "motion.step_deg=3"]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "brightest parts" in done.stdout
+    bare = subprocess.run([*command, "--json"], capture_output=True, text=True, encoding="utf-8", check=False)
+    assert json.loads(bare.stdout)["range"]["highest_V"] <= 5.0
