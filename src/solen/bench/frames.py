@@ -41,6 +41,8 @@ SAMPLES, ANSWER = 1, 2
 LATE, FAULT = 1, 2
 LONGEST_PAYLOAD = 4096
 """More than 16 emitters and 64 receivers need; a length beyond it is a garbled one."""
+Other = tuple[int, bytes]
+"""Kind and payload of a frame that is kept as it is."""
 RESTART_AFTER = 3
 """Frames with numbers that were there before, each one more than the last, that make a restart of the board."""
 HEAD = struct.Struct("<2sBBHI")
@@ -208,12 +210,12 @@ class FrameReader:
     losses: Losses = field(default_factory=Losses)
     answers: list[bytes] = field(default_factory=list)
     every_kind: bool = False
-    others: list[tuple[int, bytes]] = field(default_factory=list)
-    _waiting: bytearray = field(default_factory=bytearray)
-    _next: int | None = None
-    _shift: int = 0
-    _again: tuple[int, int] = (-2, 0)
-    _us: int | None = None
+    others: list[Other] = field(default_factory=list)
+    _waiting: bytearray = field(default_factory=bytearray, init=False)
+    _next: int | None = field(default=None, init=False)
+    _shift: int = field(default=0, init=False)
+    _again: tuple[int, int] = field(default=(-2, 0), init=False)
+    _us: int | None = field(default=None, init=False)
 
     def feed(self, data: bytes) -> Periods:
         """Periods that are complete with these bytes."""

@@ -73,7 +73,7 @@ class Journaled:
 class Journal:
     """A journal that is being written. Use it in a ``with`` statement, or `close` it."""
 
-    def __init__(self, path: Path, file: FileIO, dtypes: Mapping[str, np.dtype[np.void]]) -> None:
+    def __init__(self, path: Path, file: BinaryIO, dtypes: Mapping[str, np.dtype[np.void]]) -> None:
         self.path = path
         self._file = file
         self._dtypes = dtypes

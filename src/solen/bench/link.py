@@ -8,13 +8,10 @@ The interface: `Link`; `open_link` makes one of a name such as ``COM3``, ``/dev/
 """
 
 import importlib
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from solen.bench.clock import Clock
 from solen.errors import BenchError
-
-if TYPE_CHECKING:
-    import serial
 
 
 class Link(Protocol):
@@ -35,7 +32,7 @@ class Link(Protocol):
 class SerialLink:
     """A line by pyserial: a serial port, or a socket."""
 
-    def __init__(self, port: "serial.SerialBase", name: str) -> None:
+    def __init__(self, port: Any, name: str) -> None:
         self.name = name
         self._port = port
 

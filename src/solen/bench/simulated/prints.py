@@ -26,6 +26,8 @@ ANGLES = 25
 """Angles at which a response is traced."""
 BEYOND = 1.02
 """How far beyond the protocol's reach it is traced, as a stage may overshoot."""
+MOST_DEG = 80.0
+"""Farther a sensor cannot be traced."""
 Progress = Callable[[str], None]
 
 
@@ -69,6 +71,9 @@ def prints_of(
     BenchError, SpecError, DataError, DesignError
         Where a design cannot be read, built, or differ as the rig says.
     """
+    if reach_deg > MOST_DEG:
+        limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"
+        raise BenchError("the protocol's reach in deg", value=reach_deg, limit=limit, remedy="turn less far")
     made = []
     for wires in rig.sensor:
         if progress is not None:
