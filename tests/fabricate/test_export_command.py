@@ -176,7 +176,6 @@ def test_files_are_replaced_and_others_stay(told: Run) -> None:
         (["--pockets", "--set", "body.arm_width_mm=1.5"], "pocket-right; would take"),
         (["--figure", "solid.jpg"], "a figure ends in .svg, .png, .pdf"),
         (["--stl", "--svg", "--figure", "out/my-sensor.svg"], "is a file of the export too"),
-        (["--layers"], "--layers"),
     ],
 )
 def test_a_bad_value_is_one_line(refused: Run, arguments: list[str], line: str) -> None:

@@ -52,7 +52,8 @@ class Shot:
     def _levels(self) -> tuple[list[Level], float]:
         if self.light == "reflected":
             return reflected(self.outline, self.placing, step=self.step, optics=self.optics), 0.25
-        outer, inner = (grown(self.outline, self.taper_um), self.placing, 3.0), (self.outline, self.placing, 1.5)
+        focused, other = (self.outline, self.placing, 1.5), (grown(self.outline, self.taper_um), self.placing, 3.0)
+        outer, inner = (other, focused) if self.taper_um > 0.0 else (focused, other)
         return (transmitted(outer, inner), 0.85) if self.light == "transmitted" else (dark_field(outer, inner), 0.08)
 
     def taken(self, seed: int) -> NDArray[Any]:

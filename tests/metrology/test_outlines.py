@@ -217,3 +217,22 @@ def test_effective_number_of_noise_and_of_a_wave() -> None:
     noise = np.random.default_rng(3).normal(size=2000)
     assert effective_number(noise) == pytest.approx(2000, rel=0.1)
     assert effective_number(np.sin(np.linspace(0.0, 6.0 * np.pi, 2000))) < 30
+
+
+def test_a_part_of_another_width_is_told_or_refused() -> None:
+    image = plain()
+    near = measure(as_image(image.grey, 1.08 * UM_PER_PX), IDEAL)
+    assert near.width_mm == pytest.approx(1.08 * 4.0, rel=0.01)
+    assert any("mm wide right behind the front" in warning for warning in near.warnings)
+    for factor in (0.7, 1.4, 2.0):
+        with pytest.raises(DataError, match="shows no lens"):
+            measure(as_image(image.grey, factor * UM_PER_PX), IDEAL)
+
+
+def test_edges_that_overlap_are_both_measured() -> None:
+    inner = grown(OUTLINE, -30.0)
+    found = measure(taken(transmitted((OUTLINE, PLACING, 2.0), (inner, PLACING, 2.0)), ground=0.8), IDEAL)
+    by_name = {one.name: one.registration for one in found.edges}
+    assert set(by_name) == {"outer", "inner"}
+    assert by_name["outer"].rms_um < 0.25 * UM_PER_PX
+    assert any("as none is sharper" in warning for warning in found.warnings)

@@ -5,7 +5,11 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from solen.cli.app import PRINT, FigureFile, Json, Set, app, listing, show
+from solen.cli.app import PRINT, FigureFile, Json, Set, app, listing, progress_bar, show
+from solen.cli.layers import How
+from solen.cli.layers import told as layers_told
+from solen.errors import SpecError
+from solen.pipeline.slicing import Slicing
 
 Flag = Annotated[bool, Parameter(negative=())]
 
@@ -23,6 +27,8 @@ def export(
     dxf: Flag = False,
     comsol: Flag = False,
     svg: Flag = False,
+    layers: Flag = False,
+    how: How = None,
     pockets: Flag = False,
     slots: Flag = False,
     thickness_mm: str | None = None,
@@ -53,6 +59,8 @@ def export(
         Text of points that COMSOL reads as interpolation curves, sectionwise.
     svg
         Drawing of the outline, a named path for each face.
+    layers
+        Pictures of layers for a printer, with STL and settings for its program; the options are of solen layers.
     pockets
         Seat the receivers in pockets; short for --set fabricate.pockets=true.
     slots
@@ -72,7 +80,20 @@ def export(
     }
     assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
     formats = tuple(kind for kind, wanted in asked.items() if wanted)
-    found = pipeline.export(file, out, formats, assignments, tolerance_mm=tolerance_mm, figure=figure)
+    if how is not None and not layers:
+        raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")
+    slicing = (how or Slicing()) if layers else None
+    with progress_bar("layers") as progress:
+        found = pipeline.export(
+            file,
+            out,
+            formats,
+            assignments,
+            tolerance_mm=tolerance_mm,
+            figure=figure,
+            slicing=slicing,
+            progress=progress,
+        )
     show(found, as_json, lambda: _lines(found))
 
 
@@ -84,6 +105,9 @@ def _lines(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"mesh: {mesh['triangles']} triangles within {mesh['tolerance_mm']:g} mm, {mesh['volume_mm3']:.6g} mm3"
         )
-    lines += [f"warning: {line}" for line in found["warnings"]]
+    job = found.get("layers")
+    notes = [line for line in found["warnings"] if job is None or line not in job["warnings"]]
+    lines += [f"warning: {line}" for line in notes]
     lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
+    lines += layers_told(job)[1:] if job is not None else []
     return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])

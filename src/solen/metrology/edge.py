@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from solen.metrology.step import MOST_BLUR_PX, Steps, fit_steps
+from solen.metrology.step import MOST_BLUR_PX, Steps, Usual, fit_steps
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -30,6 +30,10 @@ BLURS = 5.0
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 200, 1.25
 """The blur is found from so many places; lines are long enough where it grows by less than this factor."""
+FEWEST = 20
+"""Good fits from which what is usual can be told."""
+U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
+"""How much the blur varies along a contour, relative, and the background's slope per px, in rises."""
 SATURATED = 0.5
 """Share of the pixels across a line that are at the camera's limit; noise alone brings fewer there."""
 MOST_U_PX = 1.0
@@ -38,10 +42,11 @@ LEAST_SNR = 4.0
 LEAST_RISE = 0.25
 """Rise over the median rise along the contour, below which it is another edge or none."""
 ODD_BLUR = 2.5
-ODD_SHAPE = 3.0
+ODD_SHAPE = 2.2
 """Residuals above so many times their median: something else lies on the edge."""
-ODD_SHARE = 0.05
+ODD_SHARE = 0.02
 """Of the rise: residuals below it are no sign of anything."""
+BESIDE = 2
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
@@ -66,6 +71,8 @@ class Edge:
         Shape (N,): standard deviation of the blur.
     rise
         Shape (N,): by how much the grey value rises along the normal.
+    inside
+        Shape (N,): whether the line that was fitted lies in the picture.
     kept
         Shape (N,): whether the place is an edge.
     rejected
@@ -77,6 +84,7 @@ class Edge:
     u_px: Floats
     blur_px: Floats
     rise: Floats
+    inside: Flags
     kept: Flags
     rejected: dict[str, int]
 
@@ -192,7 +200,7 @@ def fit_two_edges(
     Parameters as in `fit_edge`; ``at_px`` (N, 2) are first guesses of both places along the normals.
     """
     view = _View(grey, contour_px, normals, float("inf"), ceiling, lines, False)
-    steps, inside, saturated = view.fitted(at_px, blur_px)
+    steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
     return (view.judged(steps, 0, None, inside, saturated), view.judged(steps, 1, None, inside, saturated))
 
 
@@ -221,14 +229,35 @@ class _View:
             guess_px = min(found, MOST_BLUR_PX)
         return guess_px
 
-    def fitted(self, at: Floats, blur_px: float) -> tuple[Steps, Flags, Flags]:
-        """Fits, and whether each line lies in the picture and how much of it is saturated."""
-        around = max(BLURS * blur_px, LEAST_HALF_PX)
+    def two_blurs(self, at: Floats, guess_px: float) -> Floats:
+        """Blurs of two edges from some of the places: the pair with which most of the fits succeed, and best."""
+        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
+        part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
+        best, blurs = -np.inf, np.array([guess_px, guess_px])
+        for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
+            steps, inside, _ = part.fitted(at[some], guess_px * np.array(factors))
+            good = inside & steps.settled & (steps.u_at_px.max(axis=1) < MOST_U_PX)
+            merit = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
+            if good.any() and merit > best:
+                best, blurs = merit, np.median(steps.blur_px[good], axis=0)
+        return np.asarray(np.clip(blurs, 0.5, MOST_BLUR_PX))
+
+    def fitted(self, at: Floats, blur_px: float | Floats) -> tuple[Steps, Flags, Flags]:
+        """Fits, and whether each line lies in the picture and how much of it is saturated.
+
+        A second fit knows from the first what the lines have in common: where edges overlap or are faint, each line by
+        itself cannot tell its blur and slope.
+        """
+        around = max(BLURS * float(np.max(blur_px)), LEAST_HALF_PX)
         half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
         t = np.arange(-half, half + 0.5)
         values, inside = profiles(self.grey, self.contour_px, self.normals, t, self.lines)
         use = (t >= at.min(axis=1, keepdims=True) - around) & (t <= at.max(axis=1, keepdims=True) + around)
-        return fit_steps(t, values, at, blur_px, use), (inside | ~use).all(axis=1), self._saturated(t, use)
+        saturated = self._saturated(t, use)
+        seen = (inside | ~use).all(axis=1)
+        alone = fit_steps(t, values, at, blur_px, use)
+        usual = _usual(alone, seen & ~saturated)
+        return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
     def _saturated(self, t: Floats, use: Flags) -> Flags:
         """Lines some place of which is at the camera's limit: what is cut off there pulls the step aside."""
@@ -254,7 +283,7 @@ class _View:
             "low contrast": weak,
             "no fit": ~steps.settled | ~(u < MOST_U_PX),
             "odd blur": (blur > ODD_BLUR * usual_blur) | (blur < usual_blur / ODD_BLUR),
-            "odd shape": steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual)),
+            "odd shape": _beside(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
         }
         kept, rejected = _counted(bad, len(at))
         bad = {"off its neighbours": kept & _off(points, self.contour_px, self.normals, kept, self.closed)}
@@ -262,7 +291,7 @@ class _View:
         kept &= still
         u = u * _steadied(steps.noise)
         u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
-        return Edge(points, self.normals, u, blur, rise, kept, rejected | more)
+        return Edge(points, self.normals, u, blur, rise, inside, kept, rejected | more)
 
 
 def _steadied(noise: Floats) -> Floats:
@@ -297,6 +326,23 @@ def scatter_over_u(points: Floats, normals: Floats, u: Floats, kept: Flags, line
     return float(max(1.0, 1.4826 * float(np.median(np.abs(rest)))))
 
 
+def _usual(steps: Steps, fit: Flags) -> Usual | None:
+    """What the fits that are good have in common; None where few are."""
+    noise = _median(steps.noise, fit)
+    good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
+    good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
+    if good.sum() < FEWEST:
+        return None
+    rise = float(np.median(np.abs(steps.rise[good]).max(axis=1)))
+    return Usual(
+        log_blur=np.log(np.median(steps.blur_px[good], axis=0)),
+        u_log_blur=U_LOG_BLUR,
+        slope_per_px=float(np.median(steps.slope_per_px[good])),
+        u_slope_per_px=U_SLOPE_SHARE * rise,
+        noise=noise,
+    )
+
+
 def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
     """What no reason speaks against, and how many each reason takes away from what is left."""
     kept, rejected = np.ones(count, dtype=bool), {}
@@ -304,6 +350,11 @@ def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
         rejected[reason] = int(np.sum(kept & flags))
         kept &= ~flags
     return kept, rejected
+
+
+def _beside(odd: Flags) -> Flags:
+    """Places that are odd, and those up to `BESIDE` places beside them: what lies on an edge fades out."""
+    return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
 
 def _median(values: Floats, where: Flags) -> float:

@@ -12,7 +12,7 @@ places in the picture.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,11 @@ from solen.metrology.ideal import Ideal, outward
 
 Floats = NDArray[np.float64]
 
-ACROSS_PX = 90
+ACROSS_PX = 70
 """Coarse pixels across the lens."""
 MOST_PX = 512
 """Coarse pixels along the longer side of the picture, at most."""
-STEP_DEG = 4.0
+STEP_DEG = 5.0
 FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SMOOTH_PX = 1.2
 WALL_WEIGHT = 0.5
@@ -101,13 +101,11 @@ def find(grey: Floats, um_per_px: float, ideal: Ideal, *, mirrored: bool = False
     coarse = binned(grey, factor)
     maps = _Gradients.of(coarse)
     coarse_um = um_per_px * factor
-    found = [
-        Found(Pose(angle, (x, y), coarse_um, mirrored), score)
-        for angle in np.arange(0.0, 360.0, STEP_DEG)
-        for x, y, score in maps.peaks(ideal, angle, coarse_um, mirrored)
-    ]
+    shape = _Template.of(ideal, coarse_um)
+    poses = [Pose(float(angle), (0.0, 0.0), coarse_um, mirrored) for angle in np.arange(0.0, 360.0, STEP_DEG)]
+    found = [Found(replace(pose, vertex_px=(x, y)), score) for pose in poses for x, y, score in maps.peaks(shape, pose)]
     apart = _apart(sorted(found, key=lambda one: -one.score), 0.25 * ideal.width_mm * 1e3 / coarse_um)
-    fine = [_finer(maps, one, ideal) for one in apart]
+    fine = [_finer(maps, one, shape) for one in apart]
     return [
         Found(Pose(one.pose.rotation_deg, _fine_px(one.pose.vertex_px, factor), um_per_px, mirrored), one.score)
         for one in sorted(fine, key=lambda one: -one.score)
@@ -134,13 +132,13 @@ def _factor(shape: tuple[int, ...], um_per_px: float, ideal: Ideal) -> int:
     return max(1, math.floor(by_lens), math.ceil(max(shape) / MOST_PX))
 
 
-def _finer(maps: "_Gradients", one: Found, ideal: Ideal) -> Found:
+def _finer(maps: "_Gradients", one: Found, shape: "_Template") -> Found:
     """The best pose at rotations between those that were tried."""
-    pose = one.pose
+    poses = [Pose(one.pose.rotation_deg + by, (0.0, 0.0), one.pose.um_per_px, one.pose.mirrored) for by in FINE_DEG]
     tried = [
-        Found(Pose(angle, (x, y), pose.um_per_px, pose.mirrored), score)
-        for angle in pose.rotation_deg + np.array(FINE_DEG)
-        for x, y, score in maps.peaks(ideal, angle, pose.um_per_px, pose.mirrored, near=pose.vertex_px)
+        Found(replace(pose, vertex_px=(x, y)), score)
+        for pose in poses
+        for x, y, score in maps.peaks(shape, pose, near=one.pose.vertex_px)
     ]
     return max(tried, key=lambda one: one.score, default=one)
 
@@ -159,6 +157,31 @@ def _apart(found: list[Found], least_px: float) -> list[Found]:
 def _differ(one: Pose, other: Pose, least_px: float) -> bool:
     turn = abs((one.rotation_deg - other.rotation_deg + 180.0) % 360.0 - 180.0)
     return math.dist(one.vertex_px, other.vertex_px) > least_px or turn > 30.0
+
+
+@dataclass(frozen=True)
+class _Template:
+    """The outline that is looked for: points (N, 2) a coarse pixel apart, their normals (N, 2) and weights (N,)."""
+
+    points_mm: Floats
+    normals: Floats
+    weights: Floats
+    apart_px: int
+
+    @classmethod
+    def of(cls, ideal: Ideal, um_per_px: float) -> "_Template":
+        parts = [(ideal.front_mm, 1.0)]
+        parts += [(wall, WALL_WEIGHT) for wall in (ideal.left_mm, ideal.right_mm) if len(wall) > 1]
+        points, normals, weights = [], [], []
+        for line, weight in parts:
+            arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+            wanted = np.arange(0.0, arc[-1], um_per_px / 1e3)
+            across = outward(line)
+            points.append(np.stack([np.interp(wanted, arc, line[:, i]) for i in (0, 1)], axis=1))
+            normals.append(np.stack([np.interp(wanted, arc, across[:, i]) for i in (0, 1)], axis=1))
+            weights.append(np.full(len(wanted), weight))
+        apart = max(4, int(0.1 * ideal.width_mm * 1e3 / um_per_px))
+        return cls(np.concatenate(points), np.concatenate(normals), np.concatenate(weights), apart)
 
 
 @dataclass(frozen=True)
@@ -182,23 +205,23 @@ class _Gradients:
         return cls(spectra, (rows, columns), padded)
 
     def peaks(
-        self, ideal: Ideal, angle: float, um_per_px: float, mirrored: bool, near: tuple[float, float] | None = None
+        self, shape: _Template, pose: Pose, near: tuple[float, float] | None = None
     ) -> Iterator[tuple[float, float, float]]:
-        """The best places (x, y) of the vertex at a rotation, with their scores."""
-        scores = self._scores(Pose(float(angle), (0.0, 0.0), um_per_px, mirrored), ideal)
+        """The best places (x, y) of the vertex at a pose's rotation, with their scores; one alone near a place."""
+        scores = self._scores(pose, shape)
         rows, columns = self.padded
-        least = max(4, int(0.1 * ideal.width_mm * 1e3 / um_per_px))
+        reach = np.arange(-shape.apart_px, shape.apart_px + 1)
         for _ in range(1 if near is not None else PEAKS):
             row, column = divmod(int(np.argmax(scores)), columns) if near is None else _nearby(scores, near)
             score = float(scores[row, column])
-            reach = np.arange(-least, least + 1)
             scores[np.ix_((row + reach) % rows, (column + reach) % columns)] = 0.0
             y, x = _unwrapped(row, rows, self.shape[0]), _unwrapped(column, columns, self.shape[1])
             yield float(x), float(y), score
 
-    def _scores(self, pose: Pose, ideal: Ideal) -> Floats:
+    def _scores(self, pose: Pose, shape: "_Template") -> Floats:
         """Sum of squared cosines for every place of the vertex, over the sum of weights."""
-        points, normals, weights = _sampled(ideal, pose)
+        points, normals = pose.to_px(shape.points_mm), pose.direction_px(shape.normals)
+        weights = shape.weights
         total = np.zeros(self.spectra[0].shape, dtype=np.complex128)
         products = (normals[:, 0] ** 2, normals[:, 0] * normals[:, 1], normals[:, 1] ** 2)
         at = np.rint(points).astype(int)
@@ -221,18 +244,3 @@ def _nearby(scores: Floats, near: tuple[float, float], reach: int = 4) -> tuple[
     part = scores[np.ix_(rows, columns)]
     row, column = np.unravel_index(int(np.argmax(part)), part.shape)
     return int(rows[row]), int(columns[column])
-
-
-def _sampled(ideal: Ideal, pose: Pose) -> tuple[Floats, Floats, Floats]:
-    """Places of the outline a pixel apart, relative to the vertex, their normals in the picture, and weights."""
-    parts = [(ideal.front_mm, 1.0)]
-    parts += [(wall, WALL_WEIGHT) for wall in (ideal.left_mm, ideal.right_mm) if len(wall) > 1]
-    points, normals, weights = [], [], []
-    for line, weight in parts:
-        arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        wanted = np.arange(0.0, arc[-1], pose.um_per_px / 1e3)
-        across = outward(line)
-        points.append(np.stack([np.interp(wanted, arc, line[:, i]) for i in (0, 1)], axis=1))
-        normals.append(np.stack([np.interp(wanted, arc, across[:, i]) for i in (0, 1)], axis=1))
-        weights.append(np.full(len(wanted), weight))
-    return pose.to_px(np.concatenate(points)), pose.direction_px(np.concatenate(normals)), np.concatenate(weights)

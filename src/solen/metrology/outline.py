@@ -8,7 +8,7 @@ that is the face on which the microscope was focused, usually the upper one, and
 The interface: `measure` gives an `Outline`: the edges, their points in the order of the front, the chosen one first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from scipy import ndimage
 from solen.errors import DataError, SpecError
 from solen.metrology.edge import LINES, Edge, fit_edge, fit_two_edges
 from solen.metrology.find import Found, Pose, find
-from solen.metrology.ideal import Ideal
+from solen.metrology.ideal import Ideal, outward
 from solen.metrology.image import Image
 from solen.metrology.register import Registration, register
 from solen.metrology.strip import Line, Strip, lines
@@ -37,9 +37,20 @@ MOST_PLACES = 2500
 SPACING_PX = 3.0
 SHARPER = 1.25
 """Ratio of blurs from which on one of two edges is in focus and the other is not."""
+USUAL_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
 """Blurs; edges nearer each other than these are fitted together."""
 RIVAL = 0.9
+SIDES = 0.8
+"""Ratio of rms distances above which it is not clear from which side a picture was taken."""
+WALL_FROM, WALL_REACH = 0.25, 0.3
+"""Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
+MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
+"""Factor of width from which on it is no print of the design, and the relative difference that is told."""
+MOST_RMS = 0.015
+"""Rms distance over the lens's width from which on it is no print of the design."""
+MOST_MISSING = 0.1
+"""Share of the front without an edge at an end of it that is told, and at both ends refused."""
 COARSEST_PX = 60
 """Pixels across the lens, at least."""
 
@@ -80,6 +91,8 @@ class Outline:
         From where to where the chosen edge was measured, lens coordinates.
     score
         Of the search (`solen.metrology.find`).
+    width_mm
+        Of the part right behind the front, from wall to wall; None where the picture or the design does not show both.
     warnings
         What cannot be concluded.
     """
@@ -88,6 +101,7 @@ class Outline:
     seen: float
     ends_x_mm: tuple[float, float]
     score: float
+    width_mm: float | None
     warnings: tuple[str, ...]
 
     @property
@@ -121,16 +135,20 @@ def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
     pose, strip, along = _lines(image, found.pose, ideal)
     seen = float(np.mean(strip.seen[:, len(strip.off_mm) // 2]))
     _check_seen(image, seen)
+    width = _width(image, pose, ideal)
     if not along:
         raise _none(image, ideal, "no edge runs along where its front would be")
     edges = _edges(image, pose, ideal, strip, along)
-    named, more = _named(edges, image, pose, ideal)
+    pose, more = _side(edges, pose, ideal)
+    named = _named(edges, image, pose, ideal)
     if not named:
         raise _none(image, ideal, f"less than {LEAST_KEPT:.0%} of its edge can be measured ({_why(edges)})")
     ordered, said = _ordered(named, choice)
+    _check_shape(image, ideal, ordered[0], width)
     x = ordered[0].registration.points_mm[:, 0]
     ends = (float(x.min()), float(x.max()))
-    return Outline(tuple(ordered), seen, ends, found.score, (*warnings, *more, *said, *_cropped(seen, ends)))
+    said += [*_cropped(seen, ends), *_ends(ordered[0].edge), *_wide(width, ideal)]
+    return Outline(tuple(ordered), seen, ends, found.score, width, (*warnings, *more, *said))
 
 
 def _check_scale(image: Image, ideal: Ideal) -> None:
@@ -203,7 +221,8 @@ def _edges(image: Image, pose: Pose, ideal: Ideal, strip: Strip, along: list[Lin
     if len(ordered) == 1:
         return [one(0)]
     blur = one(strongest).blur
-    if len(ordered) == 2 and np.isfinite(blur) and spaces[0] < OVERLAP * blur:
+    blur = blur if USUAL_BLUR_PX[0] < blur < USUAL_BLUR_PX[2] else USUAL_BLUR_PX[1]  # edges too near to tell it alone
+    if len(ordered) == 2 and spaces[0] < OVERLAP * blur:
         middle = off.mean(axis=0)
         contour = pose.to_px(points + normals * middle[:, None])
         at = ((off - middle) * px_per_mm).T
@@ -226,7 +245,7 @@ def _spaces(off: Floats, px_per_mm: float) -> list[float]:
     ]
 
 
-def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> tuple[list[NamedEdge], list[str]]:
+def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> list[NamedEdge]:
     """Edges of which enough can be measured, with names."""
     kept = [edge for edge in edges if _share(edge) >= LEAST_KEPT]
     scale = image.scale.u_um_per_px
@@ -239,7 +258,7 @@ def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> tuple[l
     else:
         names = (NAMES[0], *(f"middle {i}" for i in range(1, len(kept) - 1)), NAMES[1])
     sharpest = min((edge.blur for edge in kept), default=0.0)
-    named = [
+    return [
         NamedEdge(
             name,
             edge,
@@ -248,7 +267,18 @@ def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> tuple[l
         )
         for name, edge in zip(names, kept, strict=False)
     ]
-    return named, []
+
+
+def _side(edges: list[Edge], pose: Pose, ideal: Ideal) -> tuple[Pose, list[str]]:
+    """Pose from the side on which the edge lies best, where the design has two, and what is to be said of it."""
+    edge = max(edges, key=_share)
+    if ideal.is_symmetric or _share(edge) < LEAST_KEPT:
+        return pose, []
+    ways = [pose, replace(pose, mirrored=not pose.mirrored)]
+    laid = [register(edge.points_px[edge.kept], edge.u_px[edge.kept], way, ideal) for way in ways]
+    laid.sort(key=lambda one: one.rms_um)
+    said = f"the front lies as well on the design's mirror image ({laid[1].rms_um:.3g} and {laid[0].rms_um:.3g} µm rms)"
+    return laid[0].pose, [said] if laid[0].rms_um > SIDES * laid[1].rms_um else []
 
 
 def _share(edge: Edge) -> float:
@@ -280,6 +310,7 @@ def _mixed(first: Edge, second: Edge, swap: NDArray[np.bool_]) -> Edge:
         np.where(swap, second.u_px, first.u_px),
         np.where(swap, second.blur_px, first.blur_px),
         np.where(swap, second.rise, first.rise),
+        np.where(swap, second.inside, first.inside),
         np.where(swap, second.kept, first.kept),
         {reason: max(count, second.rejected.get(reason, 0)) for reason, count in first.rejected.items()},
     )
@@ -314,6 +345,62 @@ def _apart_um(one: NamedEdge, other: NamedEdge) -> float:
         return float("nan")
     px = np.sum((one.edge.points_px - other.edge.points_px) * one.edge.normals, axis=1)[both]
     return float(np.median(np.abs(px))) * one.registration.pose.um_per_px
+
+
+def _width(image: Image, pose: Pose, ideal: Ideal) -> float | None:
+    """Width of the part from wall to wall; the front says nothing about it where its scale is in doubt."""
+    total = ideal.width_mm
+    for wall, side in ((ideal.left_mm, -1.0), (ideal.right_mm, 1.0)):
+        if len(wall) < 2:
+            return None
+        arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(wall, axis=0).T))])
+        far = arc > WALL_FROM * arc[-1]  # past the corner
+        strip = Strip.along(
+            image.grey, pose, arc[far], wall[far], side * outward(wall)[far], WALL_REACH * ideal.width_mm
+        )
+        if np.mean(strip.seen[:, len(strip.off_mm) // 2]) < LEAST_SEEN or not (found := lines(strip, most=1)):
+            return None
+        total += float(np.median(found[0].off_mm[found[0].shown]))
+    return total
+
+
+def _check_shape(image: Image, ideal: Ideal, chosen: NamedEdge, width: float | None) -> None:
+    """`DataError` where what was found is too unlike the design to be a print of it at this scale."""
+    laid = chosen.registration
+    missing = _missing(chosen.edge)
+    why = ""
+    if width is not None and abs(np.log(width / ideal.width_mm)) > np.log(MOST_WIDTH):
+        why = f"the part is {width:.3g} mm wide behind the front, and the design {ideal.width_mm:.3g} mm"
+    elif laid.rms_um > MOST_RMS * 1e3 * ideal.width_mm:
+        why = f"the best place leaves {laid.rms_um:.3g} µm (rms)"
+    elif min(missing) > MOST_MISSING:
+        why = f"its edge ends {missing[0]:.0%} and {missing[1]:.0%} before the ends of the front"
+    if why:
+        raise _none(image, ideal, why)
+
+
+def _missing(edge: Edge) -> tuple[float, float]:
+    """Shares of the front at its left and right end that the picture shows and that have no edge."""
+    at = np.flatnonzero(edge.kept)
+    shown = np.flatnonzero(edge.inside)
+    return (max(float(at[0] - shown[0]), 0.0) / len(edge.kept), max(float(shown[-1] - at[-1]), 0.0) / len(edge.kept))
+
+
+def _ends(edge: Edge) -> list[str]:
+    return [
+        f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
+        for share, side in zip(_missing(edge), ("left", "right"), strict=True)
+        if share > MOST_MISSING
+    ]
+
+
+def _wide(width: float | None, ideal: Ideal) -> list[str]:
+    if width is None or abs(width / ideal.width_mm - 1.0) < ODD_WIDTH:
+        return []
+    return [
+        f"the part is {width:.3f} mm wide right behind the front where the design has {ideal.width_mm:.3f} mm "
+        f"({100.0 * (width / ideal.width_mm - 1.0):+.1f} %): the scale is off, or the print is"
+    ]
 
 
 def _cropped(seen: float, ends: tuple[float, float]) -> list[str]:

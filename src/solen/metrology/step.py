@@ -26,6 +26,34 @@ NARROWER = 0.3
 
 
 @dataclass(frozen=True)
+class Usual:
+    """What lines of one edge have in common, known beforehand as with normal distributions.
+
+    Attributes
+    ----------
+    log_blur, u_log_blur
+        Shape (K,): natural logarithm of the edges' blurs, and its standard deviation from line to line.
+    slope_per_px, u_slope_per_px
+        Slope of the background, and its standard deviation.
+    noise
+        Standard deviation of a grey value, by which these are weighed against the values.
+    """
+
+    log_blur: Floats
+    u_log_blur: float
+    slope_per_px: float
+    u_slope_per_px: float
+    noise: float
+
+    def of(self, parameters: int) -> tuple[Floats, Floats]:
+        """Expected parameters (P,) and weights (P,) in units of the grey values."""
+        expected, weight = np.zeros(parameters), np.zeros(parameters)
+        expected[1], weight[1] = self.slope_per_px, self.noise / max(self.u_slope_per_px, 1e-12)
+        expected[4::3], weight[4::3] = self.log_blur, self.noise / self.u_log_blur
+        return expected, weight
+
+
+@dataclass(frozen=True)
 class Steps:
     """Fits of N lines with K edges each.
 
@@ -55,7 +83,14 @@ class Steps:
     settled: NDArray[np.bool_]
 
 
-def fit_steps(t_px: Floats, values: Floats, at_px: Floats, blur_px: float, use: NDArray[np.bool_]) -> Steps:
+def fit_steps(
+    t_px: Floats,
+    values: Floats,
+    at_px: Floats,
+    blur_px: float | Floats,
+    use: NDArray[np.bool_],
+    usual: Usual | None = None,
+) -> Steps:
     """Fit the steps of N lines.
 
     Parameters
@@ -67,22 +102,25 @@ def fit_steps(t_px: Floats, values: Floats, at_px: Floats, blur_px: float, use: 
     at_px
         Shape (N, K), first guesses of the edges.
     blur_px
-        First guess of the blur.
+        First guess of the blur, of all edges or of each (K,).
     use
         Shape (N, M): which values are fitted; at least 2 + 3 K + 1 of each line.
+    usual
+        What is known of blurs and slope before; without it each line stands alone.
     """
     weight = use.astype(np.float64)
     values = np.where(use, values, 0.0)
-    parameters = _start(t_px, values, at_px, blur_px, weight)
+    parameters = _start(t_px, values, at_px, np.broadcast_to(blur_px, at_px.shape[1]), weight)
+    expected, stiff = (np.zeros(parameters.shape[1]),) * 2 if usual is None else usual.of(parameters.shape[1])
     damping = np.full(len(values), 1e-3)
     residual, jacobian = _model(t_px, values, parameters, weight)
-    cost = np.sum(residual**2, axis=1)
+    cost = np.sum(residual**2, axis=1) + np.sum((stiff * (parameters - expected)) ** 2, axis=1)
     settled = np.zeros(len(values), dtype=bool)
     for _ in range(ROUNDS):
-        step = _step(parameters, jacobian, residual, damping)
+        step = _step(parameters, jacobian, residual, damping, expected, stiff)
         trial = _limited(parameters, step, t_px)
         new_residual, new_jacobian = _model(t_px, values, trial, weight)
-        new_cost = np.sum(new_residual**2, axis=1)
+        new_cost = np.sum(new_residual**2, axis=1) + np.sum((stiff * (trial - expected)) ** 2, axis=1)
         better = new_cost <= cost
         moved = np.max(np.abs(trial[:, 3::3] - parameters[:, 3::3]), axis=1)
         settled |= moved < SETTLED_PX
@@ -93,13 +131,13 @@ def fit_steps(t_px: Floats, values: Floats, at_px: Floats, blur_px: float, use: 
         damping = np.clip(np.where(better, 0.3 * damping, 8.0 * damping), 1e-9, 1e9)
         if settled.all():
             break
-    return _steps(parameters, jacobian, cost, weight, settled)
+    return _steps(parameters, jacobian, np.sum(residual**2, axis=1), weight, settled, stiff)
 
 
-def _start(t: Floats, values: Floats, at: Floats, blur: float, weight: Floats) -> Floats:
+def _start(t: Floats, values: Floats, at: Floats, blur: Floats, weight: Floats) -> Floats:
     """First parameters: levels and rises by linear least squares at the guessed places and blur."""
     count, edges = at.shape
-    shape = 0.5 * (1.0 + erf((t[None, None, :] - at[:, :, None]) / (np.sqrt(2.0) * blur)))
+    shape = 0.5 * (1.0 + erf((t[None, None, :] - at[:, :, None]) / (np.sqrt(2.0) * blur[:, None])))
     columns = np.concatenate([np.ones((count, 1, len(t))), shape], axis=1) * weight[:, None, :]
     normal = np.einsum("nim,njm->nij", columns, columns) + 1e-9 * np.eye(edges + 1)
     found = np.linalg.solve(normal, np.einsum("nim,nm->ni", columns, values)[..., None])[..., 0]
@@ -124,22 +162,24 @@ def _model(t: Floats, values: Floats, parameters: Floats, weight: Floats) -> tup
     return (values - model) * weight, jacobian * weight[..., None]
 
 
-def _normal(jacobian: Floats, damping: Floats) -> Floats:
-    """Normal matrices (N, P, P), their diagonals raised by a fraction."""
-    normal = np.einsum("nmi,nmj->nij", jacobian, jacobian)
+def _normal(jacobian: Floats, damping: Floats, stiff: Floats) -> Floats:
+    """Normal matrices (N, P, P) with what is known before, their diagonals raised by a fraction."""
+    normal = np.matmul(np.swapaxes(jacobian, 1, 2), jacobian) + np.diag(stiff**2)
     diagonal = np.einsum("nii->ni", normal)
     floor = 1e-12 * (1.0 + diagonal.max(axis=1, keepdims=True))
     extra = damping[:, None] * diagonal + floor
     return np.asarray(normal + extra[:, :, None] * np.eye(normal.shape[1]))
 
 
-def _step(parameters: Floats, jacobian: Floats, residual: Floats, damping: Floats) -> Floats:
+def _step(
+    parameters: Floats, jacobian: Floats, residual: Floats, damping: Floats, expected: Floats, stiff: Floats
+) -> Floats:
     """Steps (N, P); a blur at its limit that would go beyond stays there, or what depends on it would never settle."""
-    gradient = np.einsum("nmi,nm->ni", jacobian, residual)
+    gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
     blur, way = parameters[:, 4::3], gradient[:, 4::3]
     held[:, 4::3] = (blur <= np.log(LEAST_BLUR_PX)) & (way < 0.0) | (blur >= np.log(MOST_BLUR_PX)) & (way > 0.0)
-    normal = _normal(np.where(held[:, None, :], 0.0, jacobian), damping)
+    normal = _normal(np.where(held[:, None, :], 0.0, jacobian), damping, stiff)
     return np.asarray(np.linalg.solve(normal, np.where(held, 0.0, gradient)[..., None])[..., 0])
 
 
@@ -152,10 +192,12 @@ def _limited(parameters: Floats, step: Floats, t: Floats) -> Floats:
     return trial
 
 
-def _steps(parameters: Floats, jacobian: Floats, cost: Floats, weight: Floats, settled: NDArray[np.bool_]) -> Steps:
+def _steps(
+    parameters: Floats, jacobian: Floats, cost: Floats, weight: Floats, settled: NDArray[np.bool_], stiff: Floats
+) -> Steps:
     freedom = np.maximum(weight.sum(axis=1) - parameters.shape[1], 1.0)
     variance = cost / freedom
-    covariance = np.linalg.inv(_normal(jacobian, np.zeros(len(cost))))
+    covariance = np.linalg.inv(_normal(jacobian, np.zeros(len(cost)), stiff))
     spread = np.sqrt(np.maximum(np.einsum("nii->ni", covariance)[:, 3::3] * variance[:, None], 0.0))
     return Steps(
         at_px=parameters[:, 3::3],

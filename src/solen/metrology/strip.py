@@ -23,10 +23,13 @@ SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
 JUMP = 2
 """Pixels by which a line may move aside from one place to the next."""
 JUMP_COST = 0.08
-APART = 3.5
-"""Smoothing widths between two lines, at least."""
+APART, APART_OTHER = 3.5, 1.0
+"""Smoothing widths between two lines, at least: of one sign, and of two, as on both sides of a narrow dark band."""
+FLANK = 3
+"""Pixels to each side at which the change must be less than on a line."""
 MOST_LINES = 4
-LEAST_COVERED = 0.5
+LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
+"""Share of the places at which the first line, and a further one, must stand out; two lines may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
 """Change across a further line over that of the first."""
@@ -56,11 +59,15 @@ class Strip:
     @classmethod
     def of(cls, grey: Floats, pose: Pose, ideal: Ideal, reach_mm: float) -> "Strip":
         """Strip of a picture, ``reach_mm`` to each side of the front."""
+        arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
+        return cls.along(grey, pose, arc, *ideal.at(arc), reach_mm)
+
+    @classmethod
+    def along(cls, grey: Floats, pose: Pose, arc: Floats, points: Floats, normals: Floats, reach_mm: float) -> "Strip":
+        """Strip along any points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
         reach_px = reach_mm * 1e3 / pose.um_per_px
         factor = max(1, int(reach_px / ACROSS))
         coarse = binned(grey, factor)
-        arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
-        points, normals = ideal.at(arc)
         off_px = np.arange(-np.ceil(reach_px / factor), np.ceil(reach_px / factor) + 0.5) * factor
         places, ways = pose.to_px(points), pose.direction_px(normals)
         x, y = ((places[:, i : i + 1] + ways[:, i : i + 1] * off_px - 0.5 * (factor - 1)) / factor for i in (0, 1))
@@ -107,16 +114,17 @@ def lines(strip: Strip, most: int = MOST_LINES) -> list[Line]:
         return []
     noise = 1.4826 * float(np.median(np.abs(strip.change[strip.seen])))
     scale = float(np.median(np.abs(strip.change).max(axis=1))) + 1e-12
-    free = strip.seen.copy()
+    free = {rising: strip.seen.copy() for rising in (True, False)}
     found: list[Line] = []
     while len(found) < most:
-        both = [_line(strip, rising, free, scale, noise, found) for rising in (True, False)]
+        both = [_line(strip, rising, free[rising], scale, noise, found) for rising in (True, False)]
         best = max(both, key=lambda line: line.covered * line.strength)
-        if best.covered < LEAST_COVERED:
+        if best.covered < (LEAST_COVERED_FURTHER if found else LEAST_COVERED):
             break
         found.append(best)
         away = np.abs(strip.off_mm[None, :] - best.off_mm[:, None])
-        free &= away > APART * SMOOTH_ACROSS * strip.step_mm
+        for rising, places in free.items():
+            places &= away > (APART if rising == best.rising else APART_OTHER) * SMOOTH_ACROSS * strip.step_mm
     return found
 
 
@@ -125,8 +133,9 @@ def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, b
     change = np.where(free, strip.change if rising else -strip.change, 0.0)
     gain = np.maximum(change, 0.0)
     path = best_path(gain / (gain + scale))
+    gain = np.maximum(strip.change if rising else -strip.change, 0.0)
     along = np.arange(len(path))
-    own = change[along, path]
+    own = np.where(_peaks(gain, path), change[along, path], 0.0)
     least = max(LEAST_SNR * noise, FAINTEST * before[0].strength if before else 0.0)
     shown = own > least
     seen = strip.seen[along, path]
@@ -135,20 +144,29 @@ def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, b
     return Line(strip.off_mm[path], rising, strength, covered, shown)
 
 
+def _peaks(gain: Floats, path: NDArray[np.intp]) -> Flags:
+    """Where a line stands on a maximum across, and not on the flank of the broader line beside it."""
+    along, last = np.arange(len(path)), gain.shape[1] - 1
+    own = gain[along, path]
+    sides = [gain[along, np.clip(path + side * FLANK, 0, last)] for side in (-1, 1)]
+    return np.asarray((own >= sides[0]) & (own >= sides[1]))
+
+
 def best_path(gain: Floats) -> NDArray[np.intp]:
     """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
     rows, columns = gain.shape
-    moves = np.arange(-JUMP, JUMP + 1)
-    came = np.zeros((rows, columns), dtype=np.int8)
-    total = gain[0].copy()
+    cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
+    came = np.zeros((rows, columns), dtype=np.intp)
+    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; nothing comes from beyond the strip
+    total, near = padded[JUMP:-JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * JUMP + 1)
+    total[:] = gain[0]
+    every = np.arange(columns)
     for row in range(1, rows):
-        padded = np.pad(total, JUMP, constant_values=-np.inf)
-        reached = np.stack([padded[JUMP + move : JUMP + move + columns] - JUMP_COST * abs(move) for move in moves])
-        best = np.argmax(reached, axis=0)
-        came[row] = moves[best]
-        total = reached[best, np.arange(columns)] + gain[row]
+        reached = near - cost
+        came[row] = reached.argmax(axis=1)
+        total[:] = reached[every, came[row]] + gain[row]
     path = np.zeros(rows, dtype=np.intp)
     path[-1] = int(np.argmax(total))
     for row in range(rows - 1, 0, -1):
-        path[row - 1] = path[row] + came[row, path[row]]
+        path[row - 1] = path[row] + came[row, path[row]] - JUMP
     return path

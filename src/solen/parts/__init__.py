@@ -1,6 +1,7 @@
-"""Parts: what datasheets say of emitters, receivers, converters and trimmers, and what a design's emitter is.
+"""Parts: what datasheets say of emitters, receivers, converters, trimmers and printers, and what an emitter is.
 
-`solen.parts.datasheet` holds the files and the library, `solen.parts.light` a design's emitter with the part it names.
+`solen.parts.datasheet` holds the files and the library, `solen.parts.light` a design's emitter with the part it names,
+`solen.parts.printer` the printers.
 """
 
 from solen.parts.datasheet import (
@@ -18,6 +19,7 @@ from solen.parts.datasheet import (
     load_part,
 )
 from solen.parts.light import Light, light_of
+from solen.parts.printer import Printer, library_printer, load_printer, printer_of, printers
 
 __all__ = [
     "AdcPart",
@@ -26,12 +28,17 @@ __all__ = [
     "Light",
     "Part",
     "PatternPart",
+    "Printer",
     "Quantity",
     "ReceiverPart",
     "SpectrumPart",
     "TrimmerPart",
     "library",
     "library_part",
+    "library_printer",
     "light_of",
     "load_part",
+    "load_printer",
+    "printer_of",
+    "printers",
 ]

@@ -3,7 +3,6 @@
 Everything is made in memory first and then written at once, so a design that cannot be made leaves nothing behind.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,8 +11,11 @@ from solen import fabricate, files
 from solen.errors import OutputError, SpecError
 from solen.fabricate import Label, Mesh, Part
 from solen.geometry import Body
+from solen.pipeline import layers as printing
 from solen.pipeline.design import open_design
+from solen.pipeline.names import stem_of
 from solen.pipeline.outputs import check_figure
+from solen.pipeline.slicing import Slicing
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -42,6 +44,8 @@ def export(
     *,
     tolerance_mm: float = 1e-3,
     figure: Path | None = None,
+    slicing: Slicing | None = None,
+    progress: printing.Progress = lambda _: None,
 ) -> dict[str, Any]:
     """Write a design's solid and drawings into a folder.
 
@@ -52,13 +56,17 @@ def export(
     out
         Folder for them, made if need be; files of the same names are replaced.
     formats
-        Some of `FORMATS`; none stands for `USUAL`.
+        Some of `FORMATS`; none stands for `USUAL`, and with ``slicing`` for none.
     assignments
         ``key=value`` of the design.
     tolerance_mm
         How far a mesh may leave the exact walls.
     figure
         Draw the solid into this file.
+    slicing
+        Cut the part into layers, too.
+    progress
+        Told the share of the layers that is done.
 
     Raises
     ------
@@ -66,7 +74,7 @@ def export(
         Where the design cannot be made, an extra is missing, or a file cannot be written; nothing is written then.
     """
     check_figure(figure)
-    chosen = tuple(kind for kind in FORMATS if kind in (formats or USUAL))
+    chosen = tuple(kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ())))
     for kind in chosen:
         NEEDS.get(kind, lambda: None)()
     design = open_design(path, assignments)
@@ -76,7 +84,7 @@ def export(
     found = _told(design, part, body, mesh, chosen)
     label = fabricate.label_of(design, _about(design, part))
     with files.output_folder(out):
-        targets = {kind: out / (_stem(path) + ENDINGS.get(kind, f".{kind}")) for kind in chosen}
+        targets = {kind: out / (stem_of(path) + ENDINGS.get(kind, f".{kind}")) for kind in chosen}
         if figure is not None and figure.resolve() in {target.resolve() for target in targets.values()}:
             raise OutputError(str(figure), limit="is a file of the export too", remedy="rename the figure")
         contents: dict[Path, files.Content] = {}
@@ -84,9 +92,17 @@ def export(
             contents[target] = _made(kind, part, body, mesh, label)
         if figure is not None and mesh is not None:
             contents[figure] = _drawn(part, mesh, figure)
+        run = None
+        if slicing is not None:
+            made = printing.made_of(design, part, label, path, slicing)
+            run = printing.prepared(made, slicing, out, stem_of(path), progress=progress)
+            contents |= run.contents()
         files.write_all(contents)
     named = {kind: str(target) for kind, target in targets.items()}
     found |= {"sha256": label.sha256, "files": named, "design": str(path)}
+    if run is not None:
+        found["layers"] = run.found()
+        found["warnings"] += found["layers"]["warnings"]
     return found | ({} if figure is None else {"figure": str(figure)})
 
 
@@ -106,11 +122,6 @@ def _drawn(part: Part, mesh: Mesh, figure: Path) -> bytes:
     from solen.report.fabricate import solid_figure
 
     return canvas.encoded(solid_figure(part, mesh), figure.suffix.lower(), "solid")
-
-
-def _stem(path: Path) -> str:
-    """Name of the design's file as one that every system takes."""
-    return re.sub(r'[<>:"/\\|?*\s]+', "-", path.stem) or "part"
 
 
 def _about(design: Design, part: Part) -> str:

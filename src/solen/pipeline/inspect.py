@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from solen import files
 from solen.curve import Curve
@@ -174,9 +175,9 @@ def _told(image: Image, design: Design, outline: Outline, rivals: Sequence[Rival
         "scale": image.scale.as_dict(),
         "edge": chosen.name,
         "rotation_deg": (laid.pose.rotation_deg + 180.0) % 360.0 - 180.0,
-        "u_rotation_deg": laid.u_rotation_deg,
+        "u_rotation_deg": float(np.hypot(laid.u_rotation_deg, _bias_deg(laid, image))),
         "vertex_px": list(laid.pose.vertex_px),
-        "u_shift_um": list(laid.u_shift_um),
+        "u_shift_um": [float(np.hypot(u, EDGE_BIAS_PX * image.um_per_px)) for u in laid.u_shift_um],
         "mirrored": laid.pose.mirrored,
         "blur_px": chosen.edge.blur,
         "contrast": chosen.edge.contrast,
@@ -184,7 +185,8 @@ def _told(image: Image, design: Design, outline: Outline, rivals: Sequence[Rival
         "points_rejected": {reason: count for reason, count in chosen.edge.rejected.items() if count},
         "seen": outline.seen,
         "measured_x_mm": list(outline.ends_x_mm),
-        "deviation_um": deviation(laid, image),
+        "deviation_um": deviation(chosen, image),
+        "width_mm": outline.width_mm,
         "scale_check": {
             "factor": laid.scale_factor,
             "u_factor": laid.u_scale_factor,
@@ -203,21 +205,36 @@ def _told(image: Image, design: Design, outline: Outline, rivals: Sequence[Rival
     }
 
 
-def deviation(laid: Registration, image: Image) -> dict[str, Any]:
-    """Numbers of the deviations in µm, positive where the print stands out of the design, with their uncertainty."""
+def _bias_deg(laid: Registration, image: Image) -> float:
+    """Rotation that an edge's bias, of one sign on the left and of the other on the right, makes."""
+    return float(np.degrees(2e-3 * EDGE_BIAS_PX * image.um_per_px / max(np.ptp(laid.points_mm[:, 0]), 1e-9)))
+
+
+def deviation(chosen: NamedEdge, image: Image) -> dict[str, Any]:
+    """Numbers of the deviations in µm, positive where the print stands out of the design, with their uncertainty.
+
+    The root mean square of a perfect print would be that of the edges' own scatter: ``rms_beyond_noise`` is without
+    it, and ``u_rms`` reaches that far. The largest of many deviations is the one that scatter made largest: the
+    interval of the maximum holds for all places at once.
+    """
+    laid = chosen.registration
     off, u_scale = laid.off_um, _u_scale(image)
+    scatter_um = chosen.edge.u_px[chosen.edge.kept][laid.used] * image.um_per_px
     bias = EDGE_BIAS_PX * image.um_per_px
     rms = laid.rms_um
     by_scale = float(np.mean(off * laid.by_scale_um)) / max(rms, 1e-9)
     noise = float(np.sqrt(np.mean(laid.u_um**2) / max(laid.independent, 1.0)))
     worst = int(np.argmax(np.abs(off)))
     u_max = float(np.hypot(laid.u_um[worst], bias))
+    beyond = float(np.sqrt(max(rms**2 - float(np.mean(scatter_um**2)), 0.0)))
+    of_all = float(ndtri(1.0 - 0.025 / len(off)))
     return {
         "rms": rms,
-        "u_rms": float(np.sqrt(noise**2 + (by_scale * u_scale) ** 2 + bias**2)),
+        "u_rms": float(np.sqrt(noise**2 + (by_scale * u_scale) ** 2 + bias**2 + (rms - beyond) ** 2)),
+        "rms_beyond_noise": beyond,
         "max": float(off[worst]),
         "u_max": u_max,
-        "max_interval95": [float(off[worst]) - 1.96 * u_max, float(off[worst]) + 1.96 * u_max],
+        "max_interval95": [float(off[worst]) - of_all * u_max, float(off[worst]) + of_all * u_max],
         "max_at_x_mm": float(laid.points_mm[worst, 0]),
         "mean": float(np.mean(off)),
         "highest": float(off.max()),
@@ -274,7 +291,7 @@ def _about(image: Image, laid: Registration) -> list[str]:
     if off > 0.01 and off > 3.0 * laid.u_scale_factor:
         found.append(
             f"the outline would lie better on the design were it {100.0 * (laid.scale_factor - 1.0):+.2f} % larger: "
-            "the scale is off, or the print's curvature; this picture cannot tell which"
+            "the scale is off, or the print's curvature, or it lies tilted; this picture cannot tell which"
         )
     return found
 

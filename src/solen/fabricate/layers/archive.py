@@ -1,0 +1,98 @@
+"""A ZIP of layers: a PNG for each, and a job.json that says what they are, how long each is lit and whence they come.
+
+Pictures go into the archive as they are made. They are compressed already, so the archive stores them; entries have no
+date. job.json is written last, as the areas are known then.
+"""
+
+import json
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from solen.fabricate.label import WRITER
+from solen.fabricate.layers.job import Job, Layer
+from solen.fabricate.layers.png import as_png
+from solen.fabricate.meshfiles import NO_DATE
+
+JOB_SCHEMA = 1
+JOB_NAME = "job.json"
+RULE = (
+    "grey value / 255 is the share of the pixel's square that the solid covers at the middle of the layer's height; "
+    "a last layer that is filled by less than half is left out"
+)
+VIEW = "from above onto the plate, X to the right, Y upwards: the first row has the largest Y"
+
+Watch = Callable[[Layer], object]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a stack of layers came to: volume in mm³, areas in mm² of the first layer and of the largest, and islands.
+
+    ``islands`` are (number of the layer, pieces in it) that begin with nothing below them.
+    """
+
+    layers: int
+    volume_mm3: float
+    first_mm2: float
+    largest_mm2: float
+    islands: tuple[tuple[int, int], ...]
+
+
+def write_archive(target: Path, job: Job, about: dict[str, Any], watch: Watch = lambda _: None) -> Summary:
+    """Write a job's layers; ``about`` is what job.json says beside them, ``watch`` sees each layer."""
+    rows: list[dict[str, Any]] = []
+    islands = []
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+        last: Layer | None = None
+        data = b""
+        for layer in job.layers():
+            if last is None or layer.image is not last.image:
+                data = as_png(layer.image, job.printer.pitch_mm)
+            name = f"layers/{layer.index + 1:05d}.png"
+            archive.writestr(zipfile.ZipInfo(name, NO_DATE), data)
+            rows.append({"file": name} | _row(layer))
+            if layer.islands:
+                islands.append((layer.index, layer.islands))
+            last = layer
+            watch(layer)
+        areas = [row["area_mm2"] for row in rows]
+        summary = Summary(len(rows), sum(areas) * job.layer_mm, areas[0], max(areas), tuple(islands))
+        entry = zipfile.ZipInfo(JOB_NAME, NO_DATE)
+        entry.compress_type = zipfile.ZIP_DEFLATED
+        text = json.dumps(_described(job, summary, about) | {"layers": rows}, indent=1, allow_nan=False)
+        archive.writestr(entry, f"{text}\n")
+    return summary
+
+
+def _row(layer: Layer) -> dict[str, Any]:
+    return {
+        "from_mm": round(layer.from_mm, 9),
+        "to_mm": round(layer.to_mm, 9),
+        "exposure_s": layer.exposure_s,
+        "dose_mJ_per_cm2": round(layer.dose_mJ_per_cm2, 9),
+        "area_mm2": layer.area_mm2,
+        "islands": layer.islands,
+    }
+
+
+def _described(job: Job, summary: Summary, about: dict[str, Any]) -> dict[str, Any]:
+    rows, columns = job.printer.shape
+    return {
+        "solen_layers": JOB_SCHEMA,
+        "writer": WRITER,
+        **about,
+        "rule": RULE,
+        "view": VIEW,
+        "mirror": job.mirror,
+        "printer": job.printer.name,
+        "pitch_mm": job.printer.pitch_mm,
+        "pixels": {"columns": columns, "rows": rows},
+        "layer_mm": job.layer_mm,
+        "copies_mm": [list(place) for place in job.places_mm],
+        "size_mm": list(job.solid.size_mm),
+        "solid_volume_mm3": job.volume_mm3,
+        "stack_volume_mm3": summary.volume_mm3,
+    }

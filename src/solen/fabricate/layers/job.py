@@ -1,0 +1,250 @@
+"""A print job: copies of a solid on a printer's plate, layer by layer.
+
+The part's own origin stands on a corner of four pixels, and copies are whole pixels apart: a sensor, whose origin is
+the lens' vertex, stays symmetric about its axis, what was drawn on a grid of pixels stays on it, and every copy is
+drawn by the same pixels in the same way. All of them together lie about the middle of the plate.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError, SpecError
+from solen.fabricate.layers.exposure import Exposure
+from solen.fabricate.layers.solid import Rings, Solid
+from solen.fabricate.raster import FULL, coverage_bytes
+from solen.parts.printer import Printer, library_printer, printers
+
+Bytes = NDArray[np.uint8]
+
+MIRRORS = ("none", "x", "y")
+MOST_COPIES = 10_000
+EXACT = 1e-6
+"""Share of a layer or of a pixel by which rounding may be off."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer: number from 0, heights above the plate, exposure, dose at the window, and picture.
+
+    ``image`` (rows, columns) has the largest Y in its first row; layers that are the same share one array.
+    ``area_mm2`` is the sum of covered shares of all copies. ``islands`` counts pieces of a copy that have nothing of
+    the layer before below them.
+    """
+
+    index: int
+    from_mm: float
+    to_mm: float
+    exposure_s: float
+    dose_mJ_per_cm2: float
+    image: Bytes
+    area_mm2: float
+    islands: int
+
+
+@dataclass(frozen=True)
+class Job:
+    """Copies of a solid on a printer, checked as it is made.
+
+    ``layer_um`` is the thickness of a layer, ``gap_mm`` what is left between copies. ``mirror`` flips the pictures
+    along X or Y, for printers that show them so.
+
+    Raises
+    ------
+    SpecError
+        Where the printer cannot make such layers, or an option is out of its range.
+    DesignError
+        Where the solid has no layer, or it and its copies do not fit on the printer.
+    """
+
+    solid: Solid
+    printer: Printer
+    layer_um: float = 25.0
+    exposure: Exposure = Exposure()  # noqa: RUF009  frozen
+    copies: int = 1
+    gap_mm: float = 2.0
+    mirror: str = "none"
+
+    def __post_init__(self) -> None:
+        least, most = self.printer.layers_um
+        if not least <= self.layer_um <= most:
+            limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
+            raise SpecError("--layer-um", value=self.layer_um, limit=limit, remedy="choose one, or another printer")
+        if not 1 <= self.copies <= MOST_COPIES:
+            raise SpecError("--copies", value=self.copies, limit=f"must be from 1 to {MOST_COPIES}")
+        if not 0.0 <= self.gap_mm <= 1e3:
+            raise SpecError("--gap-mm", value=self.gap_mm, limit="must be from 0 to 1000 mm")
+        if self.mirror not in MIRRORS:
+            raise SpecError("--mirror", value=self.mirror, limit=f"must be one of {', '.join(MIRRORS)}")
+        if self.count < 1:
+            height = f"{self.solid.size_mm[2] * 1e3:.4g} µm high"
+            limit = f"has no layer of {self.layer_um:g} µm: half of one at least"
+            raise DesignError("part", value=height, limit=limit, remedy="make it thicker, or its layers thinner")
+        self._check_size()
+
+    @property
+    def layer_mm(self) -> float:
+        """Thickness of a layer."""
+        return self.layer_um / 1000.0
+
+    @property
+    def count(self) -> int:
+        """Number of layers: those whose middle lies in the solid."""
+        return math.ceil(self.solid.size_mm[2] / self.layer_mm + 0.5 - EXACT) - 1
+
+    @property
+    def height_mm(self) -> float:
+        """Height of the stack."""
+        return self.count * self.layer_mm
+
+    @property
+    def volume_mm3(self) -> float:
+        """Volume of the solid's copies together."""
+        return self.copies * self.solid.volume_mm3
+
+    @property
+    def seconds(self) -> float | None:
+        """Time of exposures and pauses together; None where the printer's pause is not known."""
+        pause = self.printer.pause_s
+        return None if pause is None else self.exposure.total_s(self.count) + self.count * pause.usual
+
+    @property
+    def tile(self) -> tuple[int, int]:
+        """Rows and columns of pixels that one copy is drawn in."""
+        (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
+        rows, columns = (math.ceil(reach / self.printer.pitch_mm - EXACT) for reach in (y - low, x - left))
+        return max(rows, 1), max(columns, 1)
+
+    @property
+    def tile_from_mm(self) -> tuple[float, float]:
+        """X and Y, in the solid's own, at which the first pixel of a copy's tile begins: less than one before it."""
+        shifts = [origin / self.printer.pitch_mm for origin in self.solid.origin_mm]
+        left, low = ((shift - math.ceil(shift - EXACT)) * self.printer.pitch_mm for shift in shifts)
+        return left, low
+
+    @cached_property
+    def corners(self) -> tuple[tuple[int, int], ...]:
+        """Row and column, counted from the lower left, of the first pixel of each copy's tile."""
+        rows, columns = self._grid
+        steps = tuple(size + self._gap for size in self.tile)
+        used = (rows * steps[0] - self._gap, columns * steps[1] - self._gap)
+        starts = tuple((whole - part) // 2 for whole, part in zip(self.printer.shape, used, strict=True))
+        places = [divmod(number, columns) for number in range(self.copies)]
+        return tuple((starts[0] + row * steps[0], starts[1] + column * steps[1]) for row, column in places)
+
+    @property
+    def places_mm(self) -> tuple[tuple[float, float], ...]:
+        """X and Y of the middle of each copy from the middle of the plate, before the pictures are mirrored."""
+        pitch, (rows, columns) = self.printer.pitch_mm, self.printer.shape
+        (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
+        return tuple(
+            ((column - 0.5 * columns) * pitch - left + 0.5 * x, (row - 0.5 * rows) * pitch - low + 0.5 * y)
+            for row, column in self.corners
+        )
+
+    def layers(self) -> Iterator[Layer]:
+        """Layers from the plate on, each made when it is asked for."""
+        known: int | None = None
+        tile: Bytes | None = None
+        image, shares = np.zeros(self.printer.shape, np.uint8), 0.0
+        for index in range(self.count):
+            number, rings = self.solid.section((index + 0.5) * self.layer_mm)
+            if tile is not None and number is not None and number == known:
+                islands = 0
+            else:
+                drawn = self._drawn(rings)
+                islands = 0 if tile is None else islands_over(drawn, tile)
+                if tile is None or not np.array_equal(drawn, tile):
+                    tile, image, shares = drawn, self._placed(drawn), float(drawn.sum(dtype=np.int64)) / FULL
+            known = number
+            yield self._layer(index, image, self.copies * shares * self.printer.pitch_mm**2, islands)
+
+    def first_copy(self, image: Bytes) -> Bytes:
+        """The first copy in a layer's picture, rows upwards, as it was before it was mirrored."""
+        seen = {"none": image, "x": image[:, ::-1], "y": image[::-1]}[self.mirror][::-1]
+        (row, column), (rows, columns) = self.corners[0], self.tile
+        return seen[row : row + rows, column : column + columns]
+
+    def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:
+        heights = (index * self.layer_mm, (index + 1) * self.layer_mm)
+        return Layer(index, *heights, self.exposure.seconds(index), self.exposure.dose(index), image, area_mm2, islands)
+
+    def _drawn(self, rings: Rings) -> Bytes:
+        """Grey values of one copy's tile, rows upwards."""
+        return coverage_bytes(rings, self.printer.pitch_mm, self.tile_from_mm, self.tile)
+
+    def _placed(self, tile: Bytes) -> Bytes:
+        """The plate's picture: a tile for each copy, the largest Y first."""
+        plate = np.zeros(self.printer.shape, np.uint8)
+        rows, columns = tile.shape
+        for row, column in self.corners:
+            plate[row : row + rows, column : column + columns] = tile
+        seen = plate[::-1]
+        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.mirror]
+        seen.flags.writeable = False
+        return seen
+
+    @property
+    def _gap(self) -> int:
+        """Pixels between copies."""
+        return math.ceil(self.gap_mm / self.printer.pitch_mm - EXACT)
+
+    @property
+    def _most(self) -> tuple[int, int]:
+        """Rows and columns of copies that fit."""
+        fits = zip(self.printer.shape, self.tile, strict=True)
+        rows, columns = ((whole + self._gap) // (size + self._gap) for whole, size in fits)
+        return rows, columns
+
+    @cached_property
+    def _grid(self) -> tuple[int, int]:
+        """Rows and columns of the copies, as square as they fit."""
+        (rows, columns), (tall, wide) = self._most, self.tile
+        wanted = math.ceil(math.sqrt(self.copies * (tall + self._gap) / (wide + self._gap)))
+        chosen = min(max(wanted, math.ceil(self.copies / rows)), columns, self.copies)
+        return math.ceil(self.copies / chosen), chosen
+
+    def _check_size(self) -> None:
+        size, room = self.solid.size_mm, self.printer.size_mm
+        rows, columns = self._most
+        if self.height_mm <= room[2] * (1.0 + EXACT) and rows * columns >= self.copies:
+            return
+        builds = f"{self.printer.name} builds {_times(room)} mm"
+        if self.copies > 1 and rows * columns and self.height_mm <= room[2]:
+            limit = f"{builds}, at most {rows * columns} of them {self.gap_mm:g} mm apart"
+            raise DesignError("--copies", value=self.copies, limit=limit, remedy="print fewer, or nearer")
+        raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, room))
+
+
+def islands_over(tile: Bytes, below: Bytes) -> int:
+    """Number of connected pieces of a picture that no lit pixel of the one below touches."""
+    lit, held = tile > 0, below > 0
+    if not np.any(lit & ~held):
+        return 0
+    from scipy.ndimage import label
+
+    pieces, count = label(lit, np.ones((3, 3)))
+    return int(count - len(np.unique(pieces[held & lit])))
+
+
+def _times(size: tuple[float, float, float]) -> str:
+    return " x ".join(f"{length:.4g}" for length in size)
+
+
+def _fits(size: tuple[float, float, float], room: tuple[float, float, float]) -> bool:
+    return all(length <= most * (1.0 + EXACT) for length, most in zip(size, room, strict=True))
+
+
+def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) -> str:
+    """What to do about a part that is too large."""
+    x, y, z = size
+    if _fits((y, x, z), room):
+        return "turn it with --rotate-deg 0 0 90"
+    if _fits(tuple(sorted(size)), tuple(sorted(room))):  # type: ignore[arg-type]
+        return "print it in another --orientation"
+    larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
+    return f"choose a larger printer ({', '.join(larger)})" if larger else "make it smaller, or in pieces"

@@ -1,0 +1,175 @@
+"""What is cut into layers: exact outlines at heights, or a closed mesh, with its lowest corner at the origin.
+
+A part that is printed flat needs no mesh: between two of its heights it is one plan, so all layers there are the same.
+Anything else is a mesh, cut by manifold3d.
+"""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError, DesignError
+from solen.fabricate.mesh import Mesh, mesh_of
+from solen.fabricate.part import Part, Prism
+from solen.fabricate.raster import rings_of
+from solen.geometry.body import filled
+
+Floats = NDArray[np.float64]
+Rings = Sequence[Floats]
+
+PLAN_MM = 1e-4
+"""How closely the outlines of a plan are followed: a thousandth of the finest pixel or so."""
+MESH_MM = 2e-4
+"""The same of a mesh."""
+
+
+class Solid(Protocol):
+    """A solid as it is printed: over the plate from Z = 0, its least X and Y at 0."""
+
+    @property
+    def size_mm(self) -> tuple[float, float, float]:
+        """Extent along X, Y and Z."""
+        ...
+
+    @property
+    def origin_mm(self) -> tuple[float, float]:
+        """X and Y at which the part's own origin lies."""
+        ...
+
+    @property
+    def volume_mm3(self) -> float:
+        """Its volume."""
+        ...
+
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """Rings at a height, holes clockwise, and a number that equal sections share; None where that is not known."""
+        ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
+
+    size_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float]
+    volume_mm3: float
+    heights_mm: tuple[float, ...]
+    numbers: tuple[int, ...]
+    rings: tuple[Rings, ...]
+
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """Rings at a height."""
+        at = bisect_right(self.heights_mm, z_mm) - 1
+        if not 0 <= at < len(self.numbers):
+            return None, []
+        number = self.numbers[at]
+        return number, self.rings[number]
+
+
+@dataclass(frozen=True)
+class Slices:
+    """A closed mesh that is cut when asked; ``solid`` is manifold3d's."""
+
+    size_mm: tuple[float, float, float]
+    origin_mm: tuple[float, float]
+    volume_mm3: float
+    solid: Any
+
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """Rings at a height."""
+        return None, [np.asarray(ring) for ring in self.solid.slice(z_mm).to_polygons()]
+
+
+def solid_of(part: Part, rotation: Floats, tolerance_mm: float = MESH_MM) -> Solid:
+    """A part, turned by a matrix (3, 3): a `Plan` where its Z stays upright, else `Slices` of its mesh.
+
+    Raises
+    ------
+    DesignError, SpecError
+        Where its mesh cannot be made.
+    """
+    if rotation[2, 2] == 1.0:
+        return _plan(part, rotation[:2, :2])
+    return mesh_solid(mesh_of(part, tolerance_mm), rotation)
+
+
+def mesh_solid(mesh: Mesh, rotation: Floats, name: str = "mesh") -> Slices:
+    """A mesh, turned by a matrix (3, 3).
+
+    Raises
+    ------
+    DataError
+        Where it is empty, open, inside out, or has no volume.
+    """
+    from manifold3d import Error, Manifold, Mesh64
+
+    _check_closed(mesh, name)
+    turned = mesh.vertices @ rotation.T
+    corner = turned.min(axis=0)
+    turned -= corner
+    solid = Manifold(Mesh64(np.ascontiguousarray(turned), mesh.triangles.astype(np.uint64)))
+    if solid.status() != Error.NoError:
+        raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
+    x, y, z = turned.max(axis=0).tolist()
+    return Slices((x, y, z), (-float(corner[0]), -float(corner[1])), mesh.volume_mm3, solid)
+
+
+def _check_closed(mesh: Mesh, name: str) -> None:
+    if not len(mesh.triangles):
+        raise DataError(name, value="no triangle", limit="is empty")
+    if count := mesh.open_edges():
+        limit = "must be watertight: each edge belongs to two triangles that agree on what is outside"
+        raise DataError(name, value=f"{count} open edges", limit=limit, remedy="repair the mesh")
+    if not mesh.volume_mm3 > 0.0:
+        limit = "encloses no volume" if mesh.volume_mm3 == 0.0 else "is inside out"
+        raise DataError(name, value=f"{mesh.volume_mm3:.4g} mm³", limit=limit, remedy="repair the mesh")
+
+
+def _plan(part: Part, turn: Floats) -> Plan:
+    """Plan of a part that is turned about the plate's normal by a matrix (2, 2)."""
+    tools = [cut.tool for cut in part.cuts]
+    heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
+    bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)
+    heights = [height for height in heights if bottom <= height <= top]
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
+    sections: list[list[Floats]] = []
+    numbers = []
+    for low, high in pairwise(heights):
+        there = (_across(part.prisms, low, high), _across(tools, low, high))
+        if there not in known:
+            known[there] = len(sections)
+            rings = _rings([part.prisms[i] for i in there[0]], [tools[i] for i in there[1]])
+            sections.append([ring @ turn.T for ring in rings])
+        numbers.append(known[there])
+    points = np.vstack([ring for rings in sections for ring in rings])
+    corner = points.min(axis=0)
+    placed = tuple([ring - corner for ring in rings] for rings in sections)
+    x, y = np.ptp(points, axis=0).tolist()
+    levels = tuple(height - bottom for height in heights)
+    origin = (-float(corner[0]), -float(corner[1]))
+    return Plan((x, y, top - bottom), origin, part.volume_mm3, levels, tuple(numbers), placed)
+
+
+def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
+    """Numbers of the prisms that reach from one height to the next."""
+    middle = 0.5 * (low + high)
+    return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
+
+
+def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[Floats]:
+    """Rings of prisms less tools; there is air between two prisms where none is."""
+    if not prisms:
+        return []
+    import shapely
+
+    area = shapely.union_all([filled(prism.rings(PLAN_MM)) for prism in prisms])
+    if tools:
+        area = shapely.difference(area, shapely.union_all([filled(tool.rings(PLAN_MM)) for tool in tools]))
+    if area.is_empty:
+        raise DesignError("layers", value="nothing is left of the part", limit="between two of its heights")
+    return rings_of(area)

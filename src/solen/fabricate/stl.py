@@ -1,0 +1,90 @@
+"""STL files read: triangles in mm, binary or as text, their corners made one where they are the same.
+
+An STL says no unit, and whether it is text cannot be told by its first word alone: a file whose length is that of the
+triangles it announces is binary, whatever it begins with. The normals that it states are not looked at; the order of
+the corners tells the outside.
+"""
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.fabricate.mesh import Mesh
+from solen.fabricate.meshfiles import STL_HEADER, TRIANGLE
+
+LARGEST_MB = 500
+"""A file beyond this is refused."""
+COUNT = STL_HEADER + 4
+VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
+REMEDY = "export it again as STL"
+
+
+def read_stl(path: Path) -> Mesh:
+    """Mesh of an STL file, in mm as it stands; whether it is closed is not checked.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read, is no STL, is cut off, holds no triangle or a number that is not finite.
+    """
+    data = _bytes(path)
+    corners = _binary(data, path) if _is_binary(data) else _text(data, path)
+    if not len(corners):
+        raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
+    if not np.isfinite(corners).all():
+        raise DataError(str(path), value="a corner that is not finite", limit="is damaged", remedy=REMEDY)
+    vertices, numbers = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = numbers.reshape(-1, 3)
+    a, b, c = triangles.T
+    whole = (a != b) & (b != c) & (c != a)
+    return Mesh(vertices, np.ascontiguousarray(triangles[whole], dtype=np.int64), 0.0)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        size_mb = path.stat().st_size / 1e6
+        if size_mb > LARGEST_MB:
+            raise DataError(
+                str(path), value=f"{size_mb:.0f} MB", limit=f"must be at most {LARGEST_MB} MB", remedy="coarsen it"
+            )
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise DataError(str(path), limit="no such file", remedy="check the path") from None
+    except (OSError, ValueError) as bad:
+        reason = getattr(bad, "strerror", None) or bad
+        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
+
+
+def _is_binary(data: bytes) -> bool:
+    if len(data) >= COUNT:
+        (count,) = struct.unpack_from("<I", data, STL_HEADER)
+        if len(data) == COUNT + count * TRIANGLE.itemsize:
+            return True
+    return not data.lstrip()[:5].lower().startswith(b"solid")
+
+
+def _binary(data: bytes, path: Path) -> NDArray[np.float64]:
+    """Corners (N, 3, 3) of a binary file."""
+    if len(data) < COUNT:
+        raise DataError(str(path), value=f"{len(data)} bytes", limit="is no STL", remedy=REMEDY)
+    (count,) = struct.unpack_from("<I", data, STL_HEADER)
+    announced = COUNT + count * TRIANGLE.itemsize
+    if len(data) != announced:
+        limit = f"announces {count} triangles, which are {announced} bytes: is cut off, or no STL"
+        raise DataError(str(path), value=f"{len(data)} bytes", limit=limit, remedy=REMEDY)
+    return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float64)
+
+
+def _text(data: bytes, path: Path) -> NDArray[np.float64]:
+    """Corners (N, 3, 3) of a text file."""
+    found = VERTEX.findall(data)
+    if b"endsolid" not in data.lower() or len(found) % 3:
+        raise DataError(str(path), value=f"{len(found)} corners", limit="is cut off, or no STL", remedy=REMEDY)
+    try:
+        return np.array(found, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
+    except ValueError:
+        raise DataError(str(path), value="a corner that is no number", limit="is damaged", remedy=REMEDY) from None

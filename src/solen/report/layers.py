@@ -1,0 +1,115 @@
+"""Figures of layers: some of them as the printer shows them, their pixels, the plate, and the stack over its height."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from solen.fabricate.layers import Job, Layer
+from solen.fabricate.raster import FULL
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+
+LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
+COLUMNS = 3
+MOST_PIXELS = 900
+"""Of a picture along its longer side; finer ones are shown by every so manyth pixel."""
+EDGE_PIXELS = 28
+"""Along a side of the picture of single pixels."""
+MOST_STEPS = 400
+"""Heights at which the side is drawn."""
+
+
+def layers_figure(job: Job, shown: Sequence[Layer], name: str) -> Figure:
+    """Some layers of the first copy; the pixels at the edge of one, the plate, and the extent over the height."""
+    rows, columns = job.tile
+    wide = columns > rows
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.4, 5.6 if wide else 7.0), layout="constrained")
+        halves = figure.add_gridspec(2, 1, height_ratios=(1.55, 1.0))
+        pictures, overview = (figure.add_subfigure(halves[half]) for half in (0, 1))
+        grid = (-(-len(shown) // COLUMNS), COLUMNS) if wide else (1, len(shown))
+        for number, layer in enumerate(shown, 1):
+            _draw_layer(pictures.add_subplot(*grid, number), job, layer)
+        edge, plate, side = overview.subplots(1, 3, width_ratios=(0.8, 1.2, 1.0))
+        _draw_edge(edge, job, shown[len(shown) // 2])
+        _draw_plate(plate, job)
+        _draw_side(side, job)
+        size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
+        copies = "" if job.copies == 1 else f"{job.copies} copies, "
+        layers = f"{copies}{job.count} layers of {job.layer_um:g} µm on {job.printer.name}"
+        figure.suptitle(f"{name}: {size} mm, {layers}", fontsize=10)
+    return figure
+
+
+def _draw_layer(axes: Axes, job: Job, layer: Layer) -> None:
+    picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
+    rows, columns = picture.shape
+    step = max(1, max(rows, columns) // MOST_PIXELS)
+    left, low = _from_origin(job)
+    extent = (left, left + columns * pitch, low, low + rows * pitch)
+    axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
+    heights = f"{layer.from_mm:.3f}–{layer.to_mm:.3f} mm"
+    axes.set_title(f"layer {layer.index + 1}: {layer.exposure_s:g} s\n{heights}", fontsize=8)
+    axes.tick_params(labelsize=7)
+    axes.grid(visible=False)
+
+
+def _draw_edge(axes: Axes, job: Job, layer: Layer) -> None:
+    """Pixels about the lowest one of a layer that is partly lit, as they are."""
+    picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
+    rows, columns = picture.shape
+    grey = np.argwhere((picture > 0) & (picture < FULL))
+    places = grey if len(grey) else np.argwhere(picture)
+    row, column = places[np.lexsort((np.abs(places[:, 1] - 0.5 * columns), places[:, 0]))[0]] if len(places) else (0, 0)
+    low, left = (_window(at, most) for at, most in ((int(row), rows), (int(column), columns)))
+    window = picture[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
+    start = np.array([left, low]) * pitch + _from_origin(job)
+    size = np.array(window.shape[::-1]) * pitch
+    extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
+    axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
+    axes.set_title(f"layer {layer.index + 1}: its pixels", fontsize=9)
+    axes.tick_params(labelsize=7)
+    axes.set(xlabel="mm from the origin")
+    axes.grid(visible=False)
+
+
+def _from_origin(job: Job) -> tuple[float, float]:
+    """X and Y of the lower left corner of a copy's tile, from the part's own origin."""
+    (left, low), (x, y) = job.tile_from_mm, job.solid.origin_mm
+    return left - x, low - y
+
+
+def _window(at: int, most: int) -> int:
+    """First of some pixels about one, inside the picture."""
+    return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
+
+
+def _draw_plate(axes: Axes, job: Job) -> None:
+    width, depth, _ = job.printer.size_mm
+    x, y, _ = job.solid.size_mm
+    axes.add_patch(Rectangle((-0.5 * width, -0.5 * depth), width, depth, facecolor="none", edgecolor=INK, lw=1.0))
+    for left, low in job.places_mm:
+        axes.add_patch(Rectangle((left - 0.5 * x, low - 0.5 * y), x, y, facecolor=RIGHT, alpha=0.5, lw=0))
+    axes.set(xlim=(-0.53 * width, 0.53 * width), ylim=(-0.53 * depth, 0.53 * depth), xlabel="X (mm)", ylabel="Y (mm)")
+    axes.set_title(f"plate of {width:.4g} × {depth:.4g} mm", fontsize=9)
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+
+
+def _draw_side(axes: Axes, job: Job) -> None:
+    """Extent along X and Y of one part over the height."""
+    numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MOST_STEPS)).round().astype(int))
+    middles = (numbers + 0.5) * job.layer_mm
+    sections = [job.solid.section(z)[1] for z in middles.tolist()]
+    sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]
+    burn_in = min(job.count, job.exposure.burn_in_layers) * job.layer_mm
+    axes.axhspan(0.0, burn_in, color=LOST, alpha=0.35, lw=0, label="burn-in")
+    for axis, (colour, label) in enumerate(((RIGHT, "along X"), (LEFT, "along Y"))):
+        axes.plot([size[axis] for size in sizes], middles, color=colour, lw=1.2, label=label)
+    axes.set(xlabel="extent of a layer (mm)", ylabel="height above the plate (mm)")
+    axes.set(ylim=(0.0, job.height_mm), xlim=(0.0, 1.05 * max(1e-9, *(size.max() for size in sizes))))
+    axes.legend(fontsize=7)

@@ -1,0 +1,292 @@
+"""`solen layers`, `solen printers` and `solen export --layers` from the command line to the files, and refusals."""
+
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from solen.cli import _run
+from solen.fabricate.layers import archive, as_png
+from solen.spec import template
+
+Run = Callable[..., Any]
+QUICK = ("--layer-um", "100", "--printer", "small.toml")
+
+
+def small_printer() -> str:
+    """The generic printer with fewer and larger pixels: 30 × 45 mm."""
+    text = (files("solen.parts") / "printers" / "generic.toml").read_text(encoding="utf-8")
+    for old, new in (
+        ("typical = 50", "typical = 100"),
+        ("columns = 1920", "columns = 300"),
+        ("rows = 1080", "rows = 450"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    home = tmp_path / "a folder of one's own"
+    home.mkdir()
+    (home / "my sensor.toml").write_text(template(), encoding="utf-8")
+    (home / "small.toml").write_text(small_printer(), encoding="utf-8")
+    trimesh.creation.box((10.0, 10.0, 2.0)).export(home / "box.stl")
+    monkeypatch.chdir(home)
+    return home
+
+
+def snapshot(folder: Path) -> dict[str, bytes | None]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
+    }
+
+
+@pytest.fixture
+def told(capfd: pytest.CaptureFixture[str]) -> Run:
+    def run(*arguments: str) -> dict[str, Any]:
+        capfd.readouterr()
+        assert _run([*arguments, "--json"]) == 0, capfd.readouterr().err
+        printed = capfd.readouterr()
+        assert printed.err == ""
+        found = json.loads(printed.out)
+        assert isinstance(found, dict)
+        return found
+
+    return run
+
+
+@pytest.fixture
+def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
+    def run(*arguments: str) -> str:
+        before = snapshot(folder)
+        capfd.readouterr()
+        assert _run([*arguments]) == 2
+        printed = capfd.readouterr()
+        assert printed.out == ""
+        assert len(printed.err.splitlines()) == 1, printed.err
+        assert snapshot(folder) == before
+        return printed.err
+
+    return run
+
+
+def pictures(path: str) -> list[Any]:
+    with zipfile.ZipFile(path) as opened:
+        names = [name for name in opened.namelist() if name.endswith(".png")]
+        return [np.asarray(Image.open(opened.open(name))) for name in sorted(names)]
+
+
+def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
+    found = told("layers", "my sensor.toml", "--out", "out", *QUICK, "--figure", "f.svg", "--resin", "noa61")
+    names = {kind: Path(path).name for kind, path in found["files"].items()}
+    assert names == {
+        "layers": "my-sensor-layers.zip",
+        "stl": "my-sensor-placed.stl",
+        "sheet": "my-sensor-settings.md",
+        "settings": "my-sensor-settings.json",
+    }
+    assert {path.name for path in Path("out").iterdir()} == set(names.values())
+    stack = pictures(found["files"]["layers"])
+    assert len(stack) == found["layers"] == 40
+    assert stack[0].shape == (450, 300)
+    volume = sum(picture.sum(dtype=int) for picture in stack) / 255 * 0.1**2 * 0.1
+    assert found["stack_volume_mm3"] == pytest.approx(volume, rel=1e-12)
+    assert abs(found["volume_error"]) < 1e-4
+    assert found["settings"]["material"].startswith("NOA")
+    assert found["sources"][0]["file"] == "my sensor.toml"
+    assert any("are estimates" in line for line in found["warnings"])
+    assert any("13 mW/cm²" in line for line in found["warnings"])
+    assert Path("f.svg").read_text(encoding="utf-8").startswith("<?xml")
+
+
+def test_the_sheet_says_what_to_type_in(told: Run) -> None:
+    options = ("--copies", "2", "--z-offset-um", "600", "--irradiance-mW-per-cm2", "12", "--orientation", "upright")
+    found = told("layers", "my sensor.toml", "--out", "out", "--sheet-only", "--gap-mm", "3", *options)
+    assert found["stack_volume_mm3"] is None
+    assert "layers" not in found["files"]
+    sheet = Path(found["files"]["sheet"]).read_text(encoding="utf-8")
+    for words in (
+        "| STL to load | `my-sensor-placed.stl`, in **mm**",
+        "| Copies | 2 |",
+        "| Layer (slice) thickness | 25 µm |",
+        "| Burn-in layers | 6 |",
+        "| Burn-in exposure | 3 s = 36 mJ/cm² per layer |",
+        "| Exposure of all others | 2 s = 24 mJ/cm² per layer |",
+        "| Light intensity | 12 mW/cm²",
+        "| Z offset | 600 µm",
+        "| Orientation | upright",
+        "| Layers | 1616, 40.4 mm high |",
+        "385 nm",
+    ):
+        assert words in sheet
+    settings = json.loads(Path(found["files"]["settings"]).read_text(encoding="utf-8"))
+    assert settings["expected_layers"] == 1616
+    assert settings["estimated_time_s"] == 6 * 3 + 1610 * 2 + 1616 * 6
+    assert not any("13 mW/cm²" in line for line in found["warnings"])
+    placed = trimesh.load_mesh(found["files"]["stl"])
+    assert placed.is_watertight
+    assert placed.bounds == pytest.approx(np.array([(0, 0, 0), (11.806, 4.0, 40.412)]), abs=1e-3)
+
+
+def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
+    """Round by way of the STL, which is flat as it stands: no more than a grey value or two of 32-bit rounding."""
+    first = told("layers", "my sensor.toml", "--out", "a", *QUICK, "--orientation", "on-edge")
+    second = told("layers", first["files"]["stl"], "--out", "b", *QUICK)
+    one, other = (pictures(found["files"]["layers"]) for found in (first, second))
+    assert max(int(np.abs(a.astype(int) - b).max()) for a, b in zip(one, other, strict=True)) <= 2
+    assert second["sources"][0]["format"] == "stl"
+    assert second["settings"]["material"] == "not named: give --resin"
+
+
+def test_a_cure_depth_from_a_resin_of_ones_own(told: Run) -> None:
+    text = 'schema = 1\nname = "thin"\n[cure]\nDp_um = 50\nEc_mJ_per_cm2 = 20\nwavelength_nm = 405\n'
+    Path("thin.toml").write_text(text, encoding="utf-8")
+    found = told("layers", "my sensor.toml", "--out", "out", "--sheet-only", "--resin", "thin.toml")
+    assert found["settings"]["cure_depth_um"] == pytest.approx(50 * np.log(26 / 20))
+    assert found["settings"]["burn_in_cure_depth_um"] == pytest.approx(50 * np.log(39 / 20))
+    assert any("cures 13 µm, a layer is 25 µm" in line for line in found["warnings"])
+    assert any("405 nm, the printer has 385 nm" in line for line in found["warnings"])
+
+
+def test_export_writes_layers_beside_the_solid(told: Run) -> None:
+    found = told("export", "my sensor.toml", "--out", "out", "--stl", "--layers", *QUICK, "--pockets")
+    assert set(found["files"]) == {"stl"}
+    assert found["layers"]["layers"] == 40
+    assert abs(found["layers"]["volume_error"]) < 0.005
+    assert len(list(Path("out").iterdir())) == 5
+    alone = told("export", "my sensor.toml", "--out", "other", "--layers", *QUICK)
+    assert alone["files"] == {}
+    assert len(list(Path("other").iterdir())) == 4
+
+
+def test_two_runs_give_the_same_files(told: Run, folder: Path) -> None:
+    for out in ("a", "b"):
+        told("layers", "box.stl", "--out", out, *QUICK)
+    assert snapshot(folder / "a") == snapshot(folder / "b")
+
+
+def test_lines_for_a_reader(capfd: pytest.CaptureFixture[str]) -> None:
+    assert _run(["layers", "box.stl", "--out", "out", *QUICK]) == 0
+    assert "volume_error" in capfd.readouterr().out
+    assert _run(["export", "my sensor.toml", "--out", "out", "--layers", *QUICK]) == 0
+    assert "my-sensor-layers.zip" in capfd.readouterr().out
+    assert _run(["printers"]) == 0
+    assert "asiga-ultra-32" in capfd.readouterr().out
+    assert _run(["printers", "generic"]) == 0
+    assert "pitch_um: typical 50 (estimate: chosen)" in capfd.readouterr().out
+
+
+def test_printers_as_json(told: Run) -> None:
+    rows = {row["printer"]: row for row in told("printers")["printers"]}
+    assert rows["generic"]["size_mm"] == [96.0, 54.0, 100.0]
+    assert told("printers", "asiga-max-x27")["file"]["pitch_um"]["basis"] == "estimate"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (
+            ["--printer", "asiga-max-x27"],
+            "x 40.41 x 4 mm'; Asiga MAX X27 builds 51.84 x 29.16 x 75 mm; turn",
+        ),
+        (["--printer", "asiga-max-x72"], "did you mean asiga-max-x27?"),
+        (["--printer", "none.toml"], "no such file"),
+        (["--layer-um", "5"], "makes layers of 10 to 200 µm"),
+        (["--layer-um", "0"], "--layer-um = 0.0"),
+        (["--orientation", "sideways"], "must be one of flat, upright, on-edge"),
+        (["--rotate-deg", "nan", "0", "0"], "--rotate-deg"),
+        (["--rotate-deg", "1", "2"], "--rotate-deg"),
+        (["--copies", "300"], "at most"),
+        (["--exposure-s", "-2"], "--exposure-s = -2.0; must be above 0"),
+        (["--burn-in-s", "inf"], "--burn-in-s = inf"),
+        (["--irradiance-mW-per-cm2", "0"], "--irradiance-mW-per-cm2 = 0.0"),
+        (["--z-offset-um", "nan"], "--z-offset-um = nan"),
+        (["--mirror", "both"], "--mirror = 'both'"),
+        (["--resin", "noa16"], "did you mean noa61?"),
+        (["--set", "body.thickness_mm=0"], "body.thickness_mm = 0"),
+        (["--set", "body.thickness_mm=0.01"], "has no layer of 25 µm"),
+        (["--figure", "f.jpg"], "a figure ends in"),
+        (["--figure", "f.svg", "--sheet-only"], "draws layers"),
+    ],
+)
+def test_a_bad_value_is_one_line(refused: Run, arguments: list[str], line: str) -> None:
+    assert line in refused("layers", "my sensor.toml", "--out", "out", *arguments)
+
+
+def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
+    data = (folder / "box.stl").read_bytes()
+    (folder / "cut.stl").write_bytes(data[:-20])
+    (folder / "open.stl").write_bytes(data[:80] + (11).to_bytes(4, "little") + data[84:-50])
+    (folder / "mesh.obj").write_text("v 0 0 0", encoding="utf-8")
+    assert "is cut off" in refused("layers", "cut.stl", "--out", "out")
+    assert "open.stl = '3 open edges'; must be watertight" in refused("layers", "open.stl", "--out", "out")
+    assert "must be a design (.toml) or a mesh (.stl)" in refused("layers", "mesh.obj", "--out", "out")
+    assert "no such file" in refused("layers", "none.stl", "--out", "out")
+    assert "--set" in refused("layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
+    assert "without --layers" in refused("export", "my sensor.toml", "--out", "out", "--copies", "2")
+
+
+def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run, folder: Path) -> None:
+    box = trimesh.creation.box((0.1, 0.1, 0.05))
+    trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False).export(folder / "inverted.stl")
+    found = told("layers", "inverted.stl", "--out", "out")
+    assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
+    assert any("inside out" in line for line in found["warnings"])
+    assert any("an STL has no unit and is read as mm" in line for line in found["warnings"])
+
+
+def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = snapshot(folder)
+    calls = []
+
+    def interrupted(image: Any, pitch_mm: float) -> bytes:
+        calls.append(image)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return as_png(image, pitch_mm)
+
+    monkeypatch.setattr(archive, "as_png", interrupted)
+    assert _run(["layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130
+    assert len(calls) == 3
+    assert snapshot(folder) == before
+
+
+JOB = """
+import resource, sys, time
+from pathlib import Path
+from solen.pipeline.layers import layers
+from solen.pipeline.slicing import Slicing
+begun = time.perf_counter()
+how = Slicing(printer="asiga-ultra-32", orientation="upright", copies=12)
+found = layers(Path("my sensor.toml"), Path("out"), how, ["body.stem_length_mm=25.9"])
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
+print(found["layers"], peak, time.perf_counter() - begun, found["volume_error"])
+"""
+
+
+@pytest.mark.evidence
+def test_two_thousand_layers_of_3840_by_2160_stay_under_500_mb() -> None:
+    """Twelve sensors upright, 50 mm high at 25 µm: the whole process, all its libraries included."""
+    pytest.importorskip("resource")
+    done = subprocess.run([sys.executable, "-c", JOB], capture_output=True, text=True, env=os.environ, check=False)
+    assert done.returncode == 0, done.stderr
+    count, peak_mb, seconds, error = done.stdout.split()
+    size_mb = Path("out/my-sensor-layers.zip").stat().st_size / 1e6
+    print(
+        f"{count} layers: at most {float(peak_mb):.0f} MB, {float(seconds):.0f} s, a file of {size_mb:.0f} MB, {error}"
+    )
+    assert int(count) >= 2000
+    assert float(peak_mb) < 500.0
+    assert abs(float(error)) < 0.005

@@ -1,0 +1,99 @@
+"""Printers: the shipped ones say what they rest on, files are checked strictly, a file of one's own serves as well."""
+
+from pathlib import Path
+
+import pytest
+
+from solen.errors import DataError
+from solen.parts import library_printer, load_printer, printer_of, printers
+
+MINE = """
+schema = 1
+name = "Mine"
+maker = "me"
+document = "my notes"
+[pitch_um]
+typical = 47.25
+basis = "measured"
+source = "a grid of 1000 pixels under the microscope"
+[pixels]
+columns = 2560
+rows = 1440
+basis = "datasheet"
+source = "panel"
+[build_height_mm]
+typical = 155
+basis = "measured"
+source = "ruler"
+[layer_um]
+typical = 50
+basis = "measured"
+source = "works"
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(MINE, encoding="utf-8")
+    return path
+
+
+def test_every_shipped_printer_is_read_and_says_that_it_is_not_confirmed() -> None:
+    assert len(printers()) >= 10
+    for name in printers():
+        printer = library_printer(name)
+        assert printer.unconfirmed == ("pixel pitch", "pixel counts", "build height")
+        for number in (printer.pitch_um, printer.pixels, printer.build_height_mm, printer.layer_um):
+            assert number.source
+        rows, columns = printer.shape
+        assert printer.size_mm[:2] == pytest.approx((columns * printer.pitch_mm, rows * printer.pitch_mm))
+        assert printer.layers_um[0] <= 25.0 <= 100.0 <= printer.layers_um[1], "the layers that solen is made for"
+
+
+def test_the_quoted_plates_are_those_of_pitch_and_pixels() -> None:
+    """The size that is quoted for a model, in its notes, against pixels times pitch: to the digits quoted."""
+    for name in printers():
+        if name == "generic":
+            continue
+        printer = library_printer(name)
+        quoted = [float(word) for word in printer.notes.split("Builds ")[1].split(" mm")[0].split(" x ")]
+        assert list(printer.size_mm) == pytest.approx(quoted, abs=0.5), name
+
+
+def test_a_file_of_ones_own(mine: Path) -> None:
+    printer = load_printer(mine)
+    assert printer.pitch_mm == 0.04725
+    assert printer.shape == (1440, 2560)
+    assert printer.layers_um == (50.0, 50.0)
+    assert printer.unconfirmed == ()
+    assert printer.pause_s is None
+    assert printer_of(str(mine)) == printer
+    assert printer_of("generic") == library_printer("generic")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ("columns = 2560", "columns = 0", "pixels.columns = 0; must be at least 1"),
+        ("columns = 2560", "columns = 2560.5", "pixels.columns = 2560.5; must be a whole number"),
+        ("typical = 47.25", "typical = -1", "pitch_um.typical = -1; must be greater than 0"),
+        ("typical = 47.25", "typical = nan", "pitch_um.typical = nan; must be a finite number"),
+        ('basis = "datasheet"', 'basis = "guess"', "pixels.basis = 'guess'"),
+        ("[layer_um]", "[layers_um]", "layers_um; unknown key; did you mean layer_um?"),
+        ("schema = 1", "", "schema is missing"),
+        ("rows = 1440", "rows = ", "not valid TOML"),
+    ],
+)
+def test_a_bad_file_is_one_line(mine: Path, old: str, new: str, line: str) -> None:
+    mine.write_text(MINE.replace(old, new), encoding="utf-8")
+    with pytest.raises(DataError) as bad:
+        load_printer(mine)
+    assert line in str(bad.value)
+
+
+def test_a_name_that_is_none() -> None:
+    with pytest.raises(DataError, match=r"did you mean asiga-max-x27\?"):
+        printer_of("asiga-max-27")
+    with pytest.raises(DataError, match="no such file"):
+        printer_of("no/such.toml")
