@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from solen.bench.clock import Still
-from solen.bench.clocks import on_run
+from solen.bench.clocks import FloatArray, on_run
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.journal import read_journal
 from solen.bench.protocol import load_protocol
@@ -220,8 +220,9 @@ def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage:
 
 def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
     rng = np.random.default_rng(2)
-    board_s = np.arange(1, 3000) * 0.1
-    came = 7.0 + board_s * (1 - 50e-6) + rng.exponential(0.01, len(board_s))
+    board_s: FloatArray = np.asarray(np.arange(1, 3000) * 0.1, dtype=np.float64)
+    delay: FloatArray = np.asarray(rng.exponential(0.01, len(board_s)), dtype=np.float64)
+    came: FloatArray = np.asarray(7.0 + board_s * (1 - 50e-6) + delay, dtype=np.float64)
     line = on_run(board_s, came)
     assert line.rate == pytest.approx(1 - 50e-6, abs=2e-6)
     assert line.at(board_s) == pytest.approx(7.0 + board_s * (1 - 50e-6), abs=1e-3)
