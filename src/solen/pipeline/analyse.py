@@ -4,12 +4,14 @@ Each file is one recording of one sensor, or of several by the names of their co
 pooled; sensors are compared.
 """
 
+import importlib.resources
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from solen import files
 from solen.analysis import Analysed, Group, Motion, Settings, Signals, analysed, beside, smoothed
 from solen.analysis.unseen import Protocol, unseen
 from solen.errors import DataError, OutputError, SolenError, SpecError
@@ -20,6 +22,7 @@ from solen.pipeline.signals import NOWHERE, Columns, Sampled, demodulated, sampl
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.labels import has_lens, labels
 
+EXAMPLE = "rotation-simulated.csv"
 CONTROL = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
 
@@ -155,6 +158,17 @@ def check(asked: Request) -> None:
         raise SpecError("--angle-file", value=len(asked.logs), limit=limit)
     if columns.rate_hz is not None and columns.time is not None:
         raise SpecError("--rate-hz", value=columns.rate_hz, limit="goes with no --time", remedy="leave one of them out")
+
+
+def with_example(asked: Request, path: Path) -> Request:
+    """Also the simulated recording that solen ships, written to a file that is not there yet."""
+    if path.suffix.lower() != ".csv":
+        raise OutputError(str(path), limit="a recording ends in .csv", remedy="rename it")
+    if path.exists():
+        raise OutputError(str(path), limit="exists already", remedy="name another file or remove it")
+    shipped = importlib.resources.files("solen.analysis") / "examples" / EXAMPLE
+    files.write_bytes(path, shipped.read_bytes())
+    return replace(asked, files=(*asked.files, path))
 
 
 def _check_protocol(asked: Request, protocol: Protocol) -> None:
