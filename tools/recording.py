@@ -26,7 +26,7 @@ RATE_HZ, SPEED_DEG_PER_S, HOLD_S, REACH_DEG, CYCLES, REST_S = 100.0, 15.0, 0.8, 
 PRINTS = {"S1": (0.0, 0.004), "S2": (0.003, -0.003), "S3": (-0.003, 0.001), "C": (0.0, 0.004)}
 """How far each print's index and its emitter (mm) are off; C has no lens."""
 CHIP_MM, TRACED, ANGLE_NOISE_DEG, DRIFT = 0.2, 41, 0.002, -0.002
-"""Width of the chip, angles that are traced, noise of the stage's encoder, and the emitter's loss of light in the run."""
+"""Width of the chip, angles that are traced, noise of the encoder, and the emitter's loss of light in the run."""
 REMARK = """\
 # simulated: yes
 # control: C

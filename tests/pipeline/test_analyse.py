@@ -284,3 +284,33 @@ def test_the_shipped_recording_is_what_its_script_writes() -> None:
     numbers = [np.loadtxt(lines.splitlines(), delimiter=",", skiprows=4) for lines in (text, made)]
     assert text.split("\n")[:4] == made.split("\n")[:4]
     assert numbers[1] == pytest.approx(numbers[0], abs=1e-3)  # other processors round otherwise
+
+
+def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
+    signals = made(TRUTH)
+
+    def warnings(angle_deg: Any, volts: Any) -> str:
+        path = tmp_path / "one.csv"
+        rows = np.column_stack([signals.time_s, angle_deg, volts])
+        np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
+        found = pipeline.analyse(pipeline.Request((path,)))
+        json.dumps(found, allow_nan=False)
+        return " | ".join(found["warnings"])
+
+    assert "--zero-deg 90 counts from there" in warnings(signals.angle_deg + 90.0, signals.volts)
+    told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
+    assert "does not answer to the angle" in told
+    assert "both move" not in told
+
+
+def test_one_thing_under_two_names_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    columns = Columns(channels=(("left", "left_V"), ("right", "left_V")))
+    with pytest.raises(SpecError, match="is named for two things"):
+        pipeline.analyse(pipeline.Request((path,), columns=columns))
+    with pytest.raises(SpecError, match="is named twice"):
+        pipeline.analyse(pipeline.Request((path, path)))
+    other = tmp_path / "other"
+    other.mkdir()
+    found = pipeline.analyse(pipeline.Request((path, write(other / "one.csv", replace(TRUTH, seed=2)))))
+    assert any("taken for one sensor" in warning for warning in found["warnings"])

@@ -138,6 +138,9 @@ def check(asked: Request) -> None:
     """`SpecError` for options that cannot be."""
     if not asked.files:
         raise SpecError("analyse", limit="needs a file", remedy="name one or more recordings")
+    twice = next((path for path in asked.files if asked.files.count(path) > 1), None)
+    if twice is not None:
+        raise SpecError("analyse", value=str(twice), limit="is named twice", remedy="name each recording once")
     settings, columns = asked.settings, asked.columns
     if settings.drop_cycles < 0:
         raise SpecError("--drop", value=settings.drop_cycles, limit="must be at least 0")
@@ -198,6 +201,7 @@ def study(asked: Request) -> Study:
             for one in part.signals:
                 parts.setdefault(one.label, []).append(one)
     _check_controls(asked, parts)
+    warnings += _pooled(asked, parts)
     motions: dict[int, Motion] = {}
     sensors = tuple(_sensor(signals, asked.settings, motions) for signals in parts.values())
     several = len(sensors) > 1
@@ -207,6 +211,17 @@ def study(asked: Request) -> Study:
     control = [one for one in sensors if one.lens is False]
     groups = (beside(lens) if lens else None, beside(control) if control else None)
     return Study(sensors, *groups, tuple(provenances), tuple(alignments), tuple(dict.fromkeys(warnings)))
+
+
+def _pooled(asked: Request, parts: Mapping[str, Sequence[Signals]]) -> list[str]:
+    """What is taken for one sensor though no pattern says so."""
+    if asked.pattern is not None:
+        return []
+    return [
+        f"{label}: {len(found)} recordings of one name are taken for one sensor; --pattern tells them apart"
+        for label, found in parts.items()
+        if len(found) > 1
+    ]
 
 
 def _sensor(signals: Sequence[Signals], settings: Settings, motions: dict[int, Motion]) -> Analysed:
