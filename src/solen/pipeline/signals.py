@@ -245,9 +245,9 @@ def _angle_deg(recording: Recording, asked: Columns, warnings: list[str], *, nee
 def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[str, Channel]:
     """Columns of the receivers, by the names that they are given."""
     if asked.channels:
-        found = {name: column(recording, text, "--channel") for name, text in asked.channels}
-        _check_once(recording, [one.name for one in found.values()], taken)
-        return found
+        named = {name: column(recording, text, "--channel") for name, text in asked.channels}
+        _check_once(recording, [one.name for one in named.values()], taken)
+        return named
     free = [one for one in recording.channels if one.name not in taken and not _BESIDE.search(one.name)]
     found = [one for one in free if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
     found = found or [one for one in free if not one.unit and (_ENDS.search(one.name) or side_of(one.name))]
