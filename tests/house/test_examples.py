@@ -368,3 +368,20 @@ def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_
         curves[index] = Sensor.of(with_values(loads(template()), values)).power(angles).contrast
     largest = max(float(np.abs(curves[index] - curves[n]).max()) for index in (n - u, n + u))
     assert 0.85 * largest < found["moved"] < largest + 1e-3
+
+
+def test_ambient_light_is_rejected_as_phasors_say() -> None:
+    """A reading is on less off: the sum of what a turning phasor is at each of its slots; a ramp by its rise in one."""
+    found, slot_s = result("ambient_light"), 0.0025
+
+    def at(hz: float, slots: float) -> complex:
+        return complex(np.exp(2j * np.pi * hz * slots * slot_s))
+
+    for name, hz in (("1 Hz", 1.0), ("50 Hz", 50.05), ("100 Hz", 100.1), ("120 Hz", 120.12)):
+        one, two = 1.0 - at(hz, -1), 1.0 - 0.5 * (at(hz, -1) + at(hz, 1))
+        mean = two * sum(at(hz, 2 * k) for k in range(4)) / 4
+        expected = [-20 * math.log10(abs(left)) for left in (one, two, mean)]
+        assert found[name] == pytest.approx(expected, abs=0.1), "phases are met evenly over 20 s, but for the ends"
+    assert found["ramp"][0] == pytest.approx(20 * math.log10(20 / math.sqrt(12) / slot_s), abs=0.01)
+    assert found["ramp"][1] > 120
+    assert found["step"][:2] == pytest.approx([0.0, 20 * math.log10(2.0)], abs=1e-6)

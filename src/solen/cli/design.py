@@ -321,8 +321,30 @@ def _run_lines(found: dict[str, Any]) -> list[str]:
     for name, one in found["summary"].items():
         ends = f"{text(one['contrast_from'])} at {one['from_deg']:g} deg to {text(one['contrast_to'])}"
         lines.append(f"  {name:8} contrast {ends} at {one['to_deg']:g} deg, received {one['received_share']:.4f}")
-    parts = [part for part in (material, found["practice"]) if part is not None]
-    return [*lines, *_practice_lines(found["practice"]), *_warning_lines(*parts), f"report: {found['report']}"]
+    parts = [part for part in (found, found["practice"]) if part is not None]
+    told = [*_printed_lines(found["as_printed"]), *_practice_lines(found["practice"])]
+    return [*lines, *told, *_warning_lines(*parts), f"report: {found['report']}"]
+
+
+def _printed_lines(found: dict[str, Any] | None) -> list[str]:
+    """What a lens as it was printed does to the response."""
+    if found is None:
+        return []
+    lines = []
+    for name in ("emitter", "chip"):
+        one = found[name]
+        if one is None or one["largest"] is None:
+            continue
+        who = f"chip of {one['width_mm']:g} mm" if one["width_mm"] else "point"
+        largest = one["largest"]
+        lines.append(
+            f"  {'printed':8} {found['told']} less as designed, {who}: contrast {largest['difference']:+.4f} ± "
+            f"{short(largest['u'])} at most, at {largest['angle_deg']:g} deg; received {one['received_printed']:.4f}, "
+            f"designed {one['received_designed']:.4f}"
+        )
+        if one["null_shift_deg"] is not None:
+            lines.append(f"  {'null':8} moves by {one['null_shift_deg']:+.4f} ± {short(one['u_null_shift_deg'])} deg")
+    return lines
 
 
 def _practice_lines(found: dict[str, Any] | None) -> list[str]:

@@ -104,6 +104,16 @@ class CubicChain(Curve):
             found = [half for piece in found for half in halves(piece)]
         return tuple(found)
 
+    @property
+    def start(self) -> Point:
+        """See :attr:`Curve.start`."""
+        return self.controls[0][0]
+
+    @property
+    def end(self) -> Point:
+        """See :attr:`Curve.end`."""
+        return self.controls[-1][3]
+
     def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
         """See :meth:`Curve.points`; every cubic has an equal share of the parameter."""
         n = len(self.controls)

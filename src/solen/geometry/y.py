@@ -30,6 +30,10 @@ from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable
 from solen.spec import Design, Motion, Wall
 
+SHORTEST_MM, STEP_MM = 1e-8, 1e-6
+"""A step between lens and stem shorter than the first goes up along the stem by the second instead: that of an edge
+which has risen by less than some micrometres, as a measured lens's may have."""
+
 
 @dataclass(frozen=True)
 class _Half:
@@ -183,6 +187,9 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face
     """Faces from the lens's edge to the crotch, walked upwards and back."""
     risen_mm = max(0.0, lens_edge[1] - half.wall.vertex[1])
     wall = Parabola(half.wall.vertex, half.wall.axis, half.wall.curve_per_mm, risen_mm, half.wall.to_mm)
+    if GAP_MM < math.dist(lens_edge, wall.start) < SHORTEST_MM:  # too short a step to stand between the two
+        risen_mm += STEP_MM
+        wall = replace(wall, from_mm=risen_mm)
     if risen_mm >= half.wall.to_mm:
         raise DesignError(
             "motion",

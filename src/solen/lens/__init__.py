@@ -1,14 +1,20 @@
-"""The lens: a Cartesian oval that takes the emitter to one focus, or the flat face of a sensor without one."""
+"""The lens: a Cartesian oval that takes the emitter to one focus, one that was measured, or a flat face without one."""
 
 from solen.lens.build import lens_of
+from solen.lens.deviation import Deviation, FittedProfile
 from solen.lens.measured import MeasuredProfile, profile_of, profile_text, read_profile
 from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
+from solen.lens.printed import MeasuredLens, Spot
 
 __all__ = [
+    "Deviation",
+    "FittedProfile",
     "FlatFace",
     "Lens",
+    "MeasuredLens",
     "MeasuredProfile",
     "OvalLens",
+    "Spot",
     "lens_of",
     "nearest_focus_mm",
     "profile_of",

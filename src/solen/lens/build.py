@@ -1,14 +1,22 @@
 """The lens of a design."""
 
-from solen.errors import DesignError
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+from solen.errors import DataError, DesignError
+from solen.lens.deviation import FittedProfile
+from solen.lens.measured import MeasuredProfile, read_profile
 from solen.lens.optics import FlatFace, Lens, OvalLens
+from solen.lens.printed import MeasuredLens
 from solen.spec import Design
 
 
 def lens_of(design: Design, index: float) -> Lens:
     """Lens a design asks for in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
 
-    The oval is cut for ``lens.design_index`` where that is given, else for the material's own index.
+    The oval is cut for ``lens.design_index`` where that is given, else for the material's own index; a measured lens
+    is its profile beside that oval, `DataError` where its file is none.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
@@ -17,4 +25,36 @@ def lens_of(design: Design, index: float) -> Lens:
         raise DesignError(
             "the material's index", value=index, limit="must be above 1, the air's", remedy="or no lens can focus"
         )
-    return OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
+    oval = OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
+    if design.profile_file is None or spec.shape != "measured":
+        return oval
+    return measured_lens(oval, _profile(design.profile_file))
+
+
+@lru_cache(maxsize=32)
+def measured_lens(designed: OvalLens, profile: MeasuredProfile) -> MeasuredLens:
+    """Lens of a profile that was to be an oval; of the same two it is one and the same, smoothed once.
+
+    Raises
+    ------
+    DesignError
+        Where the profile lacks too much of the lens, or is none of it.
+    """
+    return MeasuredLens(FittedProfile(designed, profile))
+
+
+def _profile(path: Path) -> MeasuredProfile:
+    """Profile of a file, read once as long as the file stays the same."""
+    try:
+        stamp = hashlib.sha256(path.read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return read_profile(path)  # which tells why
+    return _read(path, stamp)
+
+
+@lru_cache(maxsize=32)
+def _read(path: Path, stamp: str) -> MeasuredProfile:  # noqa: ARG001  the stamp tells files apart
+    try:
+        return read_profile(path)
+    except DataError as bad:
+        raise DataError(f"lens.profile: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None

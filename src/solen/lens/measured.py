@@ -153,19 +153,21 @@ def profile_text(profile: MeasuredProfile) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-def scatter_mm(x_mm: Floats, z_mm: Floats) -> float:
+def scatter_mm(x_mm: Floats, z_mm: Floats, slope: Floats | None = None) -> float:
     """Standard deviation, along the normal, of what is not common to neighbouring points.
 
     Each point is compared with the straight line through those beside it; half of all deviations from that are larger
-    than 0.6745 standard deviations if they are normal, and few that are not, as at a step, do not change it.
+    than 0.6745 standard deviations if they are normal, and few that are not, as at a step, do not change it. Where
+    z is no profile but its deviation from one, ``slope`` (N,) is that of the profile.
     """
     if x_mm.size < 3:
         return 0.0
     share = (x_mm[1:-1] - x_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
     deviation = z_mm[1:-1] - (1.0 - share) * z_mm[:-2] - share * z_mm[2:]
     deviation = deviation - _running_median(deviation)  # the curvature of the profile itself
-    slope = (z_mm[2:] - z_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
-    size = np.abs(deviation) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2) / np.hypot(1.0, _running_median(slope))
+    steep = (z_mm[2:] - z_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
+    leans = _running_median(steep) if slope is None else slope[1:-1]
+    size = np.abs(deviation) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2) / np.hypot(1.0, leans)
     return float(_GAUSS_MAD * np.median(size))
 
 

@@ -40,6 +40,11 @@ class Lens(ABC):
         """From the vertex to the plane of the edges, where the stem begins."""
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before its response is believed, in sentences."""
+        return ()
+
+    @property
     def acceptance_deg(self) -> float:
         """Largest angle from the axis at which the emitter's light meets the face."""
         return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))

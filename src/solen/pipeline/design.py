@@ -12,6 +12,8 @@ from solen.errors import OutputError, SpecError
 from solen.pipeline.options import Sampling, check_netcdf, check_paths
 from solen.pipeline.outputs import check_figure
 from solen.report import results as numbers
+from solen.report.as_printed import printed_summary
+from solen.report.plain import number
 from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, idle_keys, study
 from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
 from solen.trace import Series, Slope, Trace, convergence
@@ -58,7 +60,7 @@ def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:
         "material": numbers.material_numbers(sensor),
         "lens": numbers.lens_numbers(sensor.cut, sensor.material),
         "body": numbers.body_numbers(sensor),
-        "warnings": [*sensor.material.warnings, *idle_keys(sensor)],
+        "warnings": [*sensor.warnings, *idle_keys(sensor)],
     }
 
 
@@ -79,7 +81,7 @@ def lens(
         writer.writerows([round(float(x), 14), round(float(z), 14)] for x, z in points)
         files.write_text(table, text.getvalue())
         found |= {"profile": str(table), "profile_points": len(points), "profile_tolerance_mm": tolerance_mm}
-    return found | {"warnings": list(sensor.material.warnings)}
+    return found | {"warnings": list(sensor.warnings)}
 
 
 def trace_design(
@@ -149,11 +151,11 @@ def convergence_of(
         "reference": {
             "method": reference.method,
             "rays": reference.rays,
-            "u": numbers.number(reference.u),
+            "u": number(reference.u),
             "detectors": {name: reference.detectors[name].power for name in sorted(reference.detectors)},
         },
         "series": [_series(series) for series in found.series],
-        "warnings": list(sensor.material.warnings),
+        "warnings": list(sensor.warnings),
     } | ({"figure": str(figure)} if figure else {})
 
 
@@ -175,7 +177,7 @@ def sensitivity(
         "angle_deg": angle_deg,
         "sensitivities": [_sensitivity(row) for row in rows],
         "skipped": skipped,
-        "warnings": list(sensor.material.warnings),
+        "warnings": list(sensor.warnings),
     }
 
 
@@ -204,6 +206,8 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
         "lens": data["lens"],
         "summary": data["summary"],
         "practice": None if found.practice is None else numbers.practice_summary(found.practice),
+        "as_printed": None if found.printed is None else printed_summary(found.printed),
+        "warnings": list(found.case.sensor.warnings),
     }
 
 
@@ -231,7 +235,7 @@ def _traced(sensor: Sensor, angle_deg: float, result: Trace) -> dict[str, Any]:
         "lens": sensor.design.lens.shape,
         **numbers.trace_numbers(result, in_space=scene.extrusion is not None),
         "detectors": {name: numbers.detected_numbers(result.detectors[name], faces[name]) for name in sorted(faces)},
-        "warnings": [*sensor.material.warnings, *idle_keys(sensor, result.mode)],
+        "warnings": [*sensor.warnings, *idle_keys(sensor, result.mode)],
     }
     if result.legs is not None:
         found["paths"] = [
@@ -244,15 +248,15 @@ def _series(series: Series) -> dict[str, Any]:
     return {
         "method": series.method,
         "rays": series.rays.tolist(),
-        "error": [numbers.number(value) for value in series.error],
-        "u": [numbers.number(value) for value in series.u],
+        "error": [number(value) for value in series.error],
+        "u": [number(value) for value in series.u],
     }
 
 
 def _sensitivity(row: Sensitivity) -> dict[str, Any]:
     slopes: dict[str, Slope] = {"right": row.right, "left": row.left, "contrast": row.contrast}
-    values = {name: numbers.number(slope.value) for name, slope in slopes.items()}
-    uncertainties = {f"u_{name}": numbers.number(slope.u) for name, slope in slopes.items()}
+    values = {name: number(slope.value) for name, slope in slopes.items()}
+    uncertainties = {f"u_{name}": number(slope.u) for name, slope in slopes.items()}
     return {"key": row.key, "value": row.value, **values, **uncertainties, "why": row.why or None}
 
 

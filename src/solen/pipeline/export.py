@@ -141,7 +141,7 @@ def _told(design: Design, part: Part, body: Body, mesh: Mesh | None, chosen: Seq
         "faces": [face.name for face in body.all_faces],
         "seats": [{"name": cut.name, "volume_mm3": cut.volume_mm3} for cut in part.cuts],
         "mesh": None,
-        "warnings": _warnings(part, body, chosen),
+        "warnings": [*_as_printed(design), *_warnings(part, body, chosen)],
     }
     if mesh is not None:
         found["mesh"] = {
@@ -152,6 +152,13 @@ def _told(design: Design, part: Part, body: Body, mesh: Mesh | None, chosen: Seq
             "volume_bound_mm3": part.wall_mm2 * mesh.tolerance_mm,
         }
     return found
+
+
+def _as_printed(design: Design) -> list[str]:
+    """What must be known of a solid whose lens is not the one to print."""
+    if design.lens.shape != "measured":
+        return []
+    return ['the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print']
 
 
 def _pieces(part: Part) -> int:

@@ -16,6 +16,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline.options import Sampling, check_netcdf, check_paths
 from solen.pipeline.outputs import check_choice, check_figure
 from solen.report import results as numbers
+from solen.report.plain import number
 from solen.scene import Monitor, Scene, loads, rayoptics
 from solen.sensor import CHIP_TOLERANCE, TOLERANCE
 from solen.trace import Crossed, Trace, Turns, integrate, trace, trace_in_turns
@@ -175,7 +176,7 @@ def _units(imported: rayoptics.Imported | None) -> dict[str, str]:
 
 def _monitor(monitor: Monitor, crossed: Crossed) -> dict[str, Any]:
     """Power as a share of what was emitted; a map in shares per mm, by the start of each bin."""
-    found: dict[str, Any] = {"power": crossed.power, "u": numbers.number(crossed.u), "rays": crossed.rays}
+    found: dict[str, Any] = {"power": crossed.power, "u": number(crossed.u), "rays": crossed.rays}
     if monitor.bins:
         step_mm = monitor.segment.length_mm / monitor.bins
         found["map"] = {
@@ -190,7 +191,7 @@ def _imported(imported: rayoptics.Imported, result: Trace) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for detector, (name, reading) in zip(imported.detectors, imported.readings(result.monitors).items(), strict=True):
         crossed = [result.monitors[monitor.name] for monitor in detector.monitors]
-        u = numbers.number(sum(one.u for one in crossed) * imported.scene.emitted)
+        u = number(sum(one.u for one in crossed) * imported.scene.emitted)
         found[name] = {"power": reading.power, "u": u, "rays": sum(one.rays for one in crossed)}
         if reading.position is not None and reading.irradiance is not None:
             maps = {"position": reading.position.tolist(), "irradiance": reading.irradiance.tolist()}

@@ -55,12 +55,16 @@ def profile_figure(lens: OvalLens) -> Figure:
     return figure
 
 
-def response_figure(lens: Case | None, flat: Case | None) -> Figure:
-    """Receivers against angle, with lens and without: integrated power as lines, the counted rays as dots."""
+def response_figure(lens: Case | None, flat: Case | None, designed: Case | None = None) -> Figure:
+    """Receivers against angle, with lens and without: integrated power as lines, the counted rays as dots.
+
+    Where the lens was measured, the one that was ``designed`` is drawn as well.
+    """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         power_axes, contrast_axes = figure.subplots(1, 2)
-        for case, name, style in ((lens, "with lens", "-"), (flat, "no lens", "--")):
+        with_lens = "with lens" if designed is None else "lens as printed"
+        for case, name, style in ((lens, with_lens, "-"), (designed, "as designed", "-."), (flat, "no lens", "--")):
             if case is not None:
                 _draw_response(power_axes, contrast_axes, case, name, style)
         power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power", ylim=(0, None))

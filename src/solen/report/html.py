@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 import solen
 from solen.lens import OvalLens
+from solen.report.as_printed import printed_lines
 from solen.report.canvas import svg
 from solen.report.figures import (
     SHOWN_RAYS,
@@ -22,12 +23,22 @@ from solen.report.figures import (
     sensor_view,
 )
 from solen.report.practical import budget_rows, off_index_rows
+from solen.report.printed_figure import printed_figure
 from solen.report.results import results, summary
 from solen.report.words import findings, headline, warnings
 from solen.sensor import Case, Study
 from solen.spec import dumps
 
-FIGURES = ("lens-profile", "response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
+FIGURES = (
+    "lens-profile",
+    "response",
+    "as-printed",
+    "practice",
+    "focus",
+    "rays",
+    "rays-at-the-lens",
+    "rays-without-lens",
+)
 """Names of all figures that a study may have."""
 
 
@@ -37,7 +48,9 @@ def figures(study: Study) -> dict[str, str]:
     case = study.case
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
-    drawn = {"response": response_figure(study.lens, study.flat)}
+    drawn = {"response": response_figure(study.lens, study.flat, study.designed)}
+    if study.printed is not None:
+        drawn["as-printed"] = printed_figure(study.printed)
     if study.practice is not None and study.practice.chip is not None:
         drawn["practice"] = practice_figure(study.practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
@@ -72,6 +85,7 @@ def html(study: Study, drawn: dict[str, str]) -> str:
         budget=budget_rows(study),
         off=off_index_rows(study),
         warnings=warnings(study),
+        printed=[] if study.printed is None else printed_lines(study.printed),
         rays=study.design.emitter.rays,
         version=solen.__version__,
         python=platform.python_version(),
@@ -94,7 +108,9 @@ def shown(value: Any) -> str:
 
 
 def _cases(study: Study) -> list[tuple[str, Case]]:
-    return [("with lens" if name == "lens" else "no lens", case) for name, case in study.cases.items()]
+    with_lens = "with lens" if study.printed is None else f"lens {study.printed.told}"
+    labels = {"lens": with_lens, "designed": "lens as designed", "no_lens": "no lens"}
+    return [(labels[name], case) for name, case in study.cases.items()]
 
 
 def _inline(text: str, name: str) -> Markup:

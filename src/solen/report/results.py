@@ -14,8 +14,10 @@ from typing import Any
 
 import solen
 from solen.geometry import arm_angle_deg
-from solen.lens import Lens, OvalLens
+from solen.lens import Lens, MeasuredLens, OvalLens
 from solen.material import Optical
+from solen.report.as_printed import measured_numbers, printed_numbers
+from solen.report.plain import number
 from solen.sensor import Case, InSpace, NullShift, OffIndex, Practice, Response, Sensor, Shift, Study
 from solen.sensor.off_index import steps
 from solen.spec import dumps
@@ -39,6 +41,7 @@ def results(study: Study) -> dict[str, Any]:
         "summary": {name: summary(case) for name, case in study.cases.items()},
         "response": {name: _case(case) for name, case in study.cases.items()},
         "practice": None if study.practice is None else practice_numbers(study.practice),
+        "as_printed": None if study.printed is None else printed_numbers(study.printed),
     }
 
 
@@ -67,6 +70,8 @@ def lens_numbers(lens: Lens | None, material: Optical) -> dict[str, Any]:
         "depth_mm": lens.depth_mm,
         "acceptance_deg": lens.acceptance_deg,
     }
+    if isinstance(lens, MeasuredLens):
+        return {"shape": "measured", **common, **measured_numbers(lens, material.index)}
     if not isinstance(lens, OvalLens):
         return {"shape": "none", **common}
     return {
@@ -223,11 +228,6 @@ def csv_table(study: Study) -> str:
 def json_text(data: dict[str, Any]) -> str:
     """JSON text of plain data; what JSON cannot hold is an error, never a NaN."""
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
-
-
-def number(value: float) -> float | None:
-    """A plain float, or None for what JSON cannot hold."""
-    return float(value) if math.isfinite(value) else None
 
 
 def _pairs(case: Case) -> tuple[tuple[str, Response], tuple[str, Response]]:

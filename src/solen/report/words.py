@@ -5,6 +5,7 @@ Every sentence is computed from the study; none is printed when the study does n
 
 from solen.lens import OvalLens
 from solen.material import Optical
+from solen.report.as_printed import printed_lines
 from solen.report.practical import budget_words, chip_words, null_words, off_index_words, space_words
 from solen.report.results import summary
 from solen.sensor import SATURATED, Case, Study
@@ -16,6 +17,7 @@ def findings(study: Study) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
     told = [
         ("The signal", _signal(study)),
+        ("As printed", " ".join(printed_lines(study.printed)) if study.printed else ""),
         ("Range", _range(study.case)),
         ("A real chip", chip_words(study.practice) if study.practice else ""),
         ("Alignment", _alignment(study)),
@@ -29,7 +31,7 @@ def findings(study: Study) -> list[tuple[str, str]]:
 
 def warnings(study: Study) -> list[str]:
     """What must be known before anything else: of the material's numbers, and of what they do to the response."""
-    found = [*study.case.sensor.material.warnings, *(study.practice.warnings if study.practice else ())]
+    found = [*study.case.sensor.warnings, *(study.practice.warnings if study.practice else ())]
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in found]
 
 

@@ -190,7 +190,7 @@ class _Neighbours:
 
     def _some(self, most: int) -> Angles:
         """Fewer of the response's angles, each a part of the more."""
-        return _spread(_spread(self.own.angle_deg.tolist(), MOST_ANGLES), most)
+        return spread(spread(self.own.angle_deg.tolist(), MOST_ANGLES), most)
 
     def _near(self, angles: Angles) -> Angles:
         first, last = float(self.own.angle_deg[0]), float(self.own.angle_deg[-1])
@@ -232,7 +232,7 @@ class _Neighbours:
         null = None if chip is None else chip.null_deg()
         if chip is None or null is None:
             raise _NoMeaning("with the chip there is no balance point in this range")
-        slope = _slope_per_deg(chip, null)
+        slope = slope_per_deg(chip, null)
         offset_mm = self.sensor.design.emitter.offset_mm
         moved = _with(self.real, {"emitter.offset_mm": offset_mm + DECENTRE_MM})
         here, u_here = _null(self.real, null, slope)
@@ -283,13 +283,13 @@ def _same(one: Sensor, other: Sensor) -> bool:
     return one.light == other.light and one.design.trace.dimension == other.design.trace.dimension
 
 
-def _spread(angles: Angles, most: int) -> Angles:
+def spread(angles: Angles, most: int) -> Angles:
     """So many of the angles at most, evenly, both ends included."""
     places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
     return [angles[i] for i in places.tolist()]
 
 
-def _slope_per_deg(response: Response, null_deg: float) -> float:
+def slope_per_deg(response: Response, null_deg: float) -> float:
     """Slope of the contrast between the angles on both sides of a balance point."""
     angle, value = response.angle_deg, response.contrast
     high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))

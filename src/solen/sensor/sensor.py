@@ -5,7 +5,7 @@ Everything that depends on the angle is a method.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, TypedDict, Unpack
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, arm_angle_deg, outline_body, y_body
-from solen.lens import FlatFace, Lens, lens_of
+from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
@@ -104,6 +104,21 @@ class Sensor:
         """Whether light enters by a lens rather than by the stem's flat face; of a drawn body it is said to."""
         return not isinstance(self.cut, FlatFace)
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether the lens is one as it was printed."""
+        return isinstance(self.cut, MeasuredLens)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known of its material's numbers and of its lens before its response is believed."""
+        return (*self.material.warnings, *(self.cut.warnings if self.cut is not None else ()))
+
+    @cached_property
+    def as_designed(self) -> "Sensor":
+        """The same sensor with the lens that was asked for, where this one was measured."""
+        return Sensor.of(with_values(self.design, {"lens.shape": "cartesian-oval"}))
+
     @cached_property
     def without_lens(self) -> "Sensor":
         """The same sensor with the stem's flat face for a lens."""
@@ -189,7 +204,8 @@ class Sensor:
         value = self._number(key)
 
         def scene_at(value: float) -> Scene:
-            return Sensor.of(with_values(self.design, {key: value})).scene(angle_deg)
+            other = Sensor.of(with_values(self.design, {key: value}))
+            return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
         return derivative(scene_at, value, mode=mode)
 
@@ -241,6 +257,8 @@ class Sensor:
         """Why a number of the design has no part of its own in the light; empty where it has one."""
         design = self.design
         resin = design.material.resin is not None
+        if self.is_measured and key.startswith("lens."):
+            return "the lens is measured"
         if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")):
             return "the body is drawn"
         cases = {
@@ -324,16 +342,17 @@ class Sensor:
         progress: Progress | None = None,
         *,
         standard_error: float = SAMPLED_TOLERANCE,
+        tolerance: float | None = None,
     ) -> Response:
         """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance.
 
-        Rays in space and scattered light are sampled to the standard error.
+        The tolerance is that of `integrate`. Rays in space and scattered light are sampled to the standard error.
         """
         failed: list[float] = []
 
         def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
             integrates = len(failed) < FAILURES
-            found = self._reading(angle_deg, integrates=integrates, standard_error=standard_error)
+            found = self._reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
             if found[0].method != "adaptive":
                 failed.append(angle_deg)
             return found

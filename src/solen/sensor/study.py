@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from solen.errors import DesignError
 from solen.sensor.practice import Practice, practice
+from solen.sensor.printed import Printed, printed
 from solen.sensor.response import Response
 from solen.sensor.sensor import Progress, Sensor
 from solen.spec import Design
@@ -29,6 +30,8 @@ class Study:
 
     ``lens`` is None for a design without one. ``flat`` is None where the sensor with a lens cannot be built without it;
     ``flat_refused`` then says why. ``practice`` compares the design with its neighbours, where that was asked for.
+    ``designed`` is the case of the lens that was asked for, and ``printed`` what lies between, where the design's own
+    lens was measured.
     """
 
     design: Design
@@ -36,6 +39,8 @@ class Study:
     flat: Case | None
     flat_refused: str | None = None
     practice: Practice | None = None
+    designed: Case | None = None
+    printed: Printed | None = None
 
     @property
     def case(self) -> Case:
@@ -47,9 +52,9 @@ class Study:
 
     @property
     def cases(self) -> dict[str, Case]:
-        """Cases by name: ``lens``, ``no_lens``."""
-        both = {"lens": self.lens, "no_lens": self.flat}
-        return {name: case for name, case in both.items() if case is not None}
+        """Cases by name: ``lens``, ``designed``, ``no_lens``."""
+        all_of_them = {"lens": self.lens, "designed": self.designed, "no_lens": self.flat}
+        return {name: case for name, case in all_of_them.items() if case is not None}
 
 
 def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> Study:
@@ -57,13 +62,24 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
 
     Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
     at once. ``progress`` is called with the share done, up to 1. ``practical`` adds the comparison of
-    `solen.sensor.practice`.
+    `solen.sensor.practice`, and of a measured lens with the one that was designed.
     """
     if not practical:
         return _study(design, progress)
-    found = _study(design, _part(progress, 0, 5, 3))
+    parts = 7 if design.lens.shape == "measured" else 5
+    found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
     case = found.case
-    return replace(found, practice=practice(case.sensor, case.power, _part(progress, 3, 5, 2)))
+    return replace(found, practice=practice(case.sensor, case.power, _part(progress, parts - 2, parts, 2)))
+
+
+def _beside_design(found: Study, progress: Progress | None) -> Study:
+    """The same with the lens that was asked for, where the design's own was measured."""
+    lens = found.lens
+    if lens is None or not lens.sensor.is_measured:
+        return found
+    lens.sensor.as_designed.check()
+    designed = _case(lens.sensor.as_designed, None)
+    return replace(found, designed=designed, printed=printed(lens.sensor, lens.power, designed.power, progress))
 
 
 def _study(design: Design, progress: Progress | None) -> Study:

@@ -210,12 +210,24 @@ class Emitter(Strict):
 class Lens(Strict):
     """The lens at the stem's base."""
 
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"shape": {"const": "measured"}}, "required": ["shape"]},
+            "then": {"required": ["profile"]},
+        }
+    )
     table: ClassVar[str] = "lens"
     reserved: ClassVar[frozenset[str]] = frozenset({"outline"})
 
-    shape: Literal["cartesian-oval", "none"] = Field(
+    shape: Literal["cartesian-oval", "measured", "none"] = Field(
         "cartesian-oval",
-        description="A Cartesian oval, or none: a flat face at the stem's base, the emitter distance_mm before it.",
+        description="A Cartesian oval; measured: that oval as it was printed, by its profile; or none: a flat face at "
+        "the stem's base, the emitter distance_mm before it.",
+    )
+    profile: Text | None = Field(
+        None,
+        description='Profile of the lens as it is, with shape = "measured": what solen inspect writes, or a table of '
+        "x_mm, z_mm and u_mm, relative to the design file.",
     )
     focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
@@ -223,6 +235,12 @@ class Lens(Strict):
         None,
         description="Index that the lens is shaped for; default: the material's at the emitter's wavelength.",
     )
+
+    @model_validator(mode="after")
+    def _profile_of_a_measured_one(self) -> Self:
+        if self.shape == "measured" and self.profile is None:
+            raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+        return self
 
 
 class Body(Strict):
@@ -431,6 +449,7 @@ class Design(Strict):
             "emitter.part": self.part_file,
             "emitter.pattern_file": self.file_of(self.emitter.pattern_file),
             "emitter.ray_file": self.file_of(self.emitter.ray_file),
+            "lens.profile": self.profile_file,
             "body.file": self.outline_file,
             "fabricate.receiver_part": self.receiver_file,
             **{f"readout.{key}": self.named_file(getattr(self.readout, key)) for key in READOUT_PARTS},
@@ -444,6 +463,11 @@ class Design(Strict):
     def named_file(self, name: str | None) -> Path | None:
         """Path of a part's file by its name, or None where it is one of the library or none at all."""
         return self.file_of(name) if names_file(name) else None
+
+    @property
+    def profile_file(self) -> Path | None:
+        """Path of the measured lens's profile, or None where the design names none."""
+        return self.file_of(self.lens.profile)
 
     @property
     def outline_file(self) -> Path | None:

@@ -13,7 +13,7 @@ Keys = dict[str, tuple[str, ...]]
 OF_OUTLINES: Keys = {"body": ("file", "units", "join_mm"), "emitter": ("point_mm", "axis_deg"), "motion": ("bend_mm",)}
 OF_THE_Y: Keys = {
     "body": ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
-    "lens": ("shape", "focus_mm", "half_width_mm", "design_index"),
+    "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
     "emitter": ("distance_mm",),
 }
 OF_ROTATIONS: Keys = {"motion": ("pivot",)}

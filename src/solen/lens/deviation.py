@@ -1,0 +1,283 @@
+"""What a measured profile deviates from the designed oval, smoothed by as much as its uncertainty asks for.
+
+The idea: what is smoothed is not the profile but its deviation from the design. The vertex of an oval is its sharpest
+place, and a curve that is smoothed as a whole is flattened there first; its deviation from the design is small and
+gentle, and of that no more is smoothed away than the uncertainty of the points (`solen.lens.smoothing`). Points of a
+picture straight into a spline would not do: half a micrometre of noise at points 2 µm apart makes normals that are off
+by some 10 degrees, where a tenth of one already moves the focal spot by 10 µm.
+
+Where the profile ends before the lens does, as in a cropped picture, the design goes on beside it at the distance that
+the last points have; where more than `MOST_MISSING` of a half is missing it is refused. Points beyond the lens belong
+to the stem and are left out.
+
+The interface: `FittedProfile` of a design and a profile.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DesignError
+from solen.lens.measured import LEAST_POINTS, MeasuredProfile, scatter_mm
+from solen.lens.optics import OvalLens
+from solen.lens.smoothing import Smooth, smoothed
+from solen.lens.track import Track
+
+Floats = NDArray[np.float64]
+
+MOST_MISSING, TOLD_MISSING = 0.25, 0.02
+"""Share of a half width that a profile may lack, and from which on it is warned of."""
+FARTHEST = 0.5
+"""Deviation from the design, as a share of the half width, beyond which a profile is none of this lens."""
+NEAREST = 0.9
+"""Share of the emitter's distance that a profile may come near to it."""
+LEAST_U_MM = 1e-6
+"""What a point is taken to be known to where it is said to be exact: 1 nm."""
+ROUGH = 1.3
+"""How many times their uncertainty points may scatter before it is warned of."""
+LONGEST_CORRELATION = 0.25
+"""Correlation length of errors that are drawn at most, as a share of the half width."""
+NODES_PER_LENGTH = 3.0
+"""Random numbers of a drawn outline per correlation length."""
+EASE_MM = 0.1
+"""Length over which the slope of a deviation ends beyond the last point."""
+PLACES = 801
+"""Places, evenly along the measured part, at which deviations are looked at."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How a profile deviates from the designed oval along its normal, in micrometres; above 0 is more material.
+
+    ``rms_um`` and ``max_um`` are of all of it as it lies, ``max_um`` signed and at ``max_x_mm``. Of a deviation as from
+    a shift by ``shift_um`` (x, z) and a turn by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` remains.
+    """
+
+    rms_um: float
+    max_um: float
+    max_x_mm: float
+    shift_um: tuple[float, float]
+    turn_mrad: float
+    rest_um: float
+
+
+@dataclass(frozen=True)
+class FittedProfile:
+    """A measured profile beside the oval that was asked for.
+
+    Raises
+    ------
+    DesignError
+        Where the profile lacks too much of the lens, or is none of it.
+    """
+
+    designed: OvalLens
+    profile: MeasuredProfile
+
+    def __post_init__(self) -> None:
+        self._check_reach()
+        self._check_place()
+
+    def deviation_mm(self, x_mm: Floats) -> Floats:
+        """Smoothed deviation (N,) along z at lateral positions within the half width, mm; below 0 is more material."""
+        inside, beyond = self._place(x_mm)
+        spline = self.smooth.spline
+        eased = EASE_MM * (1.0 - np.exp(-np.abs(beyond) / EASE_MM))
+        return np.asarray(spline(inside) + spline(inside, 1) * np.sign(beyond) * eased)
+
+    def deviation_slope(self, x_mm: Floats) -> Floats:
+        """Derivative of `deviation_mm` by x."""
+        inside, beyond = self._place(x_mm)
+        per_length = self.smooth.spline(inside, 1) * np.exp(-np.abs(beyond) / EASE_MM)
+        return np.asarray(per_length * self.track.length_per_x(x_mm))
+
+    def u_mm(self, x_mm: Floats) -> Floats:
+        """Standard uncertainty (N,) of the profile along its normal, mm; beyond its ends it grows to the deviation."""
+        x = self.profile.x_mm
+        beyond = np.maximum(np.maximum(x[0] - x_mm, x_mm - x[-1]), 0.0)
+        grown = np.minimum(beyond / EASE_MM, 1.0) * 1e-3 * self.deviation.rms_um
+        return np.asarray(np.hypot(np.interp(x_mm, x, self._point_u_mm), grown))
+
+    @cached_property
+    def smooth(self) -> Smooth:
+        """The smoothed deviation along z, over the length of the designed oval from its left edge."""
+        x, deviation = self.points
+        u = np.interp(x, self.profile.x_mm, self._point_u_mm) * np.hypot(1.0, self.designed.slope(x))
+        return smoothed(self.track.length_at(x), deviation, u)
+
+    @cached_property
+    def points(self) -> tuple[Floats, Floats]:
+        """Lateral positions of the points on the lens, and their deviations along z, mm."""
+        x, z = self.profile.x_mm, self.profile.z_mm
+        on = np.abs(x) <= self.designed.half_width_mm
+        return x[on], z[on] - self.designed.z_mm(x[on])
+
+    @cached_property
+    def track(self) -> Track:
+        """Length along the designed oval."""
+        return Track.along(self.designed)
+
+    @cached_property
+    def deviation(self) -> Deviation:
+        """How the measured part deviates from the design."""
+        x = self.track.x_at(np.linspace(*self._ends, PLACES))
+        slope, z = self.designed.slope(x), self.designed.z_mm(x)
+        steep = np.hypot(1.0, slope)
+        more = -1e3 * self.deviation_mm(x) / steep
+        outwards = np.column_stack([slope, -np.ones_like(x)]) / steep[:, None]
+        turning = outwards[:, 1] * x - outwards[:, 0] * z
+        columns = np.column_stack([outwards, turning])
+        rigid, *_ = np.linalg.lstsq(columns, more, rcond=None)
+        worst = int(np.argmax(np.abs(more)))
+        return Deviation(
+            rms_um=_rms(more),
+            max_um=float(more[worst]),
+            max_x_mm=float(x[worst]),
+            shift_um=(float(rigid[0]), float(rigid[1])),
+            turn_mrad=float(rigid[2]),
+            rest_um=_rms(more - columns @ rigid),
+        )
+
+    @property
+    def correlation_mm(self) -> float:
+        """Length over which the errors of a drawn outline go together: the standard deviation of a Gaussian.
+
+        It is what the smoothed profile resolves: errors over shorter lengths have been smoothed away, over longer ones
+        they turn the normals less.
+        """
+        return min(self.smooth.resolution, LONGEST_CORRELATION * self.designed.half_width_mm)
+
+    @cached_property
+    def errors(self) -> tuple[Floats, Floats]:
+        """Lengths (N,), and the matrix (N, N) that makes errors along z there, mm, of as many standard normal numbers.
+
+        They have the size of `u_mm` and a Gaussian correlation.
+        """
+        length_mm, total_mm = self.correlation_mm, self.track.total_mm
+        nodes = np.linspace(0.0, total_mm, max(8, math.ceil(NODES_PER_LENGTH * total_mm / length_mm) + 1))
+        x = self.track.x_at(nodes)
+        u_z = self.u_mm(x) * np.hypot(1.0, self.designed.slope(x))
+        value, vectors = np.linalg.eigh(np.exp(-0.5 * (np.subtract.outer(nodes, nodes) / length_mm) ** 2))
+        return nodes, u_z[:, None] * vectors * np.sqrt(np.maximum(value, 0.0))
+
+    @property
+    def u_rms_um(self) -> float:
+        """Root mean square of the profile's uncertainty over the lens, µm."""
+        half_mm = self.designed.half_width_mm
+        return 1e3 * _rms(self.u_mm(np.linspace(-half_mm, half_mm, PLACES)))
+
+    @property
+    def u_slope_mrad(self) -> float:
+        """Standard uncertainty of the normals' directions: that of the points by the length of their errors."""
+        return self.u_rms_um / self.correlation_mm
+
+    @property
+    def reach_mm(self) -> tuple[float, float]:
+        """Lateral positions between which the lens is measured."""
+        x = self.points[0]
+        return float(x[0]), float(x[-1])
+
+    @property
+    def missing(self) -> float:
+        """Share of a half width that is not measured, on the side where more is missing."""
+        half_mm, (low, high) = self.designed.half_width_mm, self.reach_mm
+        return max(low + half_mm, half_mm - high) / half_mm
+
+    @property
+    def unseen(self) -> float:
+        """Share of the angles which the lens accepts that meet no measured part."""
+        x = np.array(self.reach_mm)
+        low, high = np.degrees(np.arctan2(x, self.designed.z_mm(x) + self.designed.distance_mm))
+        return float(1.0 - (high - low) / (2.0 * self.designed.acceptance_deg))
+
+    @cached_property
+    def scatter_um(self) -> float:
+        """What differs from point to point, along the normal, µm."""
+        x, deviation = self.points
+        return 1e3 * scatter_mm(x, deviation, self.designed.slope(x))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known of the profile before its response is believed."""
+        return (*self.profile.warnings, *filter(None, (self._told_missing(), self._told_rough())))
+
+    def _told_missing(self) -> str:
+        if self.missing <= TOLD_MISSING:
+            return ""
+        low, high = self.reach_mm
+        return (
+            f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm: "
+            "beyond it the designed oval is taken, as far away as the last points lie, which is an assumption; "
+            f"{self.unseen:.0%} of the angles that the lens accepts meet that part"
+        )
+
+    def _told_rough(self) -> str:
+        stated_um = 1e3 * float(np.median(self.profile.u_mm))
+        if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
+            return (
+                f"neighbouring points scatter by {self.scatter_um:.2g} um, more than their stated {stated_um:.2g} um: "
+                "that is taken for their uncertainty"
+            )
+        if self.smooth.residual > ROUGH:
+            return (
+                f"the smoothed profile leaves its points by {self.smooth.residual:.2g} times their uncertainty: what "
+                f"is finer than {self.smooth.resolution:.2g} mm is smoothed away"
+            )
+        return ""
+
+    @cached_property
+    def _point_u_mm(self) -> Floats:
+        """Uncertainty of each point of the profile: as stated, or by its scatter where that is more."""
+        stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
+        return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
+
+    @cached_property
+    def _ends(self) -> tuple[float, float]:
+        """Lengths along the oval at the first and the last point."""
+        first, last = self.track.length_at(np.array(self.reach_mm))
+        return float(first), float(last)
+
+    def _place(self, x_mm: Floats) -> tuple[Floats, Floats]:
+        """Nearest measured length, and how far beyond it a lateral position lies."""
+        along = self.track.length_at(x_mm)
+        inside = np.clip(along, *self._ends)
+        return inside, along - inside
+
+    def _check_reach(self) -> None:
+        half_mm = self.designed.half_width_mm
+        x, low, high = self.points[0], *self.profile.width_mm
+        if x.size < LEAST_POINTS or max(low + half_mm, half_mm - high) > MOST_MISSING * half_mm:
+            need_mm = (1.0 - MOST_MISSING) * half_mm
+            raise DesignError(
+                "lens.profile",
+                value=f"{x.size} points from {low:.4g} to {high:.4g} mm",
+                limit=f"a lens of {half_mm:g} mm half width needs {LEAST_POINTS} or more, from {-need_mm:.4g} to "
+                f"{need_mm:.4g} mm at least",
+                remedy="measure the whole lens, or narrow lens.half_width_mm",
+            )
+
+    def _check_place(self) -> None:
+        x, deviation = self.points
+        worst, limit_mm = int(np.argmax(np.abs(deviation))), FARTHEST * self.designed.half_width_mm
+        if abs(deviation[worst]) > limit_mm:
+            raise DesignError(
+                "lens.profile",
+                value=f"{deviation[worst]:+.4g} mm from the design at x = {x[worst]:.4g} mm",
+                limit=f"must lie within {limit_mm:g} mm of the designed lens",
+                remedy="register it to the design, its vertex at the origin and z into the body",
+            )
+        nearest_mm, emitter_mm = float((deviation + self.designed.z_mm(x)).min()), -self.designed.distance_mm
+        if nearest_mm <= NEAREST * emitter_mm:
+            raise DesignError(
+                "lens.profile",
+                value=f"reaches z = {nearest_mm:.4g} mm",
+                limit=f"the emitter stands at z = {emitter_mm:g} mm",
+                remedy="register it to the design, its vertex at the origin and z into the body",
+            )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,157 @@
+"""The lens as it is: the designed oval plus what a measured profile deviates from it.
+
+Its width, its depth and where the stem begins are those of the design, to which the profile is registered. What the
+points leave open is told by drawing: an outline within their uncertainty is the smoothed one plus a random curve of
+that size, correlated over `FittedProfile.correlation_mm`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from solen.curve import Spline, fitted
+from solen.lens.deviation import FittedProfile
+from solen.lens.optics import Lens, OvalLens
+
+Floats = NDArray[np.float64]
+
+CURVE_TOLERANCE_MM = 1e-6
+"""How far the curve that rays meet may be from the smoothed profile: 1 nm."""
+SPOT_RAYS = 512
+"""Rays by which the smallest spot is found."""
+DRAWN_SPOTS = 24
+"""Outlines drawn for the uncertainty of the focus, which they give to a seventh of itself."""
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Smallest spot of the light that a lens takes: where it lies, and the root of its mean square width, in mm."""
+
+    x_mm: float
+    z_mm: float
+    rms_mm: float
+
+
+@dataclass(frozen=True)
+class MeasuredLens(Lens):
+    """A lens whose profile was measured, or predicted by a print model.
+
+    ``drawn`` is 0 for the smoothed profile itself, else the number of an outline drawn within its uncertainty; a number
+    is the same outline each time.
+    """
+
+    fit: FittedProfile
+    drawn: int = 0
+
+    @property
+    def designed(self) -> OvalLens:
+        """The oval that was asked for."""
+        return self.fit.designed
+
+    @property
+    def distance_mm(self) -> float:  # type: ignore[override]
+        """From the emitter to the designed vertex."""
+        return self.designed.distance_mm
+
+    @property
+    def half_width_mm(self) -> float:  # type: ignore[override]
+        """Half the designed width."""
+        return self.designed.half_width_mm
+
+    @property
+    def depth_mm(self) -> float:
+        """From the designed vertex to the plane where the stem begins."""
+        return self.designed.depth_mm
+
+    @cached_property
+    def front(self) -> Spline:
+        """See :attr:`Lens.front`: a spline within `CURVE_TOLERANCE_MM` of the smoothed profile."""
+
+        def place(x: Floats) -> Floats:
+            return np.column_stack([x, self.z_mm(x)])
+
+        def velocity(x: Floats) -> Floats:
+            return np.column_stack([np.ones_like(x), self.slope(x)])
+
+        half_mm = self.half_width_mm
+        return fitted(place, velocity, CURVE_TOLERANCE_MM, (-half_mm, -0.5 * half_mm, 0.0, 0.5 * half_mm, half_mm))
+
+    def z_mm(self, x_mm: ArrayLike) -> Floats:
+        """Profile z(x) at lateral positions (N,) within the half width."""
+        x = np.asarray(x_mm, dtype=float)
+        error = self._error(x, 0) if self.drawn else 0.0
+        return np.asarray(self.designed.z_mm(x) + self.fit.deviation_mm(x) + error)
+
+    def slope(self, x_mm: ArrayLike) -> Floats:
+        """dz/dx of the profile, dimensionless."""
+        x = np.asarray(x_mm, dtype=float)
+        error = self._error(x, 1) if self.drawn else 0.0
+        return np.asarray(self.designed.slope(x) + self.fit.deviation_slope(x) + error)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`Lens.warnings`."""
+        return self.fit.warnings
+
+    def drawn_within(self, number: int) -> "MeasuredLens":
+        """Outline of a number above 0, drawn within the uncertainty of the points; 0 is the smoothed profile."""
+        return replace(self, drawn=number)
+
+    def best_spot(self, index: float) -> Spot | None:
+        """Smallest spot of the emitter's light in a material of ``index``; None where it is not behind the vertex.
+
+        Rays go from the emitter at `SPOT_RAYS` angles, evenly over the acceptance. A ray is x = a + t z, so the
+        variance of x is least at z = −cov(a, t) / var(t).
+        """
+        a, t = self._rays(index)
+        spread = float(np.var(t)) if t.size > 1 else 0.0
+        if spread == 0.0:
+            return None
+        z = -float(np.mean((a - a.mean()) * (t - t.mean()))) / spread
+        x = a + t * z
+        return Spot(float(x.mean()), z, float(x.std())) if z > 0.0 else None
+
+    def best_focus_mm(self, index: float) -> float | None:
+        """Where the light that the lens takes makes the smallest spot in a material of ``index``."""
+        spot = self.best_spot(index)
+        return None if spot is None else spot.z_mm
+
+    def u_best_focus_mm(self, index: float) -> float | None:
+        """Standard uncertainty of `best_focus_mm` by that of the points: `DRAWN_SPOTS` drawn outlines scatter so."""
+        return _u_best_focus_mm(self, index)
+
+    def _rays(self, index: float) -> tuple[Floats, Floats]:
+        """Rays in the material, x = a + t z, of those that the face lets in; one behind another part is left out."""
+        x = np.linspace(-self.half_width_mm, self.half_width_mm, 4 * SPOT_RAYS + 1)
+        seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
+        angle = seen[0] + (seen[-1] - seen[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
+        x = np.interp(angle, seen, x)
+        z, lean = self.z_mm(x), np.arctan(self.slope(x))
+        sine = self.designed.outside_index / index * np.sin(np.arctan2(x, z + self.distance_mm) + lean)
+        bent = np.abs(sine) < 1.0
+        t = np.tan(np.arcsin(sine[bent]) - lean[bent])
+        return x[bent] - t * z[bent], t
+
+    @cached_property
+    def _error(self) -> Callable[[Floats, int], Floats]:
+        """Random curve along z of a drawn outline, or its derivative by x: normal, correlated along the oval."""
+        from scipy.interpolate import CubicSpline
+
+        track, (nodes, root) = self.fit.track, self.fit.errors
+        spline = CubicSpline(nodes, root @ np.random.default_rng(self.drawn).standard_normal(nodes.size))
+
+        def error(x: Floats, order: int) -> Floats:
+            per_x = track.length_per_x(x) if order else 1.0
+            return np.asarray(spline(track.length_at(x), order) * per_x)
+
+        return error
+
+
+@lru_cache(maxsize=16)
+def _u_best_focus_mm(lens: MeasuredLens, index: float) -> float | None:
+    drawn = [lens.drawn_within(number).best_focus_mm(index) for number in range(1, DRAWN_SPOTS + 1)]
+    found = [focus_mm for focus_mm in drawn if focus_mm is not None]
+    return float(np.std(found, ddof=1)) if len(found) == DRAWN_SPOTS else None

@@ -1,0 +1,136 @@
+"""A smooth curve through points that are not exact, as smooth as their uncertainty allows.
+
+The idea: P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots
+than are needed, and a penalty on the third differences of its coefficients. How strong the penalty is follows from the
+points themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which takes what
+differs from point to point for noise. Errors of neighbouring points that go together, as those of a blurred edge do, it
+would take for shape; so the curve is smoothed on until its residuals match the stated uncertainty (V. A. Morozov's
+discrepancy principle), where that is smoother.
+
+The interface: `smoothed` returns a `Smooth`.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+Floats = NDArray[np.float64]
+
+DEGREE, ORDER = 3, 3
+"""Of the spline's pieces, and of the differences that are kept small; what is left free of them is a parabola."""
+MOST_SPANS, POINTS_PER_SPAN = 200, 3
+WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
+"""Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smooth:
+    """A smoothed column over a length.
+
+    Attributes
+    ----------
+    spline
+        Value at a place between the first and the last one.
+    parameters
+        Effective number of parameters: the trace of the matrix that takes values to smoothed values.
+    residual
+        Root of the mean square of the residuals, each in units of its standard uncertainty.
+    """
+
+    spline: "BSpline"
+    parameters: float
+    residual: float
+
+    @property
+    def resolution(self) -> float:
+        """Length over which values are averaged: the whole length per parameter."""
+        first, last = self.spline.t[[DEGREE, -DEGREE - 1]]
+        return float((last - first) / self.parameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _Penalised:
+    """Normal equations of all strengths at once, in the basis in which data and penalty are both diagonal.
+
+    ``data`` (K,) are the shares of the data, ``right`` (K,) the right side; ``back`` (K, K) takes the solution to the
+    coefficients.
+    """
+
+    data: Floats
+    right: Floats
+    back: Floats
+    squares: float
+    count: int
+
+    def matrix(self, strength: float) -> Floats:
+        return self.data + strength * (1.0 - self.data)
+
+    def coefficients(self, strength: float) -> Floats:
+        return np.asarray(self.back @ (self.right / self.matrix(strength)))
+
+    def parameters(self, strength: float) -> float:
+        return float(np.sum(self.data / self.matrix(strength)))
+
+    def residuals(self, strength: float) -> float:
+        """Sum of the squares of the weighted residuals."""
+        size = self.right / self.matrix(strength)
+        return max(float(self.squares - 2.0 * size @ self.right + self.data @ size**2), 0.0)
+
+    def unlikeliness(self, strength: float) -> float:
+        """Minus twice the restricted log-likelihood, but for a constant, at the best scale of the noise."""
+        free, penalised = self.count - ORDER, self.data.size - ORDER
+        matrix = self.matrix(strength)
+        squares = max(float(self.squares - self.right @ (self.right / matrix)), 1e-300)
+        return float(free * np.log(squares) + np.log(matrix).sum() - penalised * np.log(strength))
+
+
+def smoothed(place: Floats, value: Floats, u: Floats) -> Smooth:
+    """Smooth curve through values (N,) at ascending places (N,) with standard uncertainties above 0.
+
+    N must be 16 at least.
+    """
+    from scipy.interpolate import BSpline
+    from scipy.sparse import diags_array
+
+    spans = int(np.clip(place.size // POINTS_PER_SPAN, 4, MOST_SPANS))
+    inner = np.linspace(place[0], place[-1], spans + 1)
+    width = inner[1] - inner[0]
+    knots = np.concatenate([inner[0] - width * np.arange(DEGREE, 0, -1), inner, inner[-1] + width * np.arange(1, 4)])
+    inside = np.clip(place, inner[0], inner[-1])
+    weighted = diags_array(1.0 / u) @ BSpline.design_matrix(inside, knots, DEGREE)
+    normal = (weighted.T @ weighted).toarray()
+    found = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), place.size)
+    strength = max(_likeliest(found), _matching(found))
+    residual = float(np.sqrt(found.residuals(strength) / place.size))
+    return Smooth(BSpline(knots, found.coefficients(strength), DEGREE), found.parameters(strength), residual)
+
+
+def _penalised(normal: Floats, right: Floats, squares: float, count: int) -> _Penalised:
+    from scipy.linalg import cholesky, eigh, solve_triangular
+
+    differences = np.diff(np.eye(len(normal)), ORDER, axis=0)
+    penalty = differences.T @ differences
+    penalty *= np.trace(normal) / np.trace(penalty)
+    root = cholesky(normal + penalty, lower=True)
+    inner = solve_triangular(root, solve_triangular(root, normal, lower=True).T, lower=True)
+    data, vectors = eigh(0.5 * (inner + inner.T))
+    back = solve_triangular(root.T, vectors, lower=False)
+    return _Penalised(np.clip(data, 0.0, 1.0), np.asarray(back.T @ right), np.asarray(back), squares, count)
+
+
+def _likeliest(found: _Penalised) -> float:
+    """Strength of the greatest restricted likelihood."""
+    strengths = np.logspace(WEAKEST, STRONGEST, STEPS)
+    return float(strengths[np.argmin([found.unlikeliness(float(one)) for one in strengths])])
+
+
+def _matching(found: _Penalised) -> float:
+    """Largest strength whose residuals are no larger than the uncertainties; 0 where even the least one's are."""
+    strengths = np.logspace(WEAKEST, STRONGEST, STEPS)
+    fits = [float(one) for one in strengths if found.residuals(float(one)) <= found.count]
+    return max(fits, default=0.0)

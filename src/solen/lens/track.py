@@ -1,0 +1,58 @@
+"""Lengths along a designed oval, from its left edge, by lateral position and back."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.lens.optics import OvalLens
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
+
+Floats = NDArray[np.float64]
+
+GRID = 4001
+"""Places at which lengths are tabulated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Table of the length along an oval; make it with `Track.along`."""
+
+    x_mm: Floats
+    length_mm: Floats
+
+    @classmethod
+    def along(cls, oval: OvalLens) -> "Track":
+        """Table of an oval, by Simpson's rule."""
+        x = np.linspace(-oval.half_width_mm, oval.half_width_mm, GRID)
+        middle = 0.5 * (x[:-1] + x[1:])
+        before, between, behind = (np.hypot(1.0, oval.slope(at)) for at in (x[:-1], middle, x[1:]))
+        steps = np.diff(x) * (before + 4.0 * between + behind) / 6.0
+        return cls(x, np.concatenate([[0.0], np.cumsum(steps)]))
+
+    @property
+    def total_mm(self) -> float:
+        """Length of all of it."""
+        return float(self.length_mm[-1])
+
+    def length_at(self, x_mm: Floats) -> Floats:
+        """Lengths (N,) at lateral positions."""
+        return np.asarray(self._forwards(x_mm))
+
+    def length_per_x(self, x_mm: Floats) -> Floats:
+        """Derivatives (N,) of the lengths by the lateral position."""
+        return np.asarray(self._forwards(x_mm, 1))
+
+    def x_at(self, length_mm: Floats) -> Floats:
+        """Lateral positions (N,) at lengths."""
+        return np.interp(length_mm, self.length_mm, self.x_mm)
+
+    @cached_property
+    def _forwards(self) -> "CubicSpline":
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.x_mm, self.length_mm)

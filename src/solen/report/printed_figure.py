@@ -1,0 +1,67 @@
+"""The figure of a lens as it was printed: its deviation from the design, and what that does to the response."""
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.lens import MeasuredLens
+from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE, STYLE
+from solen.sensor import Comparison, Printed
+
+PLACES = 400
+"""Places across the lens at which its deviation is drawn."""
+MOST_DOTS = 400
+"""Points of a profile that are drawn at most."""
+
+
+def printed_figure(found: Printed) -> Figure:
+    """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(10.2, 3.5), layout="constrained")
+        shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
+        draw_deviation(shape_axes, found.lens)
+        shape_axes.set_title(f"lens {found.told}", fontsize=9)
+        for one, colour in ((found.own, INK), (found.chip, SPACE)):
+            if one is not None:
+                _draw_responses(contrast_axes, one, colour)
+                _draw_difference(difference_axes, one, colour)
+        contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+        contrast_axes.legend(fontsize=7, loc="lower left")
+        difference_axes.axhline(0.0, color=INK, lw=0.8)
+        difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
+        difference_axes.legend(fontsize=7)
+    return figure
+
+
+def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
+    """How far a profile lies from the designed oval along its normal, in µm: points, smoothed, with its uncertainty."""
+    fit, half_mm = lens.fit, lens.half_width_mm
+    x = np.linspace(-half_mm, half_mm, PLACES)
+    more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))
+    u = 1e3 * fit.u_mm(x)
+    at, deviation = fit.points
+    thin = slice(None, None, max(1, at.size // MOST_DOTS))
+    dots = -1e3 * deviation[thin] / np.hypot(1.0, lens.designed.slope(at[thin]))
+    axes.plot(at[thin], dots, ".", color=LOST, ms=2.5, label="points")
+    axes.fill_between(x, more - u, more + u, color=SOFT, lw=0, zorder=1, label="its uncertainty")
+    axes.plot(x, more, color=RIGHT, lw=1.6, label="smoothed, as traced")
+    axes.axhline(0.0, color=INK, lw=0.8, ls=":")
+    axes.set(xlabel="x (mm)", ylabel="deviation from the design (µm)")
+    axes.legend(fontsize=7)
+
+
+def _name(one: Comparison) -> str:
+    return f"chip {one.width_mm:g} mm wide" if one.width_mm > 0.0 else "point"
+
+
+def _draw_responses(axes: Axes, one: Comparison, colour: str) -> None:
+    angle, name = one.designed.angle_deg, _name(one)
+    axes.plot(angle, one.designed.contrast, "--", color=colour, lw=1.2, label=f"designed, {name}")
+    axes.plot(angle, one.printed.contrast, color=colour, lw=1.8, label=f"printed, {name}")
+
+
+def _draw_difference(axes: Axes, one: Comparison, colour: str) -> None:
+    angle, change, u = one.designed.angle_deg, one.difference, one.u_difference
+    axes.fill_between(angle, change - u, change + u, color=colour, alpha=0.2, lw=0)
+    axes.plot(angle, change, "o-", color=colour, ms=3, lw=1.4, label=_name(one))

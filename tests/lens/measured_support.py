@@ -1,0 +1,46 @@
+"""Profiles of lenses as a picture or a print model would give them, from ovals and made-up errors."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.lens import FittedProfile, MeasuredLens, MeasuredProfile, OvalLens, profile_of
+
+Floats = NDArray[np.float64]
+
+LENS = OvalLens(1.0, 20.0, 2.0, 1.44)
+X = np.linspace(-2.0, 2.0, 2001)
+"""2 µm apart, as the pixels of a micrograph."""
+
+
+def profile(
+    more_um: Floats | float = 0.0, u_mm: float = 0.0, *, x: Floats = X, oval: OvalLens = LENS, simulated: bool = True
+) -> MeasuredProfile:
+    """Profile of an oval with more material by so many µm along its normal."""
+    z = oval.z_mm(x) - 1e-3 * np.asarray(more_um) * np.hypot(1.0, oval.slope(x))
+    return profile_of(x, z, u_mm, simulated=simulated)
+
+
+def noise_um(size_um: float, seed: int = 1, neighbours: float = 0.0) -> Floats:
+    """Normal errors of the points, those of ``neighbours`` points going together."""
+    numbers = np.random.default_rng(seed).standard_normal(X.size)
+    if neighbours:
+        reach = int(5 * neighbours)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / neighbours) ** 2)
+        numbers = np.convolve(numbers, weights / np.sqrt(np.sum(weights**2)), mode="same")
+    return size_um * numbers
+
+
+def lens(found: MeasuredProfile, designed: OvalLens = LENS) -> MeasuredLens:
+    """Lens of a profile that was to be an oval."""
+    return MeasuredLens(FittedProfile(designed, found))
+
+
+def placed(x_shift_mm: float = 0.0, turn_deg: float = 0.0, scale: float = 1.0, about: float = 0.0) -> MeasuredProfile:
+    """Exact profile of `LENS` scaled about its vertex, turned about (0, ``about``) and shifted; cut to ±2 mm."""
+    wide = OvalLens(1.0, 20.0, 2.2, 1.44)
+    x = np.linspace(-2.15, 2.15, 4001)
+    points = scale * np.column_stack([x, wide.z_mm(x)]) - [0.0, about]
+    c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
+    x, z = (points @ np.array([[c, s], [-s, c]]) + [x_shift_mm, about]).T
+    keep = np.abs(x) <= 2.0
+    return profile_of(x[keep], z[keep], 0.0, simulated=True)
