@@ -13,6 +13,7 @@ import cyclopts
 
 from solen.cli import (
     analyse,
+    bench,
     coupons,
     cure,
     cutback,
@@ -35,6 +36,7 @@ from solen.errors import SolenError
 __all__ = [
     "analyse",
     "app",
+    "bench",
     "coupons",
     "cure",
     "cutback",
