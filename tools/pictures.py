@@ -114,7 +114,7 @@ def coins() -> Figure:
         x, y, diameter, _ = circle(edge)
         at = edge.points_px[edge.kept]
         off = np.hypot(at[:, 0] - x, at[:, 1] - y) - 0.5 * diameter
-        shown = axes.scatter(*at.T, c=off, s=1.5, cmap="coolwarm", vmin=-2.0, vmax=2.0)
+        shown = axes.scatter(at[:, 0], at[:, 1], c=off, s=1.5, cmap="coolwarm", vmin=-2.0, vmax=2.0)
         axes.text(x, y, f"{diameter:.2f}", color="white", fontsize=6, ha="center", va="center")
     if shown is not None:
         figure.colorbar(shown, ax=axes, label="out of the circle (px)", shrink=0.8)

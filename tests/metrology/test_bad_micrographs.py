@@ -52,7 +52,7 @@ def test_a_perfect_print_in_a_poor_picture_is_no_deviation(name: str, tmp_path: 
     assert any("56%" in warning for warning in found["warnings"]) or name != "half of the lens"
 
 
-REFUSED = {
+REFUSED: dict[str, tuple[Shot, dict[str, Any], str]] = {
     "a tenth of the lens": (replace(SHOT, vertex_um=(-1500.0, 2350.0)), {}, "shows .* of the front; at least"),
     "no lens": (replace(SHOT, step=0.0, scenery=[LIGHT, dust(30, 8, -0.8)]), {}, "shows no lens"),
     "blank": (replace(SHOT, step=0.0, scenery=[], camera=Camera(noise=0.0)), {}, "shows no lens"),
