@@ -370,6 +370,14 @@ def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_
     assert 0.85 * largest < found["moved"] < largest + 1e-3
 
 
+def test_half_of_the_steps_below_a_layer_are_none() -> None:
+    """Of heights in whole layers of 50 µm every second step of 25 µm rises by a layer."""
+    found = result("coupon_steps")
+    assert (found["step_mm"], found["not_mm"]) == (0.05, 0.025)
+    assert found["printed_mm"] == pytest.approx(0.05, abs=3e-4)  # 2 µm over the 340 pixels of a top, over six steps
+    assert found["rises"] == 6
+
+
 def test_ambient_light_is_rejected_as_phasors_say() -> None:
     """A reading is on less off: the sum of what a turning phasor is at each of its slots; a ramp by its rise in one."""
     found, slot_s = result("ambient_light"), 0.0025
