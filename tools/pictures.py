@@ -7,13 +7,18 @@ from matplotlib.figure import Figure
 
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
+from solen.analysis.demodulation import Samples, averaged, find_clock, slots_of, subtract
 from solen.material.index import Length, forward, measured, reading
 from solen.material.index.stack import Substrate, on_substrate
 from solen.material.index.substrate import invert
 from solen.pipeline.index import arrays
 from solen.pipeline.indexfit import described, fitted, literature
+from solen.pipeline.readout import readings
+from solen.readout import circuit_of, settled, volts
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
+from solen.report.demodulate import demodulation_figure
 from solen.report.index import index_figure
+from solen.report.readout import readout_figure
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 
@@ -93,11 +98,40 @@ def two_indices() -> Figure:
     return figure
 
 
+READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readout.load_ohm": 1500.0}
+
+
+def readout_picture() -> Figure:
+    """What ``solen readout --figure`` draws of the paper's sensor with a chip."""
+    design = with_values(loads(template("solen-860")), READ_WITH)
+    return readout_figure(readings(Sensor.of(design)), design.name)
+
+
+def ambient_light() -> Figure:
+    """What ``solen demodulate --figure`` draws of a simulated waveform in a room that flickers and is lit at once."""
+    rng = np.random.default_rng(4)
+    circuit = circuit_of(with_values(loads(template()), READ_WITH), {"right": 12.0, "left": 12.0})
+    time = np.arange(40_000) / 10_000.0
+    swing = np.tanh(2.0 * np.sin(np.pi * time))[:, None] * np.array([1.0, -1.0])
+    on = (time * 200.0 * (1.0 + 50e-6) - 0.3) % 1.0 < 0.5
+    room = 0.6 + 0.15 * np.cos(2.0 * np.pi * 100.0 * time) + 0.4 * (time > 2.6)
+    light = settled(volts(0.25 * (1.0 + swing) * on[:, None], circuit, room), circuit, 10_000.0)
+    read = circuit.adc.read(light + rng.normal(0.0, circuit.adc.noise_V, light.shape))
+    clock = find_clock(time, read, 200.0)
+    samples = Samples(time, read, circuit.names, ("V", "V"), clock.states(3e-4), 3e-4, clock)
+    slots = slots_of(time, read, samples.state)
+    found = subtract(slots)
+    means = averaged(found, slots, 4)
+    return demodulation_figure(samples, found, means, "simulated: on and off at 200 Hz", 2.2e-3, "two-sided")
+
+
 def main() -> None:
     """Draw them all."""
     (IMAGES / "two-indices.svg").write_bytes(encoded(two_indices(), ".svg", "two indices"))
     (IMAGES / "index-routes.svg").write_bytes(encoded(index_routes(), ".svg", "index routes"))
     (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))
+    (IMAGES / "readout.svg").write_bytes(encoded(readout_picture(), ".svg", "readout"))
+    (IMAGES / "ambient-light.svg").write_bytes(encoded(ambient_light(), ".svg", "ambient light"))
     (IMAGES / "four-motions.svg").write_bytes(encoded(four_motions(), ".svg", "four motions"))
 
 

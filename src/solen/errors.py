@@ -44,3 +44,7 @@ class DesignError(SolenError):
 
 class OutputError(SolenError):
     """The result cannot be written where it was asked for."""
+
+
+class BenchError(SolenError):
+    """An instrument does not do what it is asked, or is asked for what it cannot do."""

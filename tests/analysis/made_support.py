@@ -49,7 +49,7 @@ class Protocol:
         )
         took += self.hold_s * (len(self.levels_deg) - self.levels_deg.count(self.levels_deg[0]))
         took += self.rest_hold_s * self.levels_deg.count(self.levels_deg[0])
-        return self.before_s + took * np.arange(int(self.cycles))
+        return np.asarray(self.before_s + took * np.arange(int(self.cycles)), dtype=np.float64)
 
 
 @dataclass(frozen=True)

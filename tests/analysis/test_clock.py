@@ -77,6 +77,22 @@ def test_a_flickering_room_does_not_move_the_clock() -> None:
     assert np.abs(off_by_us(found.phase, phase, 200.0)).max() < SAMPLE_US
 
 
+@pytest.mark.parametrize("part", [2, 3])
+def test_a_part_of_the_rate_is_refused(part: int) -> None:
+    """At 100 Hz a period holds two on phases; what stands out there is no clock of one emitter."""
+    time, values, _ = waveform(4.0, noise=0.02)
+    flicker = 0.1 * np.cos(2 * np.pi * 200.0 / part * time)[:, None]
+    with pytest.raises(DataError, match=f"holds {part} on phases; try 200"):
+        find_clock(time, values + flicker, 200.0 / part)
+
+
+def test_a_sine_lies_between_on_and_off_for_a_third() -> None:
+    time, values, _ = waveform(4.0, noise=0.02)
+    assert find_clock(time, values, 200.0).between_share < 0.03
+    sine = np.cos(2 * np.pi * 200.0 * time)[:, None]
+    assert find_clock(time, sine, 200.0).between_share == pytest.approx(1 / 3, abs=0.05)
+
+
 @pytest.mark.parametrize(
     ("seconds", "sampled_hz", "depth", "words"),
     [

@@ -329,6 +329,9 @@ def test_open_empty_and_inverted_meshes_are_refused() -> None:
     box = closed(trimesh.creation.box((1.0, 2.0, 3.0)))
     with pytest.raises(DataError, match=r"x\.stl = '3 open edges'; must be watertight"):
         mesh_solid(Mesh(box.vertices, box.triangles[1:], 0.0), FLAT, "x.stl")
+    sheet = Mesh(box.vertices * (1.0, 1.0, 0.0), box.triangles, 0.0)
+    with pytest.raises(DataError, match="encloses no volume"):
+        mesh_solid(sheet, FLAT)
     with pytest.raises(DataError, match="is empty"):
         mesh_solid(Mesh(box.vertices, box.triangles[:0], 0.0), FLAT)
     with pytest.raises(DataError, match="is inside out"):

@@ -232,7 +232,7 @@ def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
     (folder / "mesh.obj").write_text("v 0 0 0", encoding="utf-8")
     assert "is cut off" in refused("layers", "cut.stl", "--out", "out")
     assert "open.stl = '3 open edges'; must be watertight" in refused("layers", "open.stl", "--out", "out")
-    assert "must be a design (.toml) or a mesh (.stl)" in refused("layers", "mesh.obj", "--out", "out")
+    assert "must be a design (.toml) or a mesh (.stl, .3mf)" in refused("layers", "mesh.obj", "--out", "out")
     assert "no such file" in refused("layers", "none.stl", "--out", "out")
     assert "--set" in refused("layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
     assert "without --layers" in refused("export", "my sensor.toml", "--out", "out", "--copies", "2")
@@ -244,7 +244,17 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run
     found = told("layers", "inverted.stl", "--out", "out")
     assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
     assert any("inside out" in line for line in found["warnings"])
-    assert any("an STL has no unit and is read as mm" in line for line in found["warnings"])
+    assert any("An STL has none and is read as mm" in line for line in found["warnings"])
+
+
+def test_level_faces_between_layers_are_told(told: Run) -> None:
+    """Pockets from 1.325 to 2.675 mm are whole layers of 25 µm; of 50 µm, both faces lie in the middle of one."""
+    arguments = ("layers", "my sensor.toml", "--out", "out", "--sheet-only", "--set", "fabricate.pockets=true")
+    assert not any("level faces" in line for line in told(*arguments)["warnings"])
+    line = "2 level faces lie within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
+    assert line in told(*arguments, "--layer-um", "50")["warnings"]
+    first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["stl"]
+    assert line in told("layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]
 
 
 def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

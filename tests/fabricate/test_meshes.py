@@ -235,3 +235,13 @@ def test_a_label_knows_designs_apart_and_not_their_comments() -> None:
     assert label_of(design(), "").sha256 == label.sha256
     assert label_of(design(body__arm_width_mm=2.9), "").sha256 != label.sha256
     assert len(label.sha256) == 64
+
+
+def test_open_edges_are_counted_as_their_definition_says() -> None:
+    """Against a count edge by edge, for a closed mesh, with triangles missing, turned over and twice there."""
+    mesh = mesh_of(part_of(seated()), 1e-2)
+    some = mesh.triangles
+    for triangles in (some, some[2:], np.vstack([some[:1, ::-1], some[1:]]), np.vstack([some, some[5:6]]), some[:1]):
+        ways = [(int(t[i]), int(t[(i + 1) % 3])) for t in triangles for i in range(3)]
+        expected = sum(ways.count(way) != 1 or ways.count(way[::-1]) != 1 for way in set(ways))
+        assert Mesh(mesh.vertices, triangles, 1e-2).open_edges() == expected

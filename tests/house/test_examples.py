@@ -389,3 +389,20 @@ def test_the_lens_as_printed_focuses_where_snell_s_law_puts_it() -> None:
     assert found.lens.best_focus_mm(1.44) == pytest.approx(best, abs=2.0 * u)
     assert found.lens.fit.deviation.rms_um == pytest.approx(20.0, abs=0.2)
     assert found.response.null_shift_deg > 10.0 * found.response.u_null_deg
+
+
+def test_ambient_light_is_rejected_as_phasors_say() -> None:
+    """A reading is on less off: the sum of what a turning phasor is at each of its slots; a ramp by its rise in one."""
+    found, slot_s = result("ambient_light"), 0.0025
+
+    def at(hz: float, slots: float) -> complex:
+        return complex(np.exp(2j * np.pi * hz * slots * slot_s))
+
+    for name, hz in (("1 Hz", 1.0), ("50 Hz", 50.05), ("100 Hz", 100.1), ("120 Hz", 120.12)):
+        one, two = 1.0 - at(hz, -1), 1.0 - 0.5 * (at(hz, -1) + at(hz, 1))
+        mean = two * sum(at(hz, 2 * k) for k in range(4)) / 4
+        expected = [-20 * math.log10(abs(left)) for left in (one, two, mean)]
+        assert found[name] == pytest.approx(expected, abs=0.1), "phases are met evenly over 20 s, but for the ends"
+    assert found["ramp"][0] == pytest.approx(20 * math.log10(20 / math.sqrt(12) / slot_s), abs=0.01)
+    assert found["ramp"][1] > 120
+    assert found["step"][:2] == pytest.approx([0.0, 20 * math.log10(2.0)], abs=1e-6)

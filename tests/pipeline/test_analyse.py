@@ -3,7 +3,9 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
@@ -25,11 +27,9 @@ def write(path: Path, truth: Truth, header: str = "time_s,angle_deg,left_V,right
     return path
 
 
-def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, object]:
+def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
     assert _run(["analyse", *arguments, "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert isinstance(found, dict)
-    return found
+    return json.loads(capsys.readouterr().out)
 
 
 def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -38,13 +38,13 @@ def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     found = result(
         capsys, str(path), "--time", "Clock (s)", "--angle", "stage", "--channel", "left=ai0", "--channel", "right=ai1"
     )
-    sensor = found["sensors"]["one"]  # type: ignore[index]
+    sensor = found["sensors"]["one"]
     assert len(sensor["cycles"]) == 6
     assert [cycle["used"] for cycle in sensor["cycles"]] == [False] + 5 * [True]
     right = sensor["receivers"]["right"]
     assert right["mean_V"] == pytest.approx(TRUTH.response_V(np.array(right["angle_deg"]))[:, 1].tolist(), abs=0.02)
     assert len(right["sd_V"]) == len(right["angle_deg"]) == len(right["rising"]["mean_V"])
-    assert any("states no unit; it is taken for V" in warning for warning in found["warnings"])  # type: ignore[attr-defined]
+    assert any("states no unit; it is taken for V" in warning for warning in found["warnings"])
 
 
 def test_german_headers_are_told_by_themselves(tmp_path: Path) -> None:
@@ -172,3 +172,84 @@ def test_options_that_cannot_be(tmp_path: Path) -> None:
         pipeline.analyse(pipeline.Request((path,), pattern="{sensor}_{run}.csv"))
     with pytest.raises(SpecError, match="NAME=COLUMN"):
         named_channels(["=x"])
+
+
+def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    signals = made(TRUTH)
+    volts, log = tmp_path / "daq.csv", tmp_path / "stage.csv"
+    np.savetxt(
+        volts, np.column_stack([signals.time_s, signals.volts]), delimiter=",", header="time_s,L_V,R_V", comments=""
+    )
+    rows = np.column_stack([1e3 * (signals.time_s[::5] + 7.25), signals.angle_deg[::5]])
+    np.savetxt(log, rows, delimiter=";", header="t_ms;pos_deg", comments="", fmt="%.6f")
+    found = result(capsys, str(volts), "--angle-file", str(log))
+    assert found["alignment"][0]["lag_s"] == pytest.approx(7.25, abs=1e-3)
+    assert len(found["sensors"]["daq"]["cycles"]) == 6
+    assert len(found["sources"]) == 2
+
+
+def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    signals = made(TRUTH)
+    path = tmp_path / "daq.csv"
+    np.savetxt(
+        path, np.column_stack([signals.time_s, signals.volts]), delimiter=",", header="time_s,L_V,R_V", comments=""
+    )
+    found = result(capsys, str(path), "--amplitude-deg", "3")
+    assert len(found["sensors"]["daq"]["cycles"]) == 6
+    assert any("no angle was recorded" in warning for warning in found["warnings"])
+    assert _run(["analyse", str(path)]) == 2
+    assert "give --amplitude-deg" in capsys.readouterr().err
+
+
+def waveform(truth: Truth, rate_hz: float, sample_hz: float) -> tuple[Any, Any, Any]:
+    """Times, angles and voltages of a sensor whose emitter switches, in light that flickers and drifts."""
+    end = truth.protocol.corners()[0][-1]
+    time_s = np.arange(0.0, end, 1.0 / sample_hz)
+    angle = truth.protocol.angle_deg(time_s)
+    on = (time_s * rate_hz) % 1.0 < 0.5
+    pulled = 4.5 - truth.response_V(angle)  # what light of the emitter pulls down
+    flicker = 0.3 + 0.2 * np.sin(2.0 * np.pi * 100.3 * time_s) + 0.1 * time_s / end
+    volts = 5.0 - on[:, None] * pulled - flicker[:, None]
+    draw = np.random.default_rng(truth.seed)
+    return time_s, angle, volts + truth.noise_V * draw.standard_normal(volts.shape)
+
+
+def test_ambient_light_is_taken_out_of_raw_waveforms(tmp_path: Path) -> None:
+    """100 Hz of 0.2 V in readings at 200 Hz: on less the mean of both off phases leaves less than a hundredth of it."""
+    truth = Truth(noise_V=0.01)
+    time_s, angle, volts = waveform(truth, 200.0, 8000.0)
+    path = tmp_path / "raw.csv"
+    rows = np.column_stack([time_s, angle, volts])
+    np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
+    asked = pipeline.Request((path,), switching=pipeline.Switching(200.0))
+    sensor = pipeline.analyse(asked)["sensors"]["raw"]
+    right = sensor["receivers"]["right_V"]
+    expected = truth.response_V(np.array(right["angle_deg"]))[:, 1] - 4.5
+    apart = np.array(right["mean_V"]) - expected
+    assert np.abs(apart - apart.mean()).max() < 0.02
+    assert abs(right["drift_V_per_min"]) < 4.0 * right["u_drift_V_per_min"] + 0.01
+    assert right["mean_hysteresis_V"] == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_file_of_several_sensors_by_groups(tmp_path: Path) -> None:
+    path = tmp_path / "run.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["simulated"] = "yes"
+        for name, swing in (("S1", 1.0), ("S2", 1.1), ("C", 0.01)):
+            signals = made(replace(TRUTH, swing_V=swing))
+            group = file.create_group(name)
+            group.attrs["lens"] = "no" if name == "C" else "yes"
+            columns = {"time_s": signals.time_s, "angle_deg": signals.angle_deg}
+            columns |= {"left": signals.volts[:, 0], "right": signals.volts[:, 1], "right_ambient": signals.volts[:, 0]}
+            columns |= {"right_clipped": 1.0 * (np.arange(signals.time_s.size) == 900)}
+            for key, values in columns.items():
+                unit = {"time_s": "s", "angle_deg": "deg", "right_clipped": "1"}.get(key, "V")
+                group.create_dataset(key, data=values).attrs["units"] = unit
+    found = pipeline.analyse(pipeline.Request((path,)))
+    assert list(found["sensors"]) == ["C", "S1", "S2"]
+    assert [one["lens"] for one in found["sensors"].values()] == [False, True, True]
+    assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
+    assert found["sensors"]["S1"]["receivers"]["right"]["clipped_samples"] == 1
+    assert found["simulated"] is True
+    assert found["mean_of_sensors"]["n"] == 2
+    assert len(found["sources"]) == 1

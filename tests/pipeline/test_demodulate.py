@@ -152,6 +152,27 @@ def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
         demodulate(path, Options())
 
 
+@pytest.mark.parametrize("on", ["low", "high"])
+def test_swapped_phases_are_told(tmp_path: Path, on: str) -> None:
+    """The emitter's light follows the motion, the room hardly moves: what varies must be the on phase."""
+    time, values, _ = waveform(2.0, noise=0.002)
+    moved = 4.0 - (4.0 - values) * (0.6 + 0.4 * np.sin(2 * np.pi * time))[:, None]
+    path = written(tmp_path / "w.csv", "time_s,right (V),left (V)", time, moved[:, 0], moved[:, 1])
+    told = [
+        one for one in demodulate(path, Options(rate_hz=200.0, on=on))["warnings"] if "may be swapped (--on)" in one
+    ]
+    assert len(told) == (on == "high")
+
+
+def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
+    time, values, _ = waveform(1.0, noise=0.002)
+    path = written(tmp_path / "w.csv", "time_s,right (V)", time, values[:, 0])
+    with pytest.raises(SpecError, match=r"leaves nothing of the shorter phase, which lasts 2[45]"):
+        demodulate(path, Options(rate_hz=200.0, settle_us=2600.0))
+    with pytest.raises(DataError, match="needs two readings of an emitter"):
+        demodulate(with_states(tmp_path / "a.csv", readings=1), Options(mains_hz=50.0))
+
+
 def test_readings_are_written_as_csv_only(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"written as \.csv"):
         demodulate(with_states(tmp_path / "a.csv"), Options(), out=tmp_path / "a.json")

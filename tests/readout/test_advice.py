@@ -40,18 +40,25 @@ def test_brighter_parts_need_a_smaller_load_in_proportion() -> None:
     assert (dim / usual, dim / bright) == pytest.approx((4.0, 9.0), rel=1e-4)
 
 
-def test_with_the_advised_current_the_trimmer_reaches_all_parts() -> None:
+@pytest.mark.parametrize("ambient", [0.0, 0.3])
+def test_with_the_advised_current_the_trimmer_reaches_all_parts(ambient: float) -> None:
     circuit = plain_circuit()
-    found = advise(circuit, FRACTIONS, trimmer())
-    assert found.reaches_all
+    found = advise(circuit, FRACTIONS, trimmer(), ambient)
+    assert found.emitter_current_mA is not None
     times = found.emitter_current_mA / circuit.drive.current_mA
     drive = circuit.drive
     stronger = replace(
         drive, typical_mW=times * drive.typical_mW, least_mW=times * drive.least_mW, most_mW=times * drive.most_mW
     )
-    again = advise(replace(circuit, drive=stronger), FRACTIONS, trimmer())
+    again = advise(replace(circuit, drive=stronger), FRACTIONS, trimmer(), ambient)
     assert all(one.turn is not None for one in again.settings)
-    assert again.of("dimmest").largest_ohm == pytest.approx(0.9 * 1500.0, rel=1e-3), "of the smallest trimmer"
+    assert again.of("dimmest").largest_ohm == pytest.approx(0.9 * 1500.0, rel=1e-9), "of the smallest trimmer"
+
+
+def test_a_current_beyond_what_the_emitter_carries_is_not_advised() -> None:
+    assert advise(plain_circuit(), 1e-3 * FRACTIONS, trimmer()).emitter_current_mA is None
+    assert advise(plain_circuit(), 0.0 * FRACTIONS, trimmer()).emitter_current_mA is None
+    assert advise(plain_circuit(), FRACTIONS, trimmer(), 50.0).emitter_current_mA is None, "ambient light takes it all"
 
 
 def test_no_light_asks_for_no_load() -> None:

@@ -85,9 +85,9 @@ def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> 
     """Angles that every way of the used cycles reaches."""
     ends = [
         (float(angle_deg[part].min()), float(angle_deg[part].max()))
-        for number in used
-        for direction in (1, -1)
-        if (part := samples(motion, number, direction)).size
+        for ways in _ramps_by_cycle(motion, used)
+        for part in ways
+        if part.size
     ]
     if not ends:
         raise DataError("angle", limit="has no ramp in the cycles that are used", remedy="use more cycles")
@@ -101,14 +101,6 @@ def grid_deg(low: float, high: float, step: float) -> FloatArray:
         limit = f"of {step:.3g}° leaves fewer than five points between {low:.3g}° and {high:.3g}°"
         raise DataError("grid of angles", limit=limit, remedy="choose a smaller --step-deg")
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
-
-
-def samples(motion: Motion, number: int, direction: int) -> NDArray[np.intp]:
-    """Samples of a cycle's ramps in one direction, with those on which a ramp begins and ends; holds are cropped."""
-    cycle = motion.cycles[number]
-    parts = [_within(ramp, cycle.start, cycle.stop) for ramp in motion.ramps if ramp.direction == direction]
-    held = [part for part in parts if part.size > 1]
-    return np.concatenate(held) if held else np.zeros(0, dtype=np.intp)
 
 
 def _within(ramp: Ramp, start: int, stop: int) -> NDArray[np.intp]:
@@ -154,7 +146,10 @@ def passes(
 
 
 def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[NDArray[np.intp]]]:
-    """Samples of the rising and of the falling ramps of each used cycle; each ramp is looked at once."""
+    """Samples of the rising and of the falling ramps of each used cycle, without the holds between them.
+
+    Those on which a ramp begins and ends are with it.
+    """
     starts = np.array([ramp.start for ramp in motion.ramps])
     stops = np.array([ramp.stop for ramp in motion.ramps])
     found = []

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from solen.recording.model import FloatArray
@@ -36,6 +37,8 @@ class Signals:
         Whether it has a lens, None where nothing says.
     source
         The file.
+    clipped
+        Samples that whoever recorded them says are clipped, (n, m); None where nobody does.
     """
 
     label: str
@@ -45,6 +48,7 @@ class Signals:
     volts: FloatArray
     lens: bool | None = None
     source: str = ""
+    clipped: NDArray[np.bool_] | None = None
 
 
 def side_of(name: str) -> str:

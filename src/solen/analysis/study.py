@@ -114,8 +114,10 @@ class Group:
     sd_swing_V: dict[str, float]
 
 
-def analysed(recordings: Sequence[Signals], settings: Settings) -> Analysed:
+def analysed(recordings: Sequence[Signals], settings: Settings, motions: dict[int, Motion] | None = None) -> Analysed:
     """Response and numbers of one sensor.
+
+    ``motions`` keeps what was found in an angle, by the identity of its array, for the other sensors on the same stage.
 
     Raises
     ------
@@ -127,7 +129,8 @@ def analysed(recordings: Sequence[Signals], settings: Settings) -> Analysed:
         if other.receivers != first.receivers:
             limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
             raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
-    runs = tuple(_run(signals, settings) for signals in recordings)
+    known = {} if motions is None else motions
+    runs = tuple(_run(signals, settings, known) for signals in recordings)
     ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
@@ -146,8 +149,9 @@ def analysed(recordings: Sequence[Signals], settings: Settings) -> Analysed:
     return Analysed(first.label, first.lens, first.receivers, runs, found, numbers, both, tuple(told))
 
 
-def _run(signals: Signals, settings: Settings) -> Run:
-    motion = find_motion(signals.time_s, signals.angle_deg)
+def _run(signals: Signals, settings: Settings, known: dict[int, Motion]) -> Run:
+    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg)
+    known[id(signals.angle_deg)] = motion
     count = len(motion.cycles)
     if count <= settings.drop_cycles:
         limit = f"holds {count} whole cycle{'s' * (count != 1)}, and the first {settings.drop_cycles} are left out"
@@ -156,6 +160,8 @@ def _run(signals: Signals, settings: Settings) -> Run:
     for ramp in motion.ramps:
         moving[ramp.start : ramp.stop] = True
     marked = np.column_stack([clipped(column, moving, settings.rails_V) for column in signals.volts.T])
+    if signals.clipped is not None:
+        marked |= signals.clipped
     used = tuple(range(settings.drop_cycles, count))
     return Run(signals, motion, used, marked, tuple(_clip_words(signals, marked)))
 

@@ -13,6 +13,7 @@ import cyclopts
 
 from solen.cli import (
     analyse,
+    bench,
     coupons,
     cure,
     cutback,
@@ -22,6 +23,7 @@ from solen.cli import (
     index,
     inspect,
     layers,
+    printed,
     readout,
     refractometer,
     resin,
@@ -34,6 +36,7 @@ from solen.errors import SolenError
 __all__ = [
     "analyse",
     "app",
+    "bench",
     "coupons",
     "cure",
     "cutback",
@@ -44,6 +47,7 @@ __all__ = [
     "inspect",
     "layers",
     "main",
+    "printed",
     "readout",
     "refractometer",
     "resin",

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from solen.cli.app import BENCH, FigureFile, Json, app, show
 
 _Texts = Annotated[list[str] | None, Parameter(negative=(), consume_multiple=True)]
+_Files = Annotated[list[Path] | None, Parameter(negative=(), consume_multiple=True)]
 _Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json.")]
 
 
@@ -18,6 +19,13 @@ def analyse(
     time: str | None = None,
     angle: str | None = None,
     channel: _Texts = None,
+    angle_file: _Files = None,
+    angle_time: str | None = None,
+    amplitude_deg: float | None = None,
+    speed_deg_per_s: float = 15.0,
+    hold_s: float = 0.8,
+    on_off_hz: float | None = None,
+    emitters: int = 1,
     time_unit: str | None = None,
     rate_hz: float | None = None,
     zero_deg: float = 0.0,
@@ -49,6 +57,23 @@ def analyse(
     channel
         A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 names the sensor, too.
         By default every column of volts.
+    angle_file
+        Log of the stage on a clock of its own, one for all files or one for each; --angle is then its column. How far
+        the clocks differ is found by the voltages.
+    angle_time
+        Column of the time in that log.
+    amplitude_deg
+        How far the stage was asked to go to both sides, where nothing recorded the angle: the cycles are found in the
+        voltages.
+    speed_deg_per_s
+        How fast, with --amplitude-deg.
+    hold_s
+        How long it held there.
+    on_off_hz
+        Of a raw waveform whose emitters switch on and off: how often a second. Ambient light is then subtracted first;
+        solen demodulate says more about it.
+    emitters
+        How many emitters take turns in it, each followed by an off phase; each counts as a sensor of its own.
     time_unit
         Unit of a time whose column states none: s, ms, us, min.
     rate_hz
@@ -79,6 +104,7 @@ def analyse(
         Draw voltages over time with the cycles found into this .svg, .png or .pdf.
     """
     from solen.analysis import Settings
+    from solen.analysis.unseen import Protocol
     from solen.pipeline import analyse as pipeline
     from solen.pipeline.signals import Columns, named_channels
 
@@ -91,6 +117,10 @@ def analyse(
         pattern=pattern,
         controls=tuple(control or ()),
         smooth_ms=smooth_ms,
+        logs=tuple(angle_file or ()),
+        log_time=angle_time,
+        protocol=None if amplitude_deg is None else Protocol(amplitude_deg, speed_deg_per_s, hold_s),
+        switching=None if on_off_hz is None else pipeline.Switching(on_off_hz, emitters),
         names=None if columns is None else tuple(columns),
         sheet=sheet,
     )

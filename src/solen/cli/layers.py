@@ -22,12 +22,12 @@ def layers(
     figure: FigureFile = None,
     as_json: Json = False,
 ) -> None:
-    """Cut a design or an STL into anti-aliased layers for a printer, with STL and settings for its own program.
+    """Cut a design or a mesh into anti-aliased layers for a printer, with STL and settings for its own program.
 
     Parameters
     ----------
     file
-        A design (.toml) or a closed mesh in mm (.stl); what is written has its name.
+        A design (.toml) or a closed mesh (.stl in mm, .3mf); what is written has its name.
     out
         Folder for the files; made if need be.
     """

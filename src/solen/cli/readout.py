@@ -40,7 +40,7 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"load: turn it until the brightest angle of the motion reads {advice['target_V']:.2f} V",
     ]
     lines += [_setting(one) for one in advice["settings"]]
-    if any(one["turn"] is None for one in advice["settings"]) and advice["reaches_all"]:
+    if any(one["turn"] is None for one in advice["settings"]) and advice["emitter_current_mA"] is not None:
         lines.append(f"  {advice['emitter_current_mA']:.2g} mA in the emitter bring all of them within the trimmer")
     lines += [f"warning: {warning}" for warning in found["warnings"]]
     return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
@@ -60,7 +60,7 @@ def _table(found: dict[str, Any]) -> list[str]:
 
 
 def _setting(one: dict[str, Any]) -> str:
-    load = "any load" if one["largest_ohm"] > 1e8 else f"{one['largest_ohm']:.0f} ohm"
+    load = "any load" if one["largest_ohm"] is None or one["largest_ohm"] > 1e8 else f"{one['largest_ohm']:.0f} ohm"
     turn = "out of the trimmer's range" if one["turn"] is None else f"{100 * one['turn']:.0f} % of the trimmer"
     now = "saturates now" if one["saturates"] else f"uses {100 * one['used']:.0f} % of the supply now"
     return f"  {one['case']:9} parts: {load}, {turn}; {now}"

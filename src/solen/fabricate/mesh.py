@@ -5,7 +5,6 @@ tolerance; top and bottom are triangulated, and cuts made, by manifold3d. Points
 of an STL can tell apart are made one beforehand, so every format holds the same closed surface.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -62,9 +61,12 @@ class Mesh:
 
     def open_edges(self) -> int:
         """Number of edges that are not shared by exactly two triangles that agree on what is outside; 0 if closed."""
-        edges = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-        counts = Counter(map(tuple, edges.tolist()))
-        return sum(n != 1 or counts[b, a] != 1 for (a, b), n in counts.items())
+        start, end = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2).T.astype(np.int64)
+        ways, counts = np.unique(start * len(self.vertices) + end, return_counts=True)
+        back = ways % len(self.vertices) * len(self.vertices) + ways // len(self.vertices)
+        at = np.minimum(np.searchsorted(ways, back), len(ways) - 1)
+        paired = (counts == 1) & (ways[at] == back) & (counts[at] == 1)
+        return int(np.count_nonzero(~paired))
 
 
 def mesh_of(part: Part, tolerance_mm: float) -> Mesh:

@@ -16,6 +16,8 @@ from solen.errors import DataError
 from solen.fabricate.mesh import Mesh
 from solen.fabricate.meshfiles import STL_HEADER, TRIANGLE
 
+Corners = NDArray[np.float32] | NDArray[np.float64]
+
 LARGEST_MB = 500
 """A file beyond this is refused."""
 COUNT = STL_HEADER + 4
@@ -41,7 +43,7 @@ def read_stl(path: Path) -> Mesh:
     triangles = numbers.reshape(-1, 3)
     a, b, c = triangles.T
     whole = (a != b) & (b != c) & (c != a)
-    return Mesh(vertices, np.ascontiguousarray(triangles[whole], dtype=np.int64), 0.0)
+    return Mesh(vertices.astype(np.float64), np.ascontiguousarray(triangles[whole], dtype=np.int64), 0.0)
 
 
 def _bytes(path: Path) -> bytes:
@@ -67,8 +69,8 @@ def _is_binary(data: bytes) -> bool:
     return not data.lstrip()[:5].lower().startswith(b"solid")
 
 
-def _binary(data: bytes, path: Path) -> NDArray[np.float64]:
-    """Corners (N, 3, 3) of a binary file."""
+def _binary(data: bytes, path: Path) -> Corners:
+    """Corners (N, 3, 3) of a binary file, as they are there."""
     if len(data) < COUNT:
         raise DataError(str(path), value=f"{len(data)} bytes", limit="is no STL", remedy=REMEDY)
     (count,) = struct.unpack_from("<I", data, STL_HEADER)
@@ -76,10 +78,10 @@ def _binary(data: bytes, path: Path) -> NDArray[np.float64]:
     if len(data) != announced:
         limit = f"announces {count} triangles, which are {announced} bytes: is cut off, or no STL"
         raise DataError(str(path), value=f"{len(data)} bytes", limit=limit, remedy=REMEDY)
-    return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float64)
+    return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float32)
 
 
-def _text(data: bytes, path: Path) -> NDArray[np.float64]:
+def _text(data: bytes, path: Path) -> Corners:
     """Corners (N, 3, 3) of a text file."""
     found = VERTEX.findall(data)
     if b"endsolid" not in data.lower() or len(found) % 3:

@@ -189,3 +189,8 @@ def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
     if per_unit is None or unit_um is None or opened.is_imagej:
         return ()
     return (Tag("TIFF XResolution", unit_um / per_unit[0], unit_um / per_unit[1]),)
+
+
+def tags_of(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
+    """Sizes of a pixel that a TIFF states."""
+    return (*(_ome(opened)[0] if opened.is_ome else ()), *_imagej(opened), *_resolution(opened))

@@ -4,21 +4,33 @@ Each file is one recording of one sensor, or of several by the names of their co
 pooled; sensors are compared.
 """
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from solen.analysis import Analysed, Group, Settings, Signals, analysed, beside, smoothed
+from solen.analysis import Analysed, Group, Motion, Settings, Signals, analysed, beside, smoothed
+from solen.analysis.unseen import Protocol, unseen
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.pipeline import analysis_data as data
+from solen.pipeline.demodulate_data import SETTLE_US
 from solen.pipeline.outputs import check_figure, check_out, write
-from solen.pipeline.signals import Columns, sampled, signals_of
-from solen.recording import Recording, read
+from solen.pipeline.signals import NOWHERE, Columns, Sampled, demodulated, sampled, signals_of, with_log
+from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.labels import has_lens, labels
 
 CONTROL = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
+
+
+@dataclass(frozen=True)
+class Switching:
+    """How emitters switch: readings a second of each, how many take turns, and the time left out after a switch."""
+
+    rate_hz: float
+    emitters: int = 1
+    settle_us: float = SETTLE_US
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,14 @@ class Request:
         Sensors without a lens, by their labels.
     smooth_ms
         Width of a moving mean; None for none.
+    logs
+        Logs of the angle on another clock: one for all files, or one for each.
+    log_time
+        Column of a log's times.
+    protocol
+        What the stage was asked to do, where nothing recorded its angle.
+    switching
+        How the emitters switch, of raw waveforms; None for readings.
     names, sheet
         Columns of tables without a header, and a workbook's sheet.
     """
@@ -47,6 +67,10 @@ class Request:
     pattern: str | None = None
     controls: tuple[str, ...] = ()
     smooth_ms: float | None = None
+    logs: tuple[Path, ...] = ()
+    log_time: str | None = None
+    protocol: Protocol | None = None
+    switching: Switching | None = None
     names: tuple[str, ...] | None = None
     sheet: str | None = None
 
@@ -58,13 +82,14 @@ class Study:
     sensors: tuple[Analysed, ...]
     lens: Group | None
     control: Group | None
-    recordings: tuple[Recording, ...]
+    provenances: tuple[Provenance, ...]
+    alignments: tuple[dict[str, Any], ...]
     warnings: tuple[str, ...]
 
     @property
     def simulated(self) -> bool:
         """Whether any recording was computed."""
-        return any(one.provenance.simulated for one in self.recordings)
+        return any(one.simulated for one in self.provenances)
 
 
 def analyse(
@@ -120,37 +145,60 @@ def check(asked: Request) -> None:
     if settings.rails_V is not None and not settings.rails_V[0] < settings.rails_V[1]:
         low, high = settings.rails_V
         raise SpecError("--rails", value=f"{low} {high}", limit="must be the lower and the higher voltage")
+    if asked.protocol is not None:
+        _check_protocol(asked, asked.protocol)
+    if asked.switching is not None and not (asked.switching.rate_hz > 0.0 and asked.switching.emitters >= 1):
+        limit = "must be above 0, and --emitters at least 1"
+        raise SpecError("--on-off-hz", value=asked.switching.rate_hz, limit=limit)
+    if len(asked.logs) not in {0, 1, len(asked.files)}:
+        limit = f"one for all files, or one for each of the {len(asked.files)}"
+        raise SpecError("--angle-file", value=len(asked.logs), limit=limit)
     if columns.rate_hz is not None and columns.time is not None:
         raise SpecError("--rate-hz", value=columns.rate_hz, limit="goes with no --time", remedy="leave one of them out")
+
+
+def _check_protocol(asked: Request, protocol: Protocol) -> None:
+    values = (protocol.amplitude_deg, protocol.speed_deg_per_s)
+    for name, value in zip(("--amplitude-deg", "--speed-deg-per-s"), values, strict=True):
+        if not 0.0 < value < float("inf"):
+            raise SpecError(name, value=value, limit="must be above 0")
+    if not 0.0 <= protocol.hold_s < float("inf"):
+        raise SpecError("--hold-s", value=protocol.hold_s, limit="must be at least 0")
+    if asked.logs or asked.columns.angle is not None:
+        limit = "is for recordings without an angle"
+        raise SpecError("--amplitude-deg", value=protocol.amplitude_deg, limit=limit, remedy="leave out the other")
 
 
 def study(asked: Request) -> Study:
     """Every sensor of every file, analysed."""
     check(asked)
     parts: dict[str, list[Signals]] = {}
-    recordings: list[Recording] = []
+    provenances: list[Provenance] = []
+    alignments: list[dict[str, Any]] = []
     warnings: list[str] = []
-    for path in asked.files:
-        recording, found, told = _recorded(path, asked)
-        recordings.append(recording)
-        warnings += [f"{path.name}: {line}" if len(asked.files) > 1 else line for line in told]
-        for one in found:
-            parts.setdefault(one.label, []).append(one)
+    for number, path in enumerate(asked.files):
+        for part in _parts(path, asked, number):
+            provenances += part.provenances
+            alignments += part.alignments
+            warnings += [f"{path.name}: {line}" if len(asked.files) > 1 else line for line in part.warnings]
+            for one in part.signals:
+                parts.setdefault(one.label, []).append(one)
     _check_controls(asked, parts)
-    sensors = tuple(_sensor(signals, asked.settings) for signals in parts.values())
+    motions: dict[int, Motion] = {}
+    sensors = tuple(_sensor(signals, asked.settings, motions) for signals in parts.values())
     several = len(sensors) > 1
     for sensor in sensors:
         warnings += [f"{sensor.label}: {line}" if several else line for line in sensor.warnings]
     lens = [one for one in sensors if one.lens is not False]
     control = [one for one in sensors if one.lens is False]
     groups = (beside(lens) if lens else None, beside(control) if control else None)
-    return Study(sensors, *groups, tuple(recordings), tuple(dict.fromkeys(warnings)))
+    return Study(sensors, *groups, tuple(provenances), tuple(alignments), tuple(dict.fromkeys(warnings)))
 
 
-def _sensor(signals: Sequence[Signals], settings: Settings) -> Analysed:
+def _sensor(signals: Sequence[Signals], settings: Settings, motions: dict[int, Motion]) -> Analysed:
     """One sensor; an error names its file."""
     try:
-        return analysed(signals, settings)
+        return analysed(signals, settings, motions)
     except SolenError as bad:
         named = signals[0].source
         if named in bad.what:
@@ -158,27 +206,70 @@ def _sensor(signals: Sequence[Signals], settings: Settings) -> Analysed:
         raise DataError(f"{named}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
 
 
-def _recorded(path: Path, asked: Request) -> tuple[Recording, list[Signals], list[str]]:
-    """A file, the signals of its sensors, and what to know."""
-    recording = read(path, sheet=asked.sheet, columns=asked.names)
+@dataclass(frozen=True)
+class _Part:
+    """What one recording of a file gave."""
+
+    signals: list[Signals]
+    provenances: list[Provenance]
+    alignments: list[dict[str, Any]]
+    warnings: list[str]
+
+
+def _parts(path: Path, asked: Request, number: int) -> Iterator[_Part]:
+    """Each recording of a file, one after the other."""
     said = {} if asked.pattern is None else labels(path, asked.pattern)
+    elsewhere = bool(asked.logs) or asked.protocol is not None
+    columns = replace(asked.columns, angle=NOWHERE) if elsewhere else asked.columns
+    for group, recording in read_parts(path, sheet=asked.sheet, columns=asked.names):
+        whole = sampled(recording, columns, need_angle=not elsewhere)
+        one = asked.switching
+        parts = {"": whole} if one is None else demodulated(whole, one.rate_hz, one.emitters, one.settle_us)
+        for emitter, part in parts.items():
+            name = _name(path, said, [group, emitter], len(asked.files))
+            yield _part(path, asked, number, recording, part, name, said.get("lens"))
+
+
+def _name(path: Path, said: Mapping[str, str], parts: Sequence[str], files: int) -> str:
+    """Label of a part of a file: its own name where the file is the only one."""
+    own = ".".join(filter(None, parts))
     label = said.get("sensor") or path.stem
-    one = sampled(recording, asked.columns, need_angle=True)
-    warnings = list(one.warnings)
+    if not own:
+        return label
+    return own if files == 1 and "sensor" not in said else f"{label}.{own}"
+
+
+def _part(
+    path: Path, asked: Request, number: int, recording: Recording, one: Sampled, label: str, lens: str | None
+) -> _Part:
+    """Signals of one recording, with the angle that it has or is given."""
     if asked.smooth_ms is not None:
         one = replace(one, volts=smoothed(one.volts, one.base.step_s, asked.smooth_ms))
-    assert one.angle_deg is not None  # noqa: S101  sampled() has refused
-    alone = len(asked.files) == 1 or "sensor" not in said
-    found = signals_of(one, one.angle_deg, label, path, {}, alone=len(asked.files) == 1 and alone)
+    provenances, told = [recording.provenance], list[str]()
+    aligned: list[dict[str, Any]] = []
+    if asked.logs:
+        log = read(asked.logs[number if len(asked.logs) > 1 else 0])
+        one, told, aligned = with_log(one, log, replace(asked.columns, time=asked.log_time, rate_hz=None), path)
+        provenances.append(log.provenance)
+    elif asked.protocol is not None:
+        guessed = unseen(one.base.time_s, one.volts, one.receivers, asked.protocol)
+        one, told = replace(one, angle_deg=guessed.angle_deg), list(guessed.warnings)
+    if one.angle_deg is None:
+        raise DataError(path.name, limit="has no angle", remedy="name its column with --angle")
     without = _without(recording, asked)
-    lens = has_lens(said["lens"]) if "lens" in said else None
-    return recording, [replace(each, lens=_lens(each, lens, without)) for each in found], warnings
+    stated = lens or recording.provenance.metadata.get("lens")
+    has = None if stated is None else has_lens(stated)
+    found = [
+        replace(each, lens=_lens(each, has, without))
+        for each in signals_of(one, one.angle_deg, label, path, len(asked.files) == 1)
+    ]
+    return _Part(found, provenances, aligned, [*one.warnings, *told])
 
 
 def _without(recording: Recording, asked: Request) -> set[str]:
     """Sensors without a lens: as asked for, and as the file says."""
     said = [value for key, value in recording.provenance.metadata.items() if key.strip().casefold() in CONTROL]
-    return {*asked.controls, *(name.strip() for text in said for name in text.split(","))}
+    return {*asked.controls, *(name for text in said for name in re.split(r"[,;\s]+", text) if name)}
 
 
 def _lens(one: Signals, said: bool | None, without: set[str]) -> bool | None:

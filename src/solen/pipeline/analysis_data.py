@@ -15,12 +15,13 @@ if TYPE_CHECKING:
 
 def result(found: "Study", asked: "Request") -> dict[str, Any]:
     """The whole result."""
-    sources = list({one.provenance.sha256: one.provenance.as_dict() for one in found.recordings}.values())
+    sources = list({one.sha256: one.as_dict() for one in found.provenances}.values())
     made = {
         "sensors": {sensor.label: _sensor(sensor) for sensor in found.sensors},
         "mean_of_sensors": _group(found.lens),
         "mean_of_controls": _group(found.control),
         "lens_beside_none": _beside(found.lens, found.control),
+        "alignment": list(found.alignments),
         "settings": _settings(asked),
         "simulated": found.simulated,
         "sources": sources,

@@ -32,6 +32,7 @@ from solen.recording import Recording, read
 __all__ = ["Options", "demodulate", "named"]
 
 TOLD_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
+SMOOTH, SWAPPED, LEAST_TO_COMPARE = 0.2, 2.0, 20
 
 
 def demodulate(
@@ -193,9 +194,28 @@ def _warnings(samples: Samples, found: Demodulated, means: Averaged | None) -> l
         told.append("off slots never change: noise is below the converter's step, and uncertainties of 0 are not real")
     if means is not None and means.left_out:
         told.append(f"{means.left_out} readings fill no unbroken period of the mains: left out of the means")
+    told += _swapped(samples, found)
+    if samples.clock is not None and samples.clock.between_share > SMOOTH:
+        told.append(
+            f"{100.0 * samples.clock.between_share:.0f} % of a period lie between on and off: this looks like flicker "
+            "or a slow receiver rather than an emitter that switches"
+        )
     if samples.clock is not None and samples.clock.clearness < 20.0:
         told.append(f"the modulation stands out only {samples.clock.clearness:.0f} times: edges are uncertain")
     return told
+
+
+def _swapped(samples: Samples, found: Demodulated) -> list[str]:
+    """Whether what was taken as off varies more than what was taken as on, as where they are swapped."""
+    with np.errstate(invalid="ignore"):
+        off, on = (np.nanstd(one, axis=0) for one in (found.ambient, found.ambient + found.signal))
+    if len(found.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
+        return []
+    remedy = "the column of states" if samples.clock is None else "--on"
+    return [
+        f"readings taken as off vary more than {SWAPPED:g} times as much as those taken as on: an emitter's light "
+        f"follows the motion and the room does not, so on and off may be swapped ({remedy})"
+    ]
 
 
 def _table(samples: Samples, kept: Demodulated | Averaged, options: Options, recording: Recording) -> str:

@@ -75,6 +75,10 @@ def samples_of(recording: Recording, options: Options) -> Samples:
     settle_s = 1e-6 * (SETTLE_US if options.settle_us is None else options.settle_us)
     on: On = "low" if options.on == "low" else "high"
     clock = find_clock(time_s, values, options.rate_hz, on=on, emitters=options.emitters)
+    shorter_us = 1e6 * min(clock.on_share, 1.0 - clock.on_share) / clock.rate_hz
+    if 1e6 * settle_s >= shorter_us:
+        limit = f"leaves nothing of the shorter phase, which lasts {shorter_us:.0f} µs"
+        raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
     return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
 
 

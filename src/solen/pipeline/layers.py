@@ -30,6 +30,7 @@ from solen.fabricate.layers import (
 )
 from solen.fabricate.layers.orientation import IN_WORDS
 from solen.fabricate.stl import read_stl
+from solen.fabricate.threemf import read_threemf
 from solen.material.resin import Cure, resin_of
 from solen.parts import Printer, library_printer, printer_of, printers
 from solen.pipeline.design import open_design
@@ -48,6 +49,8 @@ HEIGHT_UM = 1.0
 """What the stack's height may be off before it is told."""
 APART_NM = 10.0
 """How far a working curve's wavelength may be from the printer's."""
+
+READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
 Progress = Callable[[float], None]
 
@@ -181,12 +184,12 @@ def layers(
     figure: Path | None = None,
     progress: Progress = lambda _: None,
 ) -> dict[str, Any]:
-    """Cut a design or an STL into layers and write them with STL and settings into a folder.
+    """Cut a design or a mesh into layers and write them with STL and settings into a folder.
 
     Parameters
     ----------
     path
-        A design file (.toml), or a closed mesh in mm (.stl).
+        A design file (.toml), or a closed mesh (.stl in mm, .3mf).
     out
         Folder for the files, made if need be; files of the same names are replaced.
     how
@@ -207,11 +210,11 @@ def layers(
     if figure is not None and how.sheet_only:
         raise SpecError("--figure", limit="draws layers, and --sheet-only makes none", remedy="leave one of them out")
     kind = path.suffix.lower()
-    if kind not in (".toml", ".stl"):
-        raise DataError(str(path), limit="must be a design (.toml) or a mesh (.stl)", remedy="export it as STL")
-    if kind == ".stl" and assignments:
+    if kind not in (".toml", *READERS):
+        raise DataError(str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export it as STL")
+    if kind in READERS and assignments:
         raise SpecError("--set", value=assignments[0], limit="is of a design, and this is a mesh")
-    made = _of_mesh(path, how) if kind == ".stl" else _of_design(path, how, open_design(path, assignments))
+    made = _of_mesh(path, how) if kind in READERS else _of_design(path, how, open_design(path, assignments))
     with files.output_folder(out):
         run = prepared(made, how, out, stem_of(path), figure, progress)
         files.write_all(run.contents())
@@ -281,7 +284,7 @@ def _of_design(path: Path, how: Slicing, design: Design) -> Made:
 
 
 def _of_mesh(path: Path, how: Slicing) -> Made:
-    mesh = read_stl(path)
+    mesh = READERS[path.suffix.lower()](path)
     rotation = orientation(how.orientation, how.rotate_deg)
     warnings = []
     if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
@@ -291,7 +294,7 @@ def _of_mesh(path: Path, how: Slicing) -> Made:
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     label = Label(path.stem, digest, how.orientation)
     name, cure = _resin(how.resin, None)
-    source = {"file": path.name, "sha256": digest, "format": "stl"}
+    source = {"file": path.name, "sha256": digest, "format": path.suffix.lower()[1:]}
     return Made(solid, _placed(mesh, rotation, label), label, source, name, cure, tuple(warnings))
 
 
@@ -336,11 +339,19 @@ def _of_printer(printer: Printer) -> list[str]:
 def _of_size(job: Job) -> list[str]:
     size, found = job.solid.size_mm, []
     if max(size) < SMALLEST_MM or max(size) > LARGEST_MM:
-        found.append(f"the part is {max(size):.3g} mm long: an STL has no unit and is read as mm")
+        found.append(f"the part is {max(size):.3g} mm long: is that its unit? An STL has none and is read as mm")
     off_um = (job.height_mm - size[2]) * 1000.0
     if abs(off_um) > HEIGHT_UM:
         way = "higher" if off_um > 0.0 else "lower"
         found.append(f"{job.count} layers of {job.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part")
+    faces = [height for height in job.solid.heights_mm if 0.0 < height < size[2] - 1e-4]
+    moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
+    between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
+    if between:
+        first = f"the first at {between[0]:.4g} mm"
+        found.append(
+            f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm"
+        )
     return found
 
 

@@ -54,7 +54,7 @@ def readout(
         "receivers": {name: _receiver(found, place) for place, name in enumerate(circuit.names)},
         "both": {"resolution_deg": _listed(found.both_deg), "contrast": _listed(found.contrast)},
         "range": _range(found),
-        "advice": asdict(found.advice),
+        "advice": _advice(found),
         "parts": [_source(part) for part in parts],
         "warnings": [*sensor.material.warnings, *told, *_coarse(found)],
     }
@@ -183,6 +183,14 @@ def _range(found: Readings) -> dict[str, Any]:
         "best_resolution_deg": float(best.min()) if best.size else None,
         "worst_resolution_deg": float(best.max()) if best.size else None,
     }
+
+
+def _advice(found: Readings) -> dict[str, Any]:
+    """Advice as plain data: null for a load that nothing limits."""
+    told = asdict(found.advice)
+    for one in told["settings"]:
+        one["largest_ohm"] = one["largest_ohm"] if np.isfinite(one["largest_ohm"]) else None
+    return told
 
 
 def _coarse(found: Readings) -> list[str]:

@@ -6,13 +6,17 @@ that leaves a doubt it is asked for with the columns that there are.
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solen.analysis import Signals, TimeBase, side_of, time_base
+from solen.analysis.clocks import align
+from solen.analysis.demodulation import Demodulated, find_clock, slots_of, subtract
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Recording
 from solen.recording.model import FloatArray
@@ -21,7 +25,11 @@ from solen.units import factor
 
 _TIMES = ("timestamp", "time stamp", "elapsed", "elapsed time", "zeitstempel", "clock", "datetime", "date time", "t")
 _ANGLES = ("theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg")
+NOWHERE = ""
+"""Name of an angle that is not to be looked for in a recording."""
 _ENDS = re.compile(r"(?:_|\b)V$")
+_BESIDE = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
+"""Columns beside a receiver's: its uncertainty, what was subtracted from it, and whether it is clipped."""
 _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 _SLOW_S = 1.0  # a step of a time without a unit from which on it may be samples or ms
 _HIGH_V = 100.0  # volts that no receiver here shows
@@ -63,6 +71,7 @@ class Sampled:
     receivers: tuple[str, ...]
     volts: FloatArray
     warnings: tuple[str, ...]
+    clipped: NDArray[np.bool_] | None = None
 
 
 def named_channels(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -95,34 +104,47 @@ def sampled(recording: Recording, asked: Columns, *, need_angle: bool = False) -
     channels = _receivers(recording, asked, taken)
     names = tuple(channels)
     volts = np.column_stack([_volts(channel, warnings) for channel in channels.values()])
+    flags = [_flags(recording, channel) for channel in channels.values()]
+    clipped = np.column_stack(flags)[base.order] if any(one.any() for one in flags) else None
     angle = None if angle is None else angle[base.order]
-    return _whole(recording, base, angle, names, volts[base.order], [*base.warnings, *warnings])
+    one = Sampled(base, angle, names, volts[base.order], (*base.warnings, *warnings), clipped)
+    return _whole(recording, one)
 
 
-def _whole(
-    recording: Recording,
-    base: TimeBase,
-    angle: FloatArray | None,
-    names: tuple[str, ...],
-    volts: FloatArray,
-    warnings: list[str],
-) -> Sampled:
+def _whole(recording: Recording, one: Sampled) -> Sampled:
     """Samples without those that miss a number."""
-    good = np.isfinite(volts)
-    for name, held in zip(names, good.T, strict=True):
+    good = np.isfinite(one.volts)
+    for name, held in zip(one.receivers, good.T, strict=True):
         if not held.any():
             raise DataError(f"{recording.provenance.file}: {name}", limit="holds no number", remedy="leave it out")
-    kept = good.all(axis=1) if angle is None else good.all(axis=1) & np.isfinite(angle)
-    if not kept.all():
-        warnings.append(f"{int((~kept).sum())} of {kept.size} samples miss a number and are left out")
-        base = replace(base, order=base.order[kept], time_s=base.time_s[kept])
-        angle, volts = None if angle is None else angle[kept], volts[kept]
-    return Sampled(base, angle, names, volts, tuple(warnings))
+    kept = np.asarray(good.all(axis=1))
+    if one.angle_deg is not None:
+        kept &= np.isfinite(one.angle_deg)
+    if kept.all():
+        return one
+    said = f"{int((~kept).sum())} of {kept.size} samples miss a number and are left out"
+    return replace(part(one, kept), warnings=(*one.warnings, said))
+
+
+def part(one: Sampled, kept: NDArray[np.bool_]) -> Sampled:
+    """Some of the samples."""
+    base = replace(one.base, order=one.base.order[kept], time_s=one.base.time_s[kept])
+    angle = None if one.angle_deg is None else one.angle_deg[kept]
+    clipped = None if one.clipped is None else one.clipped[kept]
+    return replace(one, base=base, angle_deg=angle, volts=one.volts[kept], clipped=clipped)
+
+
+def _flags(recording: Recording, channel: Channel) -> NDArray[np.bool_]:
+    """Samples that a column beside a receiver's marks as clipped, ``clipped_left`` or ``left_clipped``."""
+    name = _ENDS.sub("", channel.name)
+    found = recording.find(f"clipped_{name}", f"{name}_clipped")
+    return np.zeros(channel.values.size, dtype=bool) if found is None else np.asarray(found.values > 0.5)
 
 
 def column(recording: Recording, name: str, option: str) -> Channel:
     """Column of a name, with or without its unit; `DataError` with the columns that there are."""
-    found = recording.find(name, heading(name).name)
+    last = name.rpartition(".")[2]
+    found = recording.find(name, heading(name).name, last, heading(last).name)
     if found is not None:
         return found
     what = f"{recording.provenance.file or 'recording'}: {option} {name}"
@@ -146,6 +168,8 @@ def _time(recording: Recording, asked: Columns) -> Channel | None:
 
 
 def _angle(recording: Recording, asked: Columns) -> Channel | None:
+    if asked.angle == NOWHERE:
+        return None
     if asked.angle is not None:
         return column(recording, asked.angle, "--angle")
     return _told(recording, "angle", _ANGLES)
@@ -222,7 +246,7 @@ def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[st
     """Columns of the receivers, by the names that they are given."""
     if asked.channels:
         return {name: column(recording, text, "--channel") for name, text in asked.channels}
-    free = [one for one in recording.channels if one.name not in taken]
+    free = [one for one in recording.channels if one.name not in taken and not _BESIDE.search(one.name)]
     found = [one for one in free if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
     found = found or [one for one in free if not one.unit and (_ENDS.search(one.name) or side_of(one.name))]
     if not found:
@@ -274,13 +298,64 @@ def _without_side(name: str) -> str:
     return " ".join(word for word in words if word and word.lower() not in {"l", "r", "left", "right", "v"})
 
 
-def signals_of(
-    one: Sampled, angle_deg: FloatArray, label: str, source: Path, lens: Mapping[str, bool | None], *, alone: bool
-) -> list[Signals]:
-    """Signals of each sensor of a recording; ``lens`` says by label which has one."""
+def with_log(
+    one: Sampled, log: Recording, asked: Columns, path: Path
+) -> tuple[Sampled, list[str], list[dict[str, Any]]]:
+    """Samples with the angle of a log on another clock, what to know, and how the clocks differ."""
+    warnings: list[str] = []
+    times = time_base(_time_s(log, asked, warnings), f"{log.provenance.file}: time")
+    angle = _angle_deg(log, asked, warnings, need=True)
+    assert angle is not None  # noqa: S101  _angle_deg() has refused
+    held = np.isfinite(angle[times.order])
+    found = align(one.base.time_s, one.volts, times.time_s[held], angle[times.order][held])
+    aligned = part(replace(one, angle_deg=found.angle_deg), np.isfinite(found.angle_deg))
+    told = {
+        "file": path.name,
+        "angle_file": log.provenance.file,
+        "lag_s": found.lag_s,
+        "u_lag_s": found.u_lag_s,
+        "rate_ppm": found.rate_ppm,
+        "u_rate_ppm": found.u_rate_ppm,
+    }
+    said = [f"{log.provenance.file}: {line}" for line in (*times.warnings, *warnings)]
+    return aligned, [*said, *found.warnings], [told]
+
+
+def signals_of(one: Sampled, angle_deg: FloatArray, label: str, source: Path, alone: bool) -> list[Signals]:
+    """Signals of each sensor of a recording; ``alone`` where it is the only one."""
     found = []
-    for sensor, places in by_sensor(one.receivers, label, alone=alone).items():
-        volts = one.volts[:, list(places.values())]
-        has = lens.get(sensor, lens.get(label))
-        found.append(Signals(sensor, tuple(places), one.base.time_s, angle_deg, volts, has, source.name))
+    for sensor, receivers in by_sensor(one.receivers, label, alone=alone).items():
+        places = list(receivers.values())
+        clipped = None if one.clipped is None else one.clipped[:, places]
+        volts = one.volts[:, places]
+        found.append(Signals(sensor, tuple(receivers), one.base.time_s, angle_deg, volts, None, source.name, clipped))
     return found
+
+
+def demodulated(one: Sampled, rate_hz: float, emitters: int, settle_us: float) -> dict[str, Sampled]:
+    """On less off of a waveform whose emitters switch, by emitter; the name is empty where there is one.
+
+    The angle is that at the middle of each on slot, on a straight line between samples.
+    """
+    clock = find_clock(one.base.time_s, one.volts, rate_hz, emitters=emitters)
+    states = clock.states(1e-6 * settle_us, emitters)
+    found = subtract(slots_of(one.base.time_s, one.volts, states))
+    made = {}
+    for emitter in found.emitters:
+        here = found.of(emitter)
+        base = time_base(found.time_s[here], "readings")
+        angle = None if one.angle_deg is None else np.interp(base.time_s, one.base.time_s, one.angle_deg)
+        said = [*one.warnings, *base.warnings, *_switching(found, rate_hz, clock.rate_hz)]
+        volts, clipped = found.signal[here][base.order], found.clipped[here][base.order]
+        name = "" if emitters == 1 else f"E{emitter}"
+        made[name] = Sampled(base, angle, one.receivers, volts, tuple(said), clipped if clipped.any() else None)
+    return made
+
+
+def _switching(found: Demodulated, rate_hz: float, seen_hz: float) -> list[str]:
+    told = [
+        f"ambient light is subtracted: a reading is on less the mean of off before and after, {found.time_s.size} "
+        f"readings at {seen_hz:.6g} Hz ({rate_hz:g} Hz was stated)"
+    ]
+    missing = sum(found.counts.missing.values())
+    return [*told, f"{missing} on slots are missing from the recording"] if missing else told

@@ -46,12 +46,15 @@ class Setting:
 
 @dataclass(frozen=True)
 class Advice:
-    """Settings of the three sets of parts, the target, and the emitter's current with which a trimmer reaches all."""
+    """Settings of the three sets of parts, and what they are set to.
+
+    ``emitter_current_mA`` is the emitter's current with which the trimmer suits all three; None where there is none
+    that the emitter may carry steadily.
+    """
 
     target_V: float
     settings: tuple[Setting, ...]
-    emitter_current_mA: float
-    reaches_all: bool
+    emitter_current_mA: float | None
 
     def of(self, case: Case) -> Setting:
         """Setting of a set of parts."""
@@ -82,11 +85,30 @@ def advise(
     target = min(part.saturation_V + KNEES * part.knee_V, 0.5 * (part.saturation_V + circuit.supply_V))
     light = (power_fraction, ambient_mW_cm2, temperature_C)
     settings = tuple(_setting(case, one, light, trimmer, target) for case, one in spread(circuit).items())
-    dimmest = settings[0].largest_ohm
+    return Advice(target, settings, _emitter_mA(circuit, light, trimmer, target))
+
+
+def _emitter_mA(
+    circuit: Circuit, light: tuple[FloatArray, Floats, float], trimmer: TrimmerPart, target_V: float
+) -> float | None:
+    """Current of the emitter with which the dimmest parts need most of the smallest trimmer, the brightest not its end.
+
+    Light is taken as proportional to the current.
+    """
+    cases, (fractions, *around) = spread(circuit), light
     whole = trimmer.resistance_ohm.least or trimmer.resistance_ohm.usual
-    current = circuit.drive.current_mA * dimmest / (ROOM * whole)
-    span = dimmest / settings[-1].largest_ohm
-    return Advice(target, settings, current, ROOM * whole / span >= end_ohm(trimmer))
+    asked, rest = {}, {}
+    for case, one in cases.items():
+        dark = one.current_mA(np.zeros_like(fractions), *around)
+        rest[case] = float(dark.max())
+        asked[case] = float((one.current_mA(*light) - dark).max())
+    wanted = _target_mA(circuit, target_V) / (1e-3 * ROOM * whole)
+    if not asked["dimmest"] > 0.0:
+        return None
+    times = (wanted - rest["dimmest"]) / asked["dimmest"]
+    found = times * circuit.drive.current_mA
+    needs_ohm = 1e3 * _target_mA(circuit, target_V) / (times * asked["brightest"] + rest["brightest"])
+    return found if 0.0 < found <= circuit.drive.most_current_mA and needs_ohm >= end_ohm(trimmer) else None
 
 
 def end_ohm(trimmer: TrimmerPart) -> float:
@@ -105,7 +127,7 @@ def _setting(
     current = circuit.current_mA(*light)
     volts = circuit.load_line(current).volts
     low, high = float(volts.min()), float(volts.max())
-    largest = 1e3 * _ohms_kohm(circuit, float(current.max()), target_V)
+    largest = 1e3 * _load_kohm(circuit, float(current.max()), target_V)
     whole = trimmer.resistance_ohm.usual
     chosen = min(max(largest, end_ohm(trimmer)), whole)
     then = circuit.with_load(chosen).load_line(current).volts
@@ -122,11 +144,15 @@ def _setting(
     )
 
 
-def _ohms_kohm(circuit: Circuit, most_mA: float, target_V: float) -> float:
-    """Load in kΩ that brings the brightest reading to the target, the knee included."""
+def _load_kohm(circuit: Circuit, most_mA: float, target_V: float) -> float:
+    """Load that brings the brightest reading to the target, the knee included."""
+    return _target_mA(circuit, target_V) / most_mA if most_mA > 0.0 else math.inf
+
+
+def _target_mA(circuit: Circuit, target_V: float) -> float:
+    """Current that light must ask for to bring a load of 1 kΩ to the target."""
     part = circuit.transistor
-    given = -math.expm1(-(target_V - part.saturation_V) / part.knee_V)
-    return (circuit.supply_V - target_V) / (most_mA * given) if most_mA > 0.0 else math.inf
+    return (circuit.supply_V - target_V) / -math.expm1(-(target_V - part.saturation_V) / part.knee_V)
 
 
 def slopes_V_per_deg(angle_deg: FloatArray, volts: FloatArray) -> FloatArray:

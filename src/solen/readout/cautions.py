@@ -88,8 +88,11 @@ def _range(circuit: Circuit, found: Advice) -> Iterator[str]:
             f"the brightest parts saturate at {load:g} ohm, typical ones do not: such a part needs at most "
             f"{bright.largest_ohm:.0f} ohm"
         )
-    if not found.reaches_all:
-        yield "no one current of the emitter brings all parts within the trimmer's range: sort the receivers"
+    if found.emitter_current_mA is None:
+        yield (
+            "no current that the emitter may carry brings all parts within the trimmer's range: sort the parts, or "
+            "take another load"
+        )
 
 
 def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:

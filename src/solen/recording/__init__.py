@@ -5,8 +5,8 @@ a parameter of a test machine's export as a number.
 """
 
 from solen.recording.model import Channel, Provenance, Recording
-from solen.recording.reader import read
+from solen.recording.reader import read, read_parts
 from solen.recording.spectrum import Spectrum, spectra
 from solen.recording.testxpert import stated
 
-__all__ = ["Channel", "Provenance", "Recording", "Spectrum", "read", "spectra", "stated"]
+__all__ = ["Channel", "Provenance", "Recording", "Spectrum", "read", "read_parts", "spectra", "stated"]

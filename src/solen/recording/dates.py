@@ -1,16 +1,23 @@
 """Dates in the spellings of instruments, as ISO 8601 where it can be told which number is the month.
 
-The interface: `iso` of a text, `among` the parameters of a file.
+The interface: `iso` of a text, `among` the parameters of a file, `seconds` of a column of clock times.
 """
 
 import re
-from collections.abc import Iterable, Mapping
-from datetime import datetime
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import date, datetime
+
+import numpy as np
+from numpy.typing import NDArray
 
 _CLOCK = r"(?:[T ,]+(\d{1,2}):(\d{2})(?::(\d{2})(?:\.\d+)?)?\s*([AaPp]\.?[Mm]\.?)?)?"
 _YEAR_FIRST = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})" + _CLOCK)
 _GERMAN = re.compile(r"(\d{1,2})\.\s?(\d{1,2})\.\s?(\d{4})" + _CLOCK)
 _SLASHED = re.compile(r"(\d{1,2})[/-](\d{1,2})[/-](\d{4})" + _CLOCK)
+_STAMP = re.compile(
+    r"(?:(\d{1,4}[-/.]\s?\d{1,2}[-/.]\s?\d{1,4})(?:[T,]\s?|\s+))?(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
+    r"\s*([AaPp]\.?[Mm]\.?)?(?:Z|[+-]\d{2}:?\d{2})?"
+)
 _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/time stamp|measured|gemessen)\b", re.I)
 
 
@@ -39,6 +46,39 @@ def among(metadata: Mapping[str, str]) -> str:
     """Date that the parameters of a file state, as ISO 8601 where it can be told, else in the file's words."""
     stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
     return iso(stated) or stated
+
+
+def seconds(cells: Sequence[str]) -> NDArray[np.float64] | None:
+    """Seconds since midnight of the first day of clock times, with or without dates; None where a cell is none.
+
+    Times without a date that fall by more than half a day have passed midnight. An empty cell is NaN.
+    """
+    parts = [_STAMP.fullmatch(cell) if cell else None for cell in cells]
+    if not any(parts) or any(cell and part is None for cell, part in zip(cells, parts, strict=True)):
+        return None
+    texts = {part[1] or "" for part in parts if part is not None}
+    days = {text: _day(text, texts) for text in texts}
+    if any(day is None for day in days.values()) and len(days) > 1:
+        return None
+    origin = min((day for day in days.values() if day is not None), default=0)
+    found = np.array([np.nan if part is None else _clock_s(part) for part in parts])
+    found += [0.0 if part is None else 86400.0 * ((days[part[1] or ""] or origin) - origin) for part in parts]
+    if texts == {""}:
+        steps = np.diff(found)
+        found[1:] += 86400.0 * np.cumsum(np.nan_to_num(steps) < -43200.0)
+    return found
+
+
+def _day(text: str, others: Iterable[str]) -> int | None:
+    """Number of a day; None for no date, or one whose month cannot be told."""
+    stated = iso(text, others=others) if text else ""
+    return date.fromisoformat(stated[:10]).toordinal() if stated else None
+
+
+def _clock_s(part: re.Match[str]) -> float:
+    half = (part[6] or "").lower().replace(".", "")
+    hour = int(part[2]) % 12 + 12 * (half == "pm") if half else int(part[2])
+    return 3600.0 * hour + 60.0 * int(part[3]) + int(part[4]) + float(f"0.{part[5] or 0}")
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:

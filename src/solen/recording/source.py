@@ -20,8 +20,6 @@ LARGEST_MB = 100
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 _OTHERS = {
     b"%PDF": ("a PDF", "export a table from the program that made it"),
-    b"\x89HDF": ("an HDF5 or netCDF-4 file", "export a CSV"),
-    b"CDF\x01": ("a netCDF file", "export a CSV"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
     b"\x89PNG": ("a picture", "name the table that it was drawn from"),
     b"\xff\xd8\xff": ("a picture", "name the table that it was drawn from"),

@@ -25,6 +25,8 @@ from solen.recording.scan import RANGE_NM, alone_note, disorder
 from solen.recording.words import Heading, heading, is_label, plain
 from solen.units import factor
 
+_STAMPS = ("timestamp", "time stamp", "datetime", "date time", "date/time", "zeitstempel", "clock", "uhrzeit")
+"""Names of columns that may hold clock times."""
 _TAKEN_NM = (150.0, 50_000.0)
 """Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
 
@@ -88,6 +90,11 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
     found = []
     for column, head in zip(held, _headings(place, held), strict=True):
         kind = kinds[column]
+        stamps = dates.seconds(cells[column]) if kind == "word" and _is_time(head) else None
+        if stamps is not None:
+            head = replace(head, unit="s", quantity="time")
+            found.append(Column(column, place.names[column], head, stamps, tuple(cells[column])))
+            continue
         if kind == "word" and (head.unit or head.quantity):
             row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
             raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
@@ -98,6 +105,11 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
         if values is None or place.names[column] or not np.array_equal(values, np.arange(values.size)):
             found.append(Column(column, place.names[column], head, values, words))  # but for pandas' row numbers
     return found
+
+
+def _is_time(head: Heading) -> bool:
+    """Whether a column of words may be one of clock times."""
+    return head.quantity == "time" or (not head.unit and plain(head.name) in _STAMPS)
 
 
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
@@ -141,7 +153,7 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
     date = dates.among(metadata)
-    simulated = _simulated(metadata)
+    simulated = is_simulated(metadata)
     provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
     labels = {
         one.name for one in channels if one.name in texts and not np.any(np.nan_to_num(one.values) % 1.0)
@@ -149,7 +161,7 @@ def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recor
     return Recording(tuple(along_axes(_with_percent(channels), labels)), provenance, texts)
 
 
-def _simulated(metadata: Mapping[str, str]) -> bool:
+def is_simulated(metadata: Mapping[str, str]) -> bool:
     """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
     stated = [value for key, value in metadata.items() if plain(key) in {"simulated", "simulation", "synthetic"}]
     if stated:

@@ -38,6 +38,8 @@ class Averaged:
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
     """Fewest readings that last whole periods of the mains; `DataError` where no number up to 1000 does."""
+    if not math.isfinite(period_s):
+        raise DataError("mains", value=mains_hz, limit="needs two readings of an emitter", remedy="leave it out")
     for readings in range(1, MOST_READINGS + 1):
         periods = readings * period_s * mains_hz
         if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:

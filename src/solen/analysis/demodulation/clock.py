@@ -51,6 +51,8 @@ class Clock:
         Of the modulation in the sum of the channels, in their unit.
     clearness
         Modulation over its noise.
+    between_share
+        Share of a period between a quarter and three quarters of the height: small for a switch, 1/3 for a sine.
     """
 
     phase: FloatArray
@@ -61,6 +63,7 @@ class Clock:
     on_share: float
     depth: float
     clearness: float
+    between_share: float = 0.0
 
     def states(self, settle_s: float, emitters: int = 1) -> IntArray:
         """State of each sample (N,): settling ones, and those within three jitters of the next edge, are dropped."""
@@ -107,7 +110,9 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
         raise DataError("rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or a column of states")
     slope, u_slope, rough = _line(middle, turns)
     phase = near * start + _between(middle, turns, start)
-    rise, on_share, depth = _edges(phase, signal)
+    folded = _folded(phase, signal)
+    _check_once(folded, rate_hz)
+    rise, on_share, depth, between_share = _edges(folded)
     phase -= rise
     phase -= np.floor(phase[0] + 1e-9)
     wander = turns - np.polyval(np.polyfit(middle, turns, 1), middle)
@@ -121,6 +126,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
         on_share=on_share,
         depth=depth,
         clearness=clearness,
+        between_share=between_share,
     )
 
 
@@ -193,17 +199,37 @@ def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatA
     return found
 
 
-def _edges(phase: FloatArray, signal: FloatArray) -> tuple[float, float, float]:
-    """Phase of the rise of the folded signal, share of the period above half its height, and its height."""
+def _folded(phase: FloatArray, signal: FloatArray) -> FloatArray:
+    """Mean signal by the phase, in bins of one period."""
     place = np.floor((phase % 1.0) * BINS).astype(np.int64) % BINS
     count = np.bincount(place, minlength=BINS)
     filled = np.flatnonzero(count)
     means = np.bincount(place, signal, minlength=BINS)[filled] / count[filled]
-    folded = np.interp(np.arange(BINS), filled, means, period=BINS)
-    low, high = np.percentile(folded, 10), np.percentile(folded, 90)
+    return np.interp(np.arange(BINS), filled, means, period=BINS)
+
+
+def _levels(folded: FloatArray) -> tuple[float, float]:
+    return float(np.percentile(folded, 10)), float(np.percentile(folded, 90))
+
+
+def _check_once(folded: FloatArray, rate_hz: float) -> None:
+    """`DataError` where a period holds several on phases: the rate is a part of the true one."""
+    low, high = _levels(folded)
+    marks = np.where(folded > low + 0.7 * (high - low), 1, np.where(folded < low + 0.3 * (high - low), -1, 0))
+    marks = marks[marks != 0]
+    rises = int(np.sum((marks == 1) & (np.roll(marks, 1) == -1)))
+    if rises > 1:
+        limit = f"a period of it holds {rises} on phases"
+        raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=f"try {rises * rate_hz:g}, or more emitters")
+
+
+def _edges(folded: FloatArray) -> tuple[float, float, float, float]:
+    """Phase of the rise of the folded signal, share of it above half its height, its height, and its share between."""
+    low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)
-    return rise, float((fall - rise) % 1.0), float(high - low)
+    between = np.abs(above) < 0.25 * (high - low)
+    return rise, float((fall - rise) % 1.0), high - low, float(between.mean())
 
 
 def _crossing(above: FloatArray) -> float:

@@ -105,7 +105,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
     if not on.size or not off.size:
         limit = f"needs slots with an emitter on and slots with all off; there are {on.size} and {off.size}"
-        raise DataError("demodulation", limit=limit)
+        raise DataError("demodulation", limit=limit, remedy="shorten the settling" if slots.emptied else "")
     before, after, there = _neighbours(slots, on, off)
     if kernel == "one-sided":
         there = there & np.array([True, False])

@@ -28,6 +28,10 @@ MESH_MM = 2e-4
 """The same of a mesh."""
 
 
+LEVEL_MM = 1e-5
+"""Faces whose corners differ in height by less are level."""
+
+
 class Solid(Protocol):
     """A solid as it is printed: over the plate from Z = 0, its least X and Y at 0."""
 
@@ -44,6 +48,11 @@ class Solid(Protocol):
     @property
     def volume_mm3(self) -> float:
         """Its volume."""
+        ...
+
+    @property
+    def heights_mm(self) -> tuple[float, ...]:
+        """Heights of its level faces, ascending."""
         ...
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
@@ -78,6 +87,7 @@ class Slices:
     size_mm: tuple[float, float, float]
     origin_mm: tuple[float, float]
     volume_mm3: float
+    heights_mm: tuple[float, ...]
     solid: Any
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
@@ -116,7 +126,15 @@ def mesh_solid(mesh: Mesh, rotation: Floats, name: str = "mesh") -> Slices:
     if solid.status() != Error.NoError:
         raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
     x, y, z = turned.max(axis=0).tolist()
-    return Slices((x, y, z), (-float(corner[0]), -float(corner[1])), mesh.volume_mm3, solid)
+    origin = (-float(corner[0]), -float(corner[1]))
+    return Slices((x, y, z), origin, mesh.volume_mm3, _levels(turned, mesh.triangles), solid)
+
+
+def _levels(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[float, ...]:
+    """Heights of level triangles."""
+    z = vertices[triangles, 2]
+    level = z[np.ptp(z, axis=1) < LEVEL_MM, 0]
+    return tuple(np.unique((level / LEVEL_MM).round() * LEVEL_MM).tolist())
 
 
 def _check_closed(mesh: Mesh, name: str) -> None:

@@ -1,0 +1,174 @@
+"""A recording without an angle: the motion is told by the signal, its scale by what the stage was asked to do.
+
+The idea: the voltages repeat with the cycle. Its length is where they are most like themselves; where each cycle begins
+is where they are most like the protocol: 0 to +A at a speed, a hold, back, the same on the other side. What the length
+has beyond that is taken for rests, half of it at each return to 0. The result is the angle that the stage should have
+had, not one that anybody measured.
+
+Which side is which is not in one signal. With a left and a right receiver the convention says it: at negative angles
+the right one is brighter, that is lower. Without them the first excursion is called positive.
+
+The interface: `Protocol` of what was asked for, `unseen` gives an `Unseen`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from solen.analysis.clocks import principal
+from solen.analysis.signals import pair
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+_MOST = 1 << 20
+_ALIKE = 0.5  # correlation with itself one cycle later, at least
+_WHOLE = 0.7  # likeness of a cycle to the protocol, relative to the best
+_SLACK = 0.05  # share of a cycle that the protocol may be longer
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """What a stage was asked to do: to +A and −A, at a speed, with a hold at each."""
+
+    amplitude_deg: float
+    speed_deg_per_s: float = 15.0
+    hold_s: float = 0.8
+
+    @property
+    def shortest_s(self) -> float:
+        """Time of a cycle without rests."""
+        return 4.0 * self.amplitude_deg / self.speed_deg_per_s + 2.0 * self.hold_s
+
+    def corners(self, period_s: float, first: int = 1) -> tuple[FloatArray, FloatArray]:
+        """Times and angles of one cycle between which the angle is straight; ``first``: sign of its first side."""
+        ramp, rest = self.amplitude_deg / self.speed_deg_per_s, max(0.0, 0.5 * (period_s - self.shortest_s))
+        took = (0.0, ramp, self.hold_s, ramp, rest, ramp, self.hold_s, ramp)
+        angles = first * self.amplitude_deg * np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])
+        return np.cumsum(took) * min(1.0, period_s / self.shortest_s), angles
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Angle by the protocol at each sample, (n,), length of a cycle, and what to know."""
+
+    angle_deg: FloatArray
+    period_s: float
+    starts_s: FloatArray
+    warnings: tuple[str, ...]
+
+
+def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol) -> Unseen:
+    """Angle that a protocol had when the signals were recorded.
+
+    Parameters
+    ----------
+    time_s, volts
+        (n,) and (n, m).
+    receivers
+        Names, by which left and right are told.
+    protocol
+        What was asked of the stage.
+
+    Raises
+    ------
+    DataError
+        Where the signals do not repeat, or their cycle is shorter than the protocol's.
+    """
+    sides = pair(receivers)
+    signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
+    even_s = max(float(np.median(np.diff(time_s))), float(np.ptp(time_s)) / _MOST)
+    grid = np.arange(time_s[0], time_s[-1], even_s)
+    even = np.interp(grid, time_s, signal)
+    even -= np.polyval(np.polyfit(grid - grid[0], even, 1), grid - grid[0])
+    period = _period(even, even_s, protocol)
+    if sides is None:
+        even = even * _first_sign(even)
+    firsts = (1,) if sides is None else (1, -1)
+    found = {first: _starts(even, even_s, protocol.corners(period, first), period) for first in firsts}
+    first = max(found, key=lambda sign: found[sign].size)
+    starts = found[first] + grid[0]
+    angle = _angle(time_s, starts, protocol.corners(period, first))
+    rest = period - protocol.shortest_s
+    told = [
+        f"no angle was recorded: cycles of {period:.4g} s were found in the voltages, and the angle is the one that "
+        f"±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of {protocol.hold_s:g} s should "
+        "have had; range, sensitivity and hysteresis are no better than that"
+    ]
+    if rest > _SLACK * period:
+        told.append(f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0")
+    if sides is None:
+        told.append("no left and right receiver are told by name: the first excursion is called positive")
+    else:
+        told.append(
+            "the sign of the angle is that of the convention (right brighter at negative angles), not a finding"
+        )
+    return Unseen(angle, period, starts, tuple(told))
+
+
+def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
+    """Time after which a signal is most like itself, not shorter than the protocol."""
+    likeness = fftconvolve(even, even[::-1])[even.size - 1 :]
+    lags = np.arange(even.size)
+    share = likeness / likeness[0] * even.size / np.maximum(even.size - lags, 1)
+    first = int((1.0 - _SLACK) * protocol.shortest_s / even_s)
+    last = even.size * 2 // 3
+    if last - first < 4:
+        limit = f"lasts {even.size * even_s:.3g} s, less than one and a half cycles of {protocol.shortest_s:.3g} s"
+        raise DataError("recording", limit=limit, remedy="record more cycles, or state --speed-deg-per-s and --hold-s")
+    part = share[first:last]
+    peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
+    strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
+    if not strong.size or part[strong[0]] < _ALIKE:
+        limit = f"does not repeat itself after {protocol.shortest_s:.3g} s or more"
+        remedy = "check the receivers, and --amplitude-deg, --speed-deg-per-s and --hold-s"
+        raise DataError("recording", limit=limit, remedy=remedy)
+    place = int(strong[0]) + first
+    return (place + _vertex(share[place - 1 : place + 2])) * even_s
+
+
+def _vertex(three: FloatArray) -> float:
+    """Place of the vertex of the parabola through three neighbours, relative to the middle one."""
+    bend = float(three[0] - 2.0 * three[1] + three[2])
+    return 0.5 * float(three[0] - three[2]) / bend if bend else 0.0
+
+
+def _first_sign(even: FloatArray) -> float:
+    """Sign of the first large excursion."""
+    large = np.flatnonzero(np.abs(even) > 0.7 * np.abs(even).max())
+    return float(np.sign(even[large[0]]))
+
+
+def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArray], period: float) -> FloatArray:
+    """When each cycle begins, by likeness to the protocol."""
+    times, angles = corners
+    template = np.interp(np.arange(0.0, times[-1], even_s), times, angles)
+    likeness = fftconvolve(even, template[::-1])[template.size - 1 : even.size]
+    if not likeness.size:
+        raise DataError("recording", limit=f"holds no whole cycle of {period:.3g} s", remedy="record more cycles")
+    best = int(np.argmax(likeness))
+    step = round(period / even_s)
+    found = [best]
+    for sign in (-1, 1):
+        place = best
+        while (near := _nearest(likeness, place + sign * step, step // 8)) is not None:
+            if likeness[near] < _WHOLE * likeness[best] or near in found:
+                break
+            found.append(near)
+            place = near
+    ends = (1, likeness.size - 1)
+    fine = [n + (_vertex(likeness[n - 1 : n + 2]) if ends[0] <= n < ends[1] else 0.0) for n in sorted(found)]
+    return np.array(fine) * even_s
+
+
+def _nearest(likeness: FloatArray, place: int, reach: int) -> int | None:
+    low, high = max(0, place - reach), min(likeness.size, place + reach + 1)
+    return low + int(np.argmax(likeness[low:high])) if high - low > reach else None
+
+
+def _angle(time_s: FloatArray, starts: FloatArray, corners: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """Angle of all cycles, at rest between and beside them."""
+    times, angles = corners
+    following = np.append(starts[1:], np.inf)
+    when = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]
+    return np.asarray(np.interp(time_s, np.concatenate(when), np.tile(angles, starts.size)))

@@ -1,0 +1,134 @@
+"""The catalogue of a folder of recordings: one row for each closed run, in an SQLite file beside them.
+
+The idea: the files are the truth, the catalogue only finds them. A row is what the file says of itself; a file that was
+moved away is listed as missing, one that the catalogue does not know is taken in when it is asked to look again.
+
+The interface: `Catalogue`; `Row`.
+"""
+
+import contextlib
+import hashlib
+import json
+import sqlite3
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from solen.errors import DataError, OutputError
+
+NAME = "recordings.sqlite"
+SUFFIX = ".nc"
+_TABLE = """create table if not exists recordings (
+    file text primary key, sha256 text, date text, protocol text, rig text, sensors text, periods integer,
+    duration_s real, outcome text, simulated integer, solen text)"""
+_TAKE_IN = """insert or replace into recordings values
+    (:file, :sha256, :date, :protocol, :rig, :sensors, :periods, :duration_s, :outcome, :simulated, :solen)"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """What a recording says of itself; ``sensors`` are their names, ``there`` whether the file still is."""
+
+    file: str
+    sha256: str
+    date: str
+    protocol: str
+    rig: str
+    sensors: tuple[str, ...]
+    periods: int
+    duration_s: float
+    outcome: str
+    simulated: bool
+    solen: str
+    there: bool = True
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return asdict(self) | {"sensors": list(self.sensors)}
+
+
+class Catalogue:
+    """The catalogue of one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def add(self, path: Path) -> Row:
+        """Take a closed run in, or take it in anew."""
+        row = row_of(path)
+        with self._open() as table:
+            values = asdict(row) | {"sensors": json.dumps(row.sensors)}
+            del values["there"]
+            table.execute(_TAKE_IN, values)
+        return row
+
+    def rows(self) -> tuple[Row, ...]:
+        """All recordings, by their dates."""
+        if not (self.folder / NAME).exists():
+            return ()
+        with self._open() as table:
+            found = table.execute("select * from recordings order by date, file")
+            names = [column[0] for column in found.description]
+            return tuple(self._row(dict(zip(names, values, strict=True))) for values in found)
+
+    def look(self) -> tuple[str, ...]:
+        """Take in what lies in the folder and is not known, and what changed; names of files that are no recordings."""
+        known, strange = {row.file: row.sha256 for row in self.rows()}, []
+        for path in sorted(self.folder.glob(f"*{SUFFIX}")):
+            if known.get(path.name) != _sha256(path):
+                try:
+                    self.add(path)
+                except DataError:
+                    strange.append(path.name)
+        return tuple(strange)
+
+    def _row(self, values: dict[str, Any]) -> Row:
+        values["sensors"] = tuple(json.loads(values["sensors"]))
+        values["simulated"] = bool(values["simulated"])
+        return Row(**values, there=(self.folder / values["file"]).exists())
+
+    @contextlib.contextmanager
+    def _open(self) -> Iterator[sqlite3.Connection]:
+        path = self.folder / NAME
+        try:
+            with contextlib.closing(sqlite3.connect(path, timeout=10.0)) as table, table:
+                table.execute(_TABLE)
+                yield table
+        except sqlite3.DatabaseError as bad:
+            remedy = "remove it; solen recordings --look makes it anew"
+            raise OutputError(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
+
+
+def row_of(path: Path) -> Row:
+    """Row of a closed run; `DataError` where a file is none."""
+    import h5netcdf
+
+    try:
+        with h5netcdf.File(path, "r") as file:
+            header = json.loads(file.attrs["header"])
+            times = file.variables["time_s"]
+            periods = times.shape[0]
+            duration = float(times[-1] - times[0]) if periods else 0.0
+            outcome = str(file.attrs["outcome"])
+    except (OSError, KeyError, ValueError) as bad:
+        reason = " ".join(str(bad).split())
+        raise DataError(str(path), limit=f"is no recording of solen bench run: {reason}") from None
+    return Row(
+        file=path.name,
+        sha256=_sha256(path),
+        date=header["begun_utc"],
+        protocol=header["protocol_name"],
+        rig=header["rig_name"],
+        sensors=tuple(sensor["name"] for sensor in header["sensors"]),
+        periods=int(periods),
+        duration_s=duration,
+        outcome=outcome,
+        simulated=bool(header["simulated"]),
+        solen=header["solen"],
+    )
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

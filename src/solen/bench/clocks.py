@@ -1,0 +1,70 @@
+"""The board's clock on the run's: a period is known to be over when it has come, and never before.
+
+The idea: the board stamps its periods by its own clock, which runs a little fast or slow and began at another moment.
+What came at a time had been sent before it, by an unknown delay that is never negative and sometimes next to nothing.
+So the line that lies below all points (board's time, time it came) and nearest to them is the board's clock on the
+run's, but for the least delay: an edge of the points' lower convex hull.
+
+The interface: `on_run` gives the line of one stretch without a break.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+LEAST_SPAN_S = 5.0
+"""Below it a rate cannot be told from delays, and the two clocks are taken to run alike."""
+MOST_PPM = 1000.0
+"""No quartz is farther off."""
+
+
+@dataclass(frozen=True)
+class OnRun:
+    """Time of the run = ``begin_s`` + ``rate`` × the board's time in s.
+
+    Attributes
+    ----------
+    begin_s, rate
+        Of the line.
+    delay_s
+        Median delay of what came, beyond the least.
+    """
+
+    begin_s: float
+    rate: float
+    delay_s: float
+
+    def at(self, board_s: FloatArray) -> FloatArray:
+        """Time of the run at times of the board."""
+        return np.asarray(self.begin_s + self.rate * board_s)
+
+
+def on_run(board_s: FloatArray, came_s: FloatArray) -> OnRun:
+    """Line of times of the board (N,) and the times of the run (N,) at which they had come; both ascending."""
+    rate = 1.0
+    if len(board_s) > 2 and board_s[-1] - board_s[0] >= LEAST_SPAN_S:
+        hull = _below(board_s, came_s)
+        middle = 0.5 * (board_s[0] + board_s[-1])
+        right = int(np.clip(np.searchsorted(board_s[hull], middle), 1, len(hull) - 1))
+        a, b = hull[right - 1], hull[right]
+        rate = float((came_s[b] - came_s[a]) / (board_s[b] - board_s[a]))
+        rate = float(np.clip(rate, 1.0 - 1e-6 * MOST_PPM, 1.0 + 1e-6 * MOST_PPM))
+    delay = came_s - rate * board_s
+    begin = float(delay.min())
+    return OnRun(begin, rate, float(np.median(delay) - begin))
+
+
+def _below(x: FloatArray, y: FloatArray) -> list[int]:
+    """Places of the corners of the lower convex hull of points of ascending x."""
+    hull: list[int] = []
+    for place in range(len(x)):
+        while len(hull) > 1:
+            a, b = hull[-2], hull[-1]
+            if (x[b] - x[a]) * (y[place] - y[a]) > (y[b] - y[a]) * (x[place] - x[a]):
+                break
+            hull.pop()
+        hull.append(place)
+    return hull

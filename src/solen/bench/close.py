@@ -1,0 +1,248 @@
+"""A journal closed into a netCDF file: everything that was sampled, and each sensor's readings without ambient light.
+
+The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. Each
+sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
+volts of its two receivers, on less the mean of off before and after. Nothing is smoothed, nothing left out. The file
+is written under a temporary name and renamed; the journal is left to whoever called.
+
+The interface: `closed` writes the file of a journal; extra ``netcdf``.
+"""
+
+import importlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen import files
+from solen.analysis.demodulation import Demodulated, slots_of, subtract
+from solen.bench.clocks import OnRun, on_run
+from solen.bench.journal import Journaled, Rows
+from solen.errors import OutputError
+
+FloatArray = NDArray[np.float64]
+
+AT_ONCE = 20_000
+"""Periods that are worked on at once, so that an hour needs little memory."""
+
+
+@dataclass(frozen=True)
+class Closed:
+    """What a closed file holds.
+
+    Attributes
+    ----------
+    path
+        The file.
+    periods
+        Periods in it.
+    duration_s
+        From the first to the last.
+    sensors
+        Readings of each sensor.
+    outcome
+        ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
+    lost_bytes
+        Of the journal's unfinished last record.
+    """
+
+    path: Path
+    periods: int
+    duration_s: float
+    sensors: dict[str, int]
+    outcome: str
+    lost_bytes: int
+
+
+def check_installed() -> None:
+    """`OutputError` where what writes netCDF is not installed."""
+    for name in ("h5netcdf", "h5py"):
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError:
+            remedy = 'pip install "solen[netcdf]"'
+            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+
+
+def closed(journaled: Journaled, path: Path) -> Closed:
+    """Write what a journal holds to a netCDF file.
+
+    Raises
+    ------
+    OutputError
+        Where the file cannot be written, or h5netcdf is not installed.
+    """
+    check_installed()
+    board, header = journaled.streams["board"], journaled.header
+    time_s, lines = _times(journaled)
+    readings: dict[str, int] = {}
+
+    def write(target: Path) -> None:
+        import h5netcdf
+
+        with h5netcdf.File(target, "w") as file:
+            _attributes(file, journaled, lines)
+            _sampled(file, board, time_s, header)
+            _positions(file, journaled.streams["stage"], header["unit"])
+            for sensor in header["sensors"]:
+                readings[sensor["name"]] = _sensor(file, sensor, journaled, time_s)
+
+    files.write_all({path: write})
+    duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
+    return Closed(path, len(board), duration, readings, outcome_of(journaled), journaled.lost_bytes)
+
+
+def outcome_of(journaled: Journaled) -> str:
+    """How a run ended: ``done``, ``stopped``, ``fault`` or ``killed``."""
+    ends = [event["what"] for event in journaled.events if event["what"] in {"done", "stopped", "fault", "begun"}]
+    return ends[-1] if ends and ends[-1] != "begun" else "killed"
+
+
+def _times(journaled: Journaled) -> tuple[FloatArray, dict[int, OnRun]]:
+    """Time of each period on the run's clock, and the line of each part of the run."""
+    board, came = journaled.streams["board"], journaled.streams["came"]
+    times, lines = np.zeros(len(board)), {}
+    for part in np.unique(board["part"]).tolist():
+        mine, arrivals = board["part"] == part, came[came["part"] == part]
+        numbers, board_s = board["number"][mine], 1e-6 * board["board_us"][mine].astype(float)
+        # a period has come when it is over
+        over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
+        came_s = arrivals["t_s"] if len(arrivals) else over
+        lines[part] = on_run(over, came_s)
+        times[mine] = lines[part].at(board_s)
+    return times, lines
+
+
+def _attributes(file: Any, journaled: Journaled, lines: Mapping[int, OnRun]) -> None:
+    header = {key: value for key, value in journaled.header.items() if key != "streams"}
+    file.attrs["title"] = f"solen bench run: {header['protocol_name']} on {header['rig_name']}"
+    file.attrs["source"] = f"solen {header['solen']}"
+    file.attrs["simulated"] = "yes" if header["simulated"] else "no"
+    file.attrs["outcome"] = outcome_of(journaled)
+    file.attrs["date"] = header["begun_utc"]
+    file.attrs["control"] = " ".join(sensor["name"] for sensor in header["sensors"] if not sensor["lens"])
+    file.attrs["header"] = json.dumps(header)
+    file.attrs["events"] = json.dumps(journaled.events)
+    file.attrs["clock"] = json.dumps({str(part): vars(line) for part, line in lines.items()})
+    file.attrs["lost_bytes"] = journaled.lost_bytes
+
+
+def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, Any]) -> None:
+    counts = board["counts"]
+    file.dimensions = {
+        "period": len(board),
+        "emitter": header["emitters"],
+        "phase": 2,
+        "input": header["receivers"],
+    }
+    _variable(file, "time_s", ("period",), time_s, "s", "start of the period on the clock of the run")
+    _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
+    _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
+    _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault")
+    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(board) else {}
+    dims = ("period", "emitter", "phase", "input")
+    chunks = (min(len(board), 4096), *counts.shape[1:]) if len(board) else None
+    volts = file.create_variable("voltage", dims, counts.dtype, chunks=chunks, **kept)
+    volts.attrs["units"] = "V"
+    volts.attrs["long_name"] = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
+    volts.attrs["scale_factor"] = header["volts_per_count"]
+    for begin in range(0, len(board), 4096):
+        volts[begin : begin + 4096] = counts[begin : begin + 4096]
+
+
+def _positions(file: Any, stage: Rows, unit: str) -> None:
+    file.dimensions["look"] = len(stage)
+    _variable(file, "stage_time_s", ("look",), stage["t_s"], "s", "when the stage was asked where it is")
+    _variable(file, "stage_position", ("look",), stage["position"], unit, "where it was")
+
+
+def _sensor(file: Any, sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray) -> int:
+    """Write a sensor's group; how many readings it has."""
+    parts = list(_readings(sensor, journaled, time_s))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in _COLUMNS} if parts else {}
+    group = file.create_group(sensor["name"])
+    group.attrs["sensor"] = sensor["name"]
+    group.attrs["lens"] = "yes" if sensor["lens"] else "no"
+    for key, value in sensor.get("drawn", {}).items():
+        group.attrs[f"drawn {key}"] = value
+    readings = len(columns["time_s"]) if columns else 0
+    group.dimensions = {"reading": readings}
+    for name, (unit, told) in _COLUMNS.items():
+        values = columns[name] if columns else np.zeros(0)
+        _variable(group, name, ("reading",), values, unit, told)
+    return readings
+
+
+_COLUMNS = {
+    "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
+    "angle_deg": ("deg", "angle of the sensor then, between the stage's positions"),
+    "right": ("V", "right receiver, on less the mean of off before and after; lower is brighter"),
+    "left": ("V", "left receiver, on less the mean of off before and after; lower is brighter"),
+    "right_ambient": ("V", "right receiver with the emitter off"),
+    "left_ambient": ("V", "left receiver with the emitter off"),
+    "right_clipped": ("1", "1 where a sample of the right receiver stood at an end of the converter's range"),
+    "left_clipped": ("1", "1 where a sample of the left receiver stood at an end of the converter's range"),
+}
+
+
+def _readings(sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray) -> Iterator[dict[str, NDArray[Any]]]:
+    """Readings of a sensor, stretch by stretch without a change of part."""
+    board, header = journaled.streams["board"], journaled.header
+    edges = np.flatnonzero(np.diff(board["part"].astype(np.int64))) + 1
+    for first, last in zip([0, *edges], [*edges, len(board)], strict=True):
+        for begin in range(first, last, AT_ONCE):
+            end = min(begin + AT_ONCE, last)
+            low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
+            found = _subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
+            kept = found.of(sensor["emitter"]) & (found.time_s >= time_s[begin])
+            if end < last:
+                kept &= found.time_s < time_s[end]
+            yield _columns(found, kept, journaled.streams["stage"], header)
+
+
+def _subtracted(
+    counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
+) -> Demodulated:
+    """Demodulated readings of a sensor's two inputs in some periods."""
+    slots = 2 * header["emitters"]
+    inputs = counts[:, :, :, [sensor["right"] - 1, sensor["left"] - 1]].reshape(-1, 2)
+    time = (time_s[:, None] + (np.arange(slots) + 1.0) / slots * header["period_s"]).ravel()
+    state = np.zeros(slots, np.int64)
+    state[::2] = 1 + np.arange(header["emitters"])
+    top = np.full(2, header["top_count"] * header["volts_per_count"])
+    values = inputs * header["volts_per_count"]
+    return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
+
+
+def _columns(
+    found: Demodulated, kept: NDArray[np.bool_], stage: Rows, header: Mapping[str, Any]
+) -> dict[str, NDArray[Any]]:
+    time = found.time_s[kept]
+    position = np.interp(time, stage["t_s"], stage["position"]) if len(stage) else np.full(len(time), np.nan)
+    return {
+        "time_s": time,
+        "angle_deg": angle_deg(position, header),
+        "right": found.signal[kept, 0],
+        "left": found.signal[kept, 1],
+        "right_ambient": found.ambient[kept, 0],
+        "left_ambient": found.ambient[kept, 1],
+        "right_clipped": found.clipped[kept, 0].astype(np.uint8),
+        "left_clipped": found.clipped[kept, 1].astype(np.uint8),
+    }
+
+
+def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
+    """Angles of the sensor at positions of the stage: degrees as they are, mm at the end of a lever."""
+    moved = position - header["zero"]
+    return np.degrees(np.arctan(moved / header["lever_mm"])) if header["unit"] == "mm" else np.asarray(moved)
+
+
+def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
+    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
+    variable = group.create_variable(name, dims, values.dtype, data=values, **kept)
+    variable.attrs["units"] = unit
+    variable.attrs["long_name"] = told

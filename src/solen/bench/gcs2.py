@@ -1,0 +1,232 @@
+"""Motorised stages of Physik Instrumente: one axis of a controller that speaks GCS 2.0, such as the C-863 Mercury.
+
+The idea: GCS is lines of text. A command is answered by nothing, so that ``ERR?`` is asked after each; a question is
+answered by one line or several, of which every one but the last ends in a blank. Single characters (#5, #7, #24) are
+answered at once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User
+Manual MS249E, chapter 8.
+
+The interface: `Gcs2Stage`, a `RotationStage` or a `LinearStage`; `STAGES` says what stages are known and their unit.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from solen.bench.clock import Clock
+from solen.bench.link import Lines, Link
+from solen.errors import BenchError
+
+Unit = Literal["deg", "mm"]
+
+ERRORS = {
+    1: "the command's parameters are not as they should be",
+    2: "unknown command",
+    3: "the command is too long",
+    5: "a move without a reference, or with the servo off",
+    7: "the position is out of limits",
+    8: "the velocity is out of limits",
+    10: "stopped by command",
+    15: "there is no such axis",
+    16: "there is no such stage",
+    17: "a parameter is out of range",
+    23: "there is no such axis",
+    24: "the number of parameters is wrong",
+    25: "a parameter is no number",
+    26: "a parameter is missing",
+    45: "referencing failed",
+    49: "the move to the limit switch failed",
+    54: "unknown parameter",
+    89: "not allowed in this mode of motion",
+    1024: "motion error: the axis did not follow, its servo is off",
+}
+"""What the controller means by its error codes; others are told by their number."""
+STOPPED = 10
+STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
+_READY, _BUSY = b"\xb1", b"\xb0"
+
+
+@dataclass(frozen=True)
+class StageKind:
+    """A stage that PI sells, by the unit it is moved in."""
+
+    unit: Unit
+
+
+STAGES = {"M-060.DG": StageKind("deg"), "M-111.1DG": StageKind("mm")}
+
+
+class Gcs2Stage:
+    """One axis of a controller.
+
+    Parameters
+    ----------
+    link
+        Line to the controller.
+    clock
+        What waiting is told by.
+    stage
+        Name of the stage on that axis, one of `STAGES`; the controller must have it configured.
+    axis, address
+        The axis' name, and the controller's address where several share a line.
+    answer_s, reference_s
+        How long an answer, and finding the reference, may take.
+
+    Raises
+    ------
+    BenchError
+        Where the controller does not answer, is no PI controller, reports an error or has another stage configured.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        stage: str,
+        axis: str = "1",
+        address: int | None = None,
+        answer_s: float = 1.0,
+        reference_s: float = 60.0,
+    ) -> None:
+        if stage not in STAGES:
+            raise BenchError("stage", value=stage, limit=f"must be one of {', '.join(STAGES)}")
+        self.name = f"{stage} at {link.name}"
+        self.unit: Unit = STAGES[stage].unit
+        self._link, self._clock = link, clock
+        self._lines = Lines(link, clock, timeout_s=answer_s)
+        self._axis = axis
+        self._to = "" if address is None else f"{address} "
+        self._reference_s = reference_s
+        self._velocity: float | None = None
+        self._connect(stage)
+
+    def _connect(self, stage: str) -> None:
+        self._lines.forget()
+        self._error()  # one may wait from before
+        self.identity = self.ask("*IDN?")[0]
+        if "physik instrumente" not in self.identity.lower():
+            raise self._refusal(f"answered {self.identity!r} as its name", "this is no controller of PI")
+        configured = self._value("CST?")
+        if configured != stage:
+            remedy = f"configure it (PIMikroMove), or name {configured} in the rig file"
+            raise self._refusal(f"the controller is set up for {configured}, not {stage}", remedy)
+        self.command(f"SVO {self._axis} 1")
+        self.limits = float(self._value("TMN?")), float(self._value("TMX?"))
+
+    @property
+    def referenced(self) -> bool:
+        """Whether the controller knows where zero is."""
+        return self._value("FRF?") == "1"
+
+    def reference(self) -> None:
+        """Drive to the reference switch, unless that was done since the controller was switched on."""
+        if self.referenced:
+            return
+        self.command(f"FRF {self._axis}")
+        due = self._clock.now_s() + self._reference_s
+        while not self._ready():
+            if self._clock.now_s() > due:
+                self.stop()
+                raise self._refusal(f"no reference found within {self._reference_s:g} s", "is the stage free to move?")
+            self._clock.sleep(0.05)
+        self._check("FRF")
+        if not self.referenced:
+            raise self._refusal("found no reference", "is the stage free to move?")
+
+    def begin_move(self, target: float, velocity: float) -> None:
+        """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
+        low, high = self.limits
+        if not low <= target <= high:
+            raise self._refusal(f"{target:g} {self.unit} is out of its limits {low:g} to {high:g}", "move less far")
+        if velocity != self._velocity:
+            self.command(f"VEL {self._axis} {velocity:.6f}")
+            self._velocity = velocity
+        self.command(f"MOV {self._axis} {target:.6f}")
+
+    def position(self) -> float:
+        """Where the axis is, in deg or mm."""
+        return float(self._value("POS?"))
+
+    def on_target(self) -> bool:
+        """Whether it has come to rest where it was sent; `BenchError` where the controller gave up."""
+        if self._value("ONT?") == "1":
+            return True
+        if self._moving():
+            return False
+        self._check("MOV")
+        return self._value("ONT?") == "1"
+
+    def stop(self) -> None:
+        """Stop at once; the controller reports that as an error, which is taken from it."""
+        self._send(STOP_ALL)
+        code = self._error()
+        if code not in {0, STOPPED}:
+            raise self._refusal(_meaning(code), "look after the stage")
+
+    def close(self) -> None:
+        """Stop and close the line."""
+        try:
+            self.stop()
+        finally:
+            self._link.close()
+
+    def command(self, text: str) -> None:
+        """Send a command and ask whether it was taken; `BenchError` with the controller's reason where it was not."""
+        self._send(f"{text}\n".encode("ascii"))
+        self._check(text)
+
+    def ask(self, text: str) -> list[str]:
+        """Lines that answer a question, without addresses and the blanks that join them."""
+        self._send(f"{text}\n".encode("ascii"))
+        lines = [self._lines.next()]
+        while lines[-1].endswith(" "):
+            lines.append(self._lines.next())
+        lines = [line.strip() for line in lines]
+        prefix = f"0 {self._to}"
+        return [line.removeprefix(prefix) if self._to else line for line in lines]
+
+    def _send(self, data: bytes) -> None:
+        if self._lines.late:
+            self._lines.forget()
+        self._link.write(self._to.encode() + data)
+
+    def _value(self, question: str) -> str:
+        """Value of this axis in the answer to a question."""
+        answer = self.ask(f"{question} {self._axis}")
+        for line in answer:
+            name, sign, value = line.partition("=")
+            if sign and name.strip() == self._axis:
+                return value.strip()
+        raise self._refusal(f"answered {answer[0]!r} to {question}", "is the axis' name right?")
+
+    def _error(self) -> int:
+        answer = self.ask("ERR?")[0]
+        try:
+            return int(answer)
+        except ValueError:
+            raise self._refusal(f"answered {answer!r} to ERR?", "check the baud rate") from None
+
+    def _check(self, text: str) -> None:
+        if (code := self._error()) != 0:
+            raise self._refusal(f"{text}: {_meaning(code)}", "see the controller's manual")
+
+    def _moving(self) -> bool:
+        self._send(MOVING)
+        answer = self._lines.next().strip().removeprefix(f"0 {self._to}" if self._to else "")
+        try:
+            return int(answer, 16) != 0
+        except ValueError:
+            raise self._refusal(f"answered {answer!r} to #5", "check the baud rate") from None
+
+    def _ready(self) -> bool:
+        self._send(READY)
+        answer = self._lines.next_bytes().strip()
+        if answer[-1:] not in {_READY, _BUSY}:
+            raise self._refusal(f"answered {answer!r} to #7", "check the baud rate")
+        return answer[-1:] == _READY
+
+    def _refusal(self, limit: str, remedy: str) -> BenchError:
+        return BenchError(self.name, limit=limit, remedy=remedy)
+
+
+def _meaning(code: int) -> str:
+    return f"error {code}, {ERRORS[code]}" if code in ERRORS else f"error {code}"

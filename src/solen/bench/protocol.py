@@ -1,0 +1,112 @@
+"""The protocol: what the stage does, as data.
+
+The idea: a protocol is a list of steps, each a place to go to, how fast, and how long to stay, done over and over. A
+step in degrees is for a rotation stage, one in mm for a linear stage; which of them moves, and what it moves, is for
+the rig to say.
+
+The interface: `Protocol` and `Step`; `load_protocol` of a file.
+"""
+
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.errors import BenchError
+from solen.files import read_text
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused, told_of
+
+SCHEMA = 1
+LONGEST_S = 7 * 86_400.0
+"""A protocol that moves for longer than a week is a slip of the pen."""
+
+
+class Step(Strict):
+    """One move and the rest after it."""
+
+    table: ClassVar[str] = "step"
+    error: ClassVar[type[BenchError]] = BenchError
+
+    to_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(None, description="Where to turn to, in degrees.")
+    to_mm: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(None, description="Where to shift to, in mm.")
+    velocity_deg_per_s: Positive | None = Field(None, description="How fast, in degrees per second.")
+    velocity_mm_per_s: Positive | None = Field(None, description="How fast, in mm per second.")
+    hold_s: NotNegative = Field(0.0, description="How long to stay there, in s.")
+
+    @model_validator(mode="after")
+    def _one_unit(self) -> Self:
+        turns = (self.to_deg is not None, self.velocity_deg_per_s is not None)
+        shifts = (self.to_mm is not None, self.velocity_mm_per_s is not None)
+        if (
+            turns not in ((True, True), (False, False))
+            or shifts == turns
+            or shifts not in ((True, True), (False, False))
+        ):
+            remedy = "give to_deg with velocity_deg_per_s, or to_mm with velocity_mm_per_s"
+            raise refused("", "must say where to and how fast, in one unit", remedy=remedy)
+        return self
+
+    @property
+    def unit(self) -> Literal["deg", "mm"]:
+        """Unit of the move."""
+        return "mm" if self.to_deg is None else "deg"
+
+    @property
+    def target(self) -> float:
+        """Where to, in its unit."""
+        return float(self.to_mm if self.to_deg is None else self.to_deg)  # type: ignore[arg-type]  # one of them is
+
+    @property
+    def velocity(self) -> float:
+        """How fast, in its unit per s."""
+        return float(self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0)
+
+
+class Protocol(Strict):
+    """Steps, how often, and the rest before and after them."""
+
+    error: ClassVar[type[BenchError]] = BenchError
+
+    name: Text = Field(description="what the protocol is called.")
+    cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(1, description="How often the steps are done.")
+    rest_s: NotNegative = Field(1.0, description="Rest before the first cycle and after the last, in s.")
+    position_rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
+        50.0, description="How often the stage is asked where it is, per second."
+    )
+    step: Annotated[tuple[Step, ...], Field(min_length=1, max_length=1000)] = Field(description="the steps, [[step]].")
+
+    @model_validator(mode="after")
+    def _alike(self) -> Self:
+        if len({step.unit for step in self.step}) > 1:
+            raise refused("step", "must all be in deg, or all in mm")
+        if self.shortest_s > LONGEST_S:
+            days = self.shortest_s / 86_400.0
+            raise refused("cycles", f"take {days:.3g} days; a protocol takes a week at most", value=self.cycles)
+        return self
+
+    @property
+    def unit(self) -> Literal["deg", "mm"]:
+        """Unit of its moves."""
+        return self.step[0].unit
+
+    @property
+    def reach(self) -> float:
+        """Farthest that it goes from zero, in its unit."""
+        return max(abs(step.target) for step in self.step)
+
+    @property
+    def shortest_s(self) -> float:
+        """How long it takes with a stage that is at its velocity at once."""
+        here, cycle = self.step[-1].target, 0.0
+        for step in self.step:
+            cycle += abs(step.target - here) / step.velocity + step.hold_s
+            here = step.target
+        return 2.0 * self.rest_s + self.cycles * cycle
+
+
+def load_protocol(path: Path) -> Protocol:
+    """Protocol of a file; `BenchError` in one line where it cannot be read or is none."""
+    data = parse_toml(read_text(path, BenchError), str(path), BenchError)
+    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
+    with told_of(str(path)):
+        return Protocol(**data)

@@ -1,0 +1,129 @@
+"""What instruments there are: one interface for each role, whoever plays it.
+
+The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
+of them it is, only the rig file knows.
+
+The interface: `Stage` (with `RotationStage` and `LinearStage`, which differ in their unit), `EmitterBoard`, `Daq`.
+Every call raises `BenchError` where the instrument does not do what it is asked.
+"""
+
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.frames import Layout, Losses, Periods
+
+
+class Stage(Protocol):
+    """One axis that moves and knows where it is; positions and velocities in its own unit."""
+
+    name: str
+
+    @property
+    def unit(self) -> Literal["deg", "mm"]:
+        """Unit of its positions."""
+
+    def reference(self) -> None:
+        """Find the zero, where that is not known yet; returns when it is found."""
+
+    def begin_move(self, target: float, velocity: float) -> None:
+        """Begin to move; `wait` or `on_target` tell when it is there."""
+
+    def position(self) -> float:
+        """Where it is."""
+
+    def on_target(self) -> bool:
+        """Whether it has come to rest where it was sent."""
+
+    def stop(self) -> None:
+        """Stop at once."""
+
+    def close(self) -> None:
+        """Stop and let go of the instrument."""
+
+
+class RotationStage(Stage, Protocol):
+    """A stage that turns; degrees."""
+
+    @property
+    def unit(self) -> Literal["deg"]:
+        """Degrees."""
+
+
+class LinearStage(Stage, Protocol):
+    """A stage that shifts; mm."""
+
+    @property
+    def unit(self) -> Literal["mm"]:
+        """Millimetres."""
+
+
+class EmitterBoard(Protocol):
+    """What lights the emitters in turn and samples the receivers, period after period.
+
+    Attributes
+    ----------
+    layout
+        How many emitters and receivers it has.
+    period_s
+        From one period to the next.
+    """
+
+    name: str
+    layout: Layout
+    period_s: float
+
+    @property
+    def volts_per_count(self) -> float:
+        """Of its converter."""
+
+    @property
+    def losses(self) -> Losses:
+        """What did not come."""
+
+    def start(self) -> None:
+        """Begin to light and to sample."""
+
+    def read(self) -> Periods:
+        """Periods that came since the last call."""
+
+    def stop(self) -> None:
+        """Emitters off, no more samples."""
+
+    def close(self) -> None:
+        """Stop and let go of the instrument."""
+
+
+class Daq(Protocol):
+    """What samples voltages at a rate, whatever they are.
+
+    Attributes
+    ----------
+    channels
+        Their names, in the order of the samples.
+    rate_hz
+        Of each channel.
+    volts_per_count
+        Of its converter.
+    lost
+        Samples that the instrument says it dropped.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    rate_hz: float
+    volts_per_count: float
+    lost: int
+
+    def start(self) -> None:
+        """Begin to sample."""
+
+    def read(self) -> NDArray[np.int16]:
+        """Samples since the last call, shape (N, channels)."""
+
+    def stop(self) -> None:
+        """No more samples."""
+
+    def close(self) -> None:
+        """Stop and let go of the instrument."""

@@ -1,0 +1,250 @@
+"""A run: the protocol's steps on the rig's instruments, everything that comes written to the journal as it comes.
+
+The idea: one loop waits, asks the stage where it is and the board for what it sampled, and hands both to the journal
+before it does anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault, the emitters go off and
+the stage stops, in that order, and the journal says why. Completed cycles are written down, so that a run that was
+ended or killed is taken up after the last one.
+
+The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.clock import Clock
+from solen.bench.frames import Layout, Periods
+from solen.bench.journal import Journal, Journaled
+from solen.bench.protocol import Protocol, Step
+from solen.bench.roles import EmitterBoard, Stage
+from solen.errors import BenchError, SolenError
+
+ARRIVE_S = 10.0
+"""How much longer than its way needs a move may take before it counts as stuck."""
+SILENT_S = 2.0
+"""A board that says nothing for so long is a fault."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What a protocol is run on.
+
+    Attributes
+    ----------
+    stage, board, clock
+        The instruments, and the time of the run.
+    read_every_s
+        How often the board is read: how much a kill may cost.
+    """
+
+    stage: Stage
+    board: EmitterBoard
+    clock: Clock
+    read_every_s: float = 0.1
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What a watcher is shown.
+
+    Attributes
+    ----------
+    t_s
+        Time of the run.
+    cycle, cycles
+        The cycle, from 1, and how many there are.
+    position
+        Of the stage, in its unit.
+    counts
+        The last period, shape (emitters, 2, receivers); None before the first.
+    """
+
+    t_s: float
+    cycle: int
+    cycles: int
+    position: float
+    counts: NDArray[np.uint16] | None
+
+
+Watch = Callable[[Tick], None]
+
+
+def streams(layout: Layout) -> dict[str, np.dtype[np.void]]:
+    """Columns of a run's streams: the board's periods, when they came, and where the stage was."""
+    counts = (layout.emitters, 2, layout.receivers)
+    return {
+        "board": np.dtype(
+            [("part", "<u2"), ("number", "<i8"), ("board_us", "<i8"), ("flags", "u1"), ("counts", "<u2", counts)]
+        ),
+        "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("number", "<i8")]),
+        "stage": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")]),
+    }
+
+
+def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
+    """A new journal for a run; its header says what is run on what."""
+    board = instruments.board
+    told = {
+        "period_s": board.period_s,
+        "volts_per_count": board.volts_per_count,
+        "emitters": board.layout.emitters,
+        "receivers": board.layout.receivers,
+        "board": board.name,
+        "stage": instruments.stage.name,
+        "unit": instruments.stage.unit,
+    }
+    return Journal.create(path, {**header, **told}, streams(board.layout))
+
+
+def cycles_done(before: Journaled | None) -> int:
+    """Cycles that a journal has whole."""
+    return 0 if before is None else sum(event["what"] == "cycle done" for event in before.events)
+
+
+def parts_of(before: Journaled | None) -> int:
+    """How often a journal's run was begun."""
+    return 0 if before is None else sum(event["what"] == "begun" for event in before.events)
+
+
+def run(
+    protocol: Protocol,
+    instruments: Instruments,
+    journal: Journal,
+    *,
+    before: Journaled | None = None,
+    watch: Watch | None = None,
+) -> dict[str, Any]:
+    """Run a protocol, or what is left of it, and end the journal.
+
+    Raises
+    ------
+    BenchError
+        Where an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
+        the stage stands still.
+    KeyboardInterrupt
+        Where somebody stopped it; likewise.
+    """
+    runner = _Runner(protocol, instruments, journal, parts_of(before), cycles_done(before), watch)
+    outcome, reason = "done", ""
+    try:
+        runner.all()
+    except BaseException as bad:
+        outcome = "stopped" if isinstance(bad, KeyboardInterrupt) else "fault"
+        reason = str(bad) if isinstance(bad, SolenError) else type(bad).__name__
+        raise
+    finally:
+        told = {"outcome": outcome, "reason": reason, "losses": instruments.board.losses.as_dict()}
+        runner.safe()
+        journal.event(runner.now_s, outcome, **told)
+        if outcome == "done":
+            journal.end(**told)
+        journal.sync()
+    return told
+
+
+@dataclass
+class _Runner:
+    """One run under way."""
+
+    protocol: Protocol
+    on: Instruments
+    journal: Journal
+    part: int
+    done: int
+    watch: Watch | None
+    _read_s: float = 0.0
+    _heard_s: float = 0.0
+    _due_s: float = 0.0
+    _last: NDArray[np.uint16] | None = None
+    _cycle: int = 0
+
+    @property
+    def now_s(self) -> float:
+        return self.on.clock.now_s()
+
+    def all(self) -> None:
+        """From the beginning, or the first cycle that is not done, to the end."""
+        self.on.stage.reference()
+        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1)
+        self.on.board.start()
+        self._due_s = self._read_s = self._heard_s = self.now_s
+        self._cycle = self.done + 1
+        self._go(self._home())
+        self._stay(self.protocol.rest_s)
+        for cycle in range(self.done + 1, self.protocol.cycles + 1):
+            self._cycle = cycle
+            self.journal.event(self.now_s, "cycle", number=cycle)
+            for number, step in enumerate(self.protocol.step, 1):
+                self.journal.event(self.now_s, "step", number=number, target=step.target)
+                self._go(step)
+                self.journal.event(self.now_s, "arrived", number=number)
+                self._stay(step.hold_s)
+            self._read()
+            self.journal.event(self.now_s, "cycle done", number=cycle)
+        self._stay(self.protocol.rest_s)
+        self._read()
+
+    def safe(self) -> None:
+        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first."""
+        for name, stop in (("board", self.on.board.stop), ("stage", self.on.stage.stop)):
+            try:
+                stop()
+            except SolenError as bad:
+                self.journal.event(self.now_s, "not stopped", instrument=name, reason=str(bad))
+
+    def _home(self) -> Step:
+        """The way to where a cycle begins: where its last step ends."""
+        return self.protocol.step[-1]
+
+    def _go(self, step: Step) -> None:
+        """Move and wait until it is there."""
+        way = abs(step.target - self.on.stage.position())
+        self.on.stage.begin_move(step.target, step.velocity)
+        stuck_s = self.now_s + way / step.velocity + ARRIVE_S
+        while not self.on.stage.on_target():
+            if self.now_s > stuck_s:
+                limit = f"has not arrived at {step.target:g} {step.unit} in {way / step.velocity + ARRIVE_S:.0f} s"
+                raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
+            self._tick(self.now_s + 1.0)
+
+    def _stay(self, duration_s: float) -> None:
+        until = self.now_s + duration_s
+        while until - self.now_s > 1e-9:
+            self._tick(until)
+
+    def _tick(self, until_s: float) -> None:
+        """Wait for the next time to look, then look."""
+        self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
+        self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
+        position = self.on.stage.position()
+        row = np.array([(self.part, self.now_s, position)], self.journal.dtype("stage"))
+        self.journal.rows("stage", row)
+        if self.now_s - self._read_s >= self.on.read_every_s:
+            self._read()
+            if self.watch is not None:
+                self.watch(Tick(self.now_s, self._cycle, self.protocol.cycles, position, self._last))
+
+    def _read(self) -> None:
+        """Take what the board sampled, and write it down."""
+        periods = self.on.board.read()
+        self._read_s = self.now_s
+        if len(periods) == 0:
+            if self.now_s - self._heard_s > max(SILENT_S, 3.0 * self.on.read_every_s):
+                limit = f"has said nothing for {self.now_s - self._heard_s:.1f} s"
+                raise BenchError(self.on.board.name, limit=limit, remedy="check its cable and power")
+            return
+        self._heard_s, self._last = self.now_s, periods.counts[-1]
+        self.journal.rows("board", self._rows(periods))
+        came = np.array([(self.part, self.now_s, periods.number[-1])], self.journal.dtype("came"))
+        self.journal.rows("came", came)
+
+    def _rows(self, periods: Periods) -> NDArray[np.void]:
+        rows = np.zeros(len(periods), self.journal.dtype("board"))
+        rows["part"] = self.part
+        for name in ("number", "board_us", "flags", "counts"):
+            rows[name] = getattr(periods, name)
+        return rows

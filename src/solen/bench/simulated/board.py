@@ -1,0 +1,120 @@
+"""A board that is not there: it lights simulated prints in turn and reads what their receivers would give.
+
+The idea: a period is cut into as many slots as there are emitters; in each, one emitter is on for the first half and
+off for the second, and every input is sampled at the end of both. Where the stage stands at that moment decides what
+share of the light arrives; the circuit makes volts of it, the converter counts. All periods since the last reading are
+worked out at once.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.clock import Clock
+from solen.bench.frames import Layout, Losses, Periods
+from solen.bench.rig import RoomLight
+from solen.bench.simulated.prints import Print
+from solen.readout import volts
+
+FloatArray = NDArray[np.float64]
+
+AT_ONCE = 2000
+"""Periods that are worked out at once, so that memory stays small however long nobody read."""
+
+
+@dataclass
+class SimulatedBoard:
+    """An `EmitterBoard` in the program itself.
+
+    Attributes
+    ----------
+    clock
+        Of the run.
+    prints
+        The sensors on it.
+    angle_deg
+        Angles of the sensors at ascending times.
+    room
+        Light of the room.
+    layout, period_s, volts_per_count, losses
+        As every board's.
+    rng
+        Draws noise and the phase of the flicker.
+    ppm
+        How much faster its clock runs than the run's.
+    """
+
+    clock: Clock
+    prints: tuple[Print, ...]
+    angle_deg: Callable[[FloatArray], FloatArray]
+    room: RoomLight
+    layout: Layout
+    period_s: float
+    rng: np.random.Generator
+    ppm: float = 20.0
+    name: str = "simulated board"
+    losses: Losses = field(default_factory=Losses)
+    _begun_s: float | None = None
+    _next: int = 0
+    _phase: float = 0.0
+
+    @property
+    def volts_per_count(self) -> float:
+        """Of its converter."""
+        return self.prints[0].circuit.adc.step_V
+
+    def start(self) -> None:
+        """Begin to light and to sample."""
+        self._begun_s = self.clock.now_s()
+        self._phase = float(self.rng.uniform(0.0, 2.0 * math.pi))
+
+    def read(self) -> Periods:
+        """Periods that are complete and were not read yet."""
+        if self._begun_s is None:
+            return self._periods(0)
+        complete = math.floor((self.clock.now_s() - self._begun_s) / self.period_s + 1e-9)
+        parts: list[Periods] = []
+        while self._next < complete or not parts:
+            parts.append(self._periods(min(complete - self._next, AT_ONCE)))
+        return Periods.joined(parts, self.layout)
+
+    def stop(self) -> None:
+        """Emitters off."""
+        self._begun_s = None
+
+    def close(self) -> None:
+        """Emitters off."""
+        self.stop()
+
+    def _periods(self, n: int) -> Periods:
+        """The next periods."""
+        number = self._next + np.arange(n)
+        self._next += n
+        begun = self._begun_s or 0.0
+        start = begun + number * self.period_s
+        slots = 2 * self.layout.emitters
+        # every input is sampled at the end of each half of a slot
+        time = (start[:, None] + (np.arange(slots) + 1.0) / slots * self.period_s).ravel()
+        counts = np.zeros((n * slots, self.layout.receivers), np.uint16)
+        if n:
+            angle, room = self.angle_deg(time), self._room(time)
+            for one in self.prints:
+                lit = np.zeros((len(time), 2))
+                on = np.arange(2 * (one.wires.emitter - 1), len(time), slots)
+                lit[on] = one.at(angle[on])
+                read = volts(lit, one.circuit, room, rng=self.rng)
+                inputs = [one.wires.right - 1, one.wires.left - 1]
+                counts[:, inputs] = np.rint(read / one.circuit.adc.step_V).astype(np.uint16)
+        board_us = np.rint((start - begun) * 1e6 * (1.0 + 1e-6 * self.ppm)).astype(np.int64)
+        shape = (n, self.layout.emitters, 2, self.layout.receivers)
+        return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))
+
+    def _room(self, time_s: FloatArray) -> FloatArray:
+        """Light of the room in mW/cm² at times; never below 0."""
+        room = self.room
+        drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
+        flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + self._phase)
+        return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))

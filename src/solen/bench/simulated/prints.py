@@ -1,0 +1,130 @@
+"""Simulated prints: the design of each sensor with what differs from print to print, traced, with its own parts.
+
+The idea: three prints of one design are three designs: another index, another decentre of the emitter, another chip,
+other parts from the reel. Each is drawn once, by the rig's seed, and its response is **traced**, angle by angle;
+between the angles it is a monotone interpolation of what was traced.
+
+The interface: `prints_of` a rig.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.rig import Rig, SensorOf
+from solen.errors import BenchError
+from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
+from solen.sensor import Sensor
+from solen.spec import Design, load, with_values
+
+FloatArray = NDArray[np.float64]
+
+ANGLES = 25
+"""Angles at which a response is traced."""
+BEYOND = 1.02
+"""How far beyond the protocol's reach it is traced, as a stage may overshoot."""
+MOST_DEG = 80.0
+"""Farther a sensor cannot be traced."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Print:
+    """One simulated sensor.
+
+    Attributes
+    ----------
+    wires
+        Its wires.
+    drawn
+        What was drawn for it: index, decentre and width of the chip.
+    angle_deg, fractions
+        Angles (N,) and shares of the emitted power (N, 2) at the right and the left receiver, as traced.
+    circuit
+        Its emitter, receivers and converter.
+    """
+
+    wires: SensorOf
+    drawn: dict[str, float]
+    angle_deg: FloatArray
+    fractions: FloatArray
+    circuit: Circuit
+
+    def at(self, angle_deg: FloatArray) -> FloatArray:
+        """Shares of the emitted power (..., 2) at angles (...)."""
+        from scipy.interpolate import PchipInterpolator
+
+        inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
+        return np.asarray(PchipInterpolator(self.angle_deg, self.fractions)(inside))
+
+
+def prints_of(
+    rig: Rig, folder: Path, reach_deg: float, rng: np.random.Generator, progress: Progress | None = None
+) -> tuple[Print, ...]:
+    """All sensors of a simulated rig, traced up to an angle on both sides.
+
+    Raises
+    ------
+    BenchError, SpecError, DataError, DesignError
+        Where a design cannot be read, built, or differ as the rig says.
+    """
+    if reach_deg > MOST_DEG:
+        limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"
+        raise BenchError("the protocol's reach in deg", value=reach_deg, limit=limit, remedy="turn less far")
+    made = []
+    for wires in rig.sensor:
+        if progress is not None:
+            progress(f"tracing {wires.name}")
+        made.append(_print(rig, wires, load(folder / wires.design), reach_deg, rng))
+    return tuple(made)
+
+
+def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.random.Generator) -> Print:
+    drawn = _drawn(rig, wires, design, rng)
+    end = max(BEYOND * reach_deg, 0.1)
+    sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}
+    sensor = Sensor.of(with_values(design, drawn | sweep))
+    if not wires.lens:
+        sensor = sensor.without_lens
+    sensor.check_pair()
+    response = sensor.power()
+    areas = face_areas_mm2(sensor.design, sensor.body())
+    circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
+    if rig.spread.parts:
+        circuit = circuit.drawn(rng)
+    board = rig.board
+    adc = Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
+    circuit = replace(circuit, adc=adc, rate_hz=board.rate_hz)
+    fractions = np.column_stack([response.right, response.left])
+    if board.trim_v is not None:
+        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, board.trim_v)
+    return Print(wires, drawn, response.angle_deg, fractions, circuit)
+
+
+def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
+    """A circuit whose loads let the brightest reading stand at a voltage; a trimmer goes no higher than it is."""
+    if to_v >= circuit.supply_V:
+        limit = f"must be below the supply, {circuit.supply_V:g} V"
+        raise BenchError("board.trim_v", value=to_v, limit=limit)
+    most_ma = circuit.current_mA(fractions, room_mw_cm2).max(axis=0)
+    wanted = 1e3 * (circuit.supply_V - to_v) / most_ma
+    return replace(circuit, load_ohm=tuple(np.minimum(wanted, circuit.load_ohm).tolist()))
+
+
+def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) -> dict[str, float]:
+    """What differs in this print; every number is drawn, so that one spread does not change another's draws."""
+    index, offset, chip = rng.standard_normal(3)
+    spread, values = rig.spread, {}
+    if spread.index > 0.0:
+        if design.material.index is None:
+            limit = f"needs material.index in {wires.design}, which names a resin"
+            raise BenchError("spread.index", value=spread.index, limit=limit, remedy="state the index there")
+        values["material.index"] = design.material.index + spread.index * float(index)
+    if spread.emitter_offset_mm > 0.0:
+        values["emitter.offset_mm"] = design.emitter.offset_mm + spread.emitter_offset_mm * float(offset)
+    if spread.chip_mm > 0.0:
+        values["emitter.width_mm"] = max(0.0, design.emitter.width_mm + spread.chip_mm * float(chip))
+    return values

@@ -1,0 +1,140 @@
+"""What the printer is sent: a body's outlines as they are, or drawn otherwise so that they print as wanted.
+
+The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
+wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage
+about the lens's middle. Where two moved faces no longer meet, they are cut or lengthened along their tangents to where
+these do.
+
+The interface: `DrawnFace`; `as_designed` and `redrawn` of a body; `rings_of` what was drawn, `curve_of` a face.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solen.curve import Curve, Segment, Spline
+from solen.errors import DesignError
+from solen.geometry import Body, Face
+from solen.plane import Point
+from solen.recording.model import FloatArray
+
+FLAT_MM = 1e-4
+"""How closely polylines follow curves."""
+_PARALLEL = 1e-3
+_NEAREST_MM = 1e-6
+_LONGEST_MITER = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnFace:
+    """Polyline (N, 2) of a face, in mm, and its name."""
+
+    name: str
+    points: FloatArray
+
+
+def lens_face(body: Body) -> Face:
+    """The one face of a body that is its lens; `DesignError` where there is none, or several."""
+    found = [face for face in body.all_faces if face.part == "lens"]
+    if len(found) != 1:
+        limit = "a print is held against one face whose name begins with lens"
+        raise DesignError("lens", value=f"{len(found)} faces", limit=limit, remedy="name or join the faces so")
+    return found[0]
+
+
+def as_designed(body: Body) -> list[list[DrawnFace]]:
+    """Outlines of a body as they are."""
+    return [[DrawnFace(face.name, face.curve.flattened(FLAT_MM)) for face in outline] for outline in body.outlines]
+
+
+def redrawn(
+    body: Body, lens: FloatArray, wall_um: float, scale: float = 1.0, centre: Point = (0.0, 0.0)
+) -> list[list[DrawnFace]]:
+    """Outlines with the lens's points given, other walls moved outwards by ``wall_um``, and all scaled about a centre.
+
+    Raises
+    ------
+    DesignError
+        Where a wall is shorter than what it would lose.
+    """
+    found = []
+    for outline in body.outlines:
+        moved = [
+            DrawnFace(face.name, lens if face.part == "lens" else _moved(face.curve.flattened(FLAT_MM), wall_um * 1e-3))
+            for face in outline
+        ]
+        found.append([replace(face, points=_scaled(face.points, scale, centre)) for face in _joined(moved)])
+    return found
+
+
+def rings_of(outlines: Sequence[Sequence[DrawnFace]]) -> list[FloatArray]:
+    """Closed polylines of drawn outlines; the last point is not repeated."""
+    return [np.vstack([face.points[:-1] for face in outline]) for outline in outlines]
+
+
+def curve_of(face: DrawnFace) -> Curve:
+    """Exact curve of a drawn face: a segment, or a spline through its points."""
+    if len(face.points) == 2:
+        (a, b) = ((float(x), float(z)) for x, z in face.points)
+        return Segment(a, b)
+    return Spline.through(face.points)
+
+
+def _scaled(points: FloatArray, scale: float, centre: Point) -> FloatArray:
+    return np.asarray(np.asarray(centre) + scale * (points - np.asarray(centre)))
+
+
+def _moved(points: FloatArray, by_mm: float) -> FloatArray:
+    """Polyline moved to its right, away from the material."""
+    step = np.diff(points, axis=0)
+    step /= np.hypot(*step.T)[:, None]
+    tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
+    tangent /= np.hypot(*tangent.T)[:, None]
+    return np.asarray(points + by_mm * np.column_stack([tangent[:, 1], -tangent[:, 0]]))
+
+
+def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
+    """Faces cut or lengthened so that each begins where the one before ends."""
+    points = [face.points for face in faces]
+    corners = [_corner(points[i - 1], points[i], faces[i].name) for i in range(len(points))]
+    found = []
+    for i, face in enumerate(faces):
+        start, end = corners[i], corners[(i + 1) % len(corners)]
+        found.append(replace(face, points=_between(points[i], start, end, face.name)))
+    return found
+
+
+def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
+    """Where the end of one polyline and the start of the next meet, along their tangents."""
+    a, b = before[-1], after[0]
+    ta, tb = _unit(before[-1] - before[-2]), _unit(after[1] - after[0])
+    sine = float(ta[0] * tb[1] - ta[1] * tb[0])
+    gap = b - a
+    if abs(sine) < _PARALLEL or math.hypot(*gap) < _NEAREST_MM:
+        return np.asarray(0.5 * (a + b))
+    along = float(gap[0] * tb[1] - gap[1] * tb[0]) / sine
+    if abs(along) > _LONGEST_MITER * math.hypot(*gap):
+        limit = "the moved walls hardly meet there: the corner is too sharp"
+        raise DesignError(f"corner before {name}", value=f"{math.degrees(math.asin(sine)):.2g} deg", limit=limit)
+    return np.asarray(a + along * ta)
+
+
+def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
+    """A polyline from one corner to another; its points beyond these are dropped."""
+    first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
+    inner = points[1:-1]
+    keep = ((inner - start) @ first > _NEAREST_MM) & ((end - inner) @ last > _NEAREST_MM)
+    if len(points) > 3:  # a curved face's far half is beyond its own corner's tangent, and no such cut is meant
+        middle = len(inner) // 2
+        keep[:middle] = ((inner - start) @ first > _NEAREST_MM)[:middle]
+        keep[middle:] = ((end - inner) @ last > _NEAREST_MM)[middle:]
+    if float((end - start) @ (points[-1] - points[0])) <= 0.0:
+        limit = "would vanish: it is shorter than what its neighbours take"
+        raise DesignError(name, limit=limit, remedy="lengthen it")
+    return np.vstack([start, inner[keep], end])
+
+
+def _unit(step: FloatArray) -> FloatArray:
+    return np.asarray(step / math.hypot(*step))

@@ -1,0 +1,175 @@
+"""A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has one of its own.
+
+The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it:
+inside, all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in
+layers get more and stand out. So the walls taper by dose alone, and ripple once a layer. Light goes through the lens at
+half its thickness, where the emitter is: that height's profile, mean over its layer, is what is meant unless another is
+asked for.
+
+Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
+of the lens, and washing and taper move a wall along its normal.
+
+The interface: `FlatPrint.of` images; `offsets_um` and `profile` at a height, `ripple_um`, `walls_um` over the heights.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from solen.errors import DataError
+from solen.fabricate.process.field import DoseMap, Images, dose_map
+from solen.fabricate.process.light import straight_edge_um
+from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.target import Target, exits_um
+from solen.fabricate.raster import coverage
+from solen.recording.model import FloatArray
+
+STEP_UM = 2.0
+FEWEST_PIXELS = 20
+"""Pixels over a lens's width below which it is refused."""
+_FAR = 6.0  # widths of the halo that are kept free round the lens
+_DEEP = 3.0  # penetration depths at which the halo's width is taken for that
+_REACH_UM = 300.0
+_GREYS = 255
+_GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18))
+"""Places within a layer, from its window side, and weights of Gauss and Legendre's quadrature."""
+_HEIGHTS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPrint:
+    """A part of some layers that all show one image, near its lens."""
+
+    settings: Settings
+    images: Images
+    target: Target
+
+    @classmethod
+    def of(
+        cls,
+        rings: Sequence[FloatArray],
+        target: Target,
+        settings: Settings,
+        thickness_mm: float,
+        phase: tuple[float, float] = (0.0, 0.0),
+    ) -> "FlatPrint":
+        """Print of closed polylines (N, 2) in mm.
+
+        Parameters
+        ----------
+        rings
+            What is drawn: outer outlines counter-clockwise, holes clockwise.
+        target
+            The wanted lens.
+        settings
+            The process.
+        thickness_mm
+            Of the part; it is made of the nearest whole number of layers.
+        phase
+            Where the middle of the lens stands in its pixel, 0 to 1 along x and z; at (0, 0) on a corner.
+
+        Raises
+        ------
+        DataError
+            Where the pixels are too coarse for the lens, or the part is thinner than a layer.
+        """
+        layers = round(thickness_mm * 1e3 / settings.layer_um)
+        if layers < 1:
+            limit = f"a layer is {settings.layer_um:g} um"
+            raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="raise it")
+        low, high = target.points_mm.min(axis=0), target.points_mm.max(axis=0)
+        pitch = 1e-3 * settings.pixel_um
+        pixels = (high[0] - low[0]) / pitch
+        if pixels < FEWEST_PIXELS:
+            limit = f"the lens, {high[0] - low[0]:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
+            remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} um"
+            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
+        origin, shape = _window(low, high, target.centre, settings, phase)
+        shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
+        corner_um = (1e3 * origin[0], 1e3 * origin[1])
+        return cls(settings, Images.prism(shares, layers, corner_um), target)
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return self.images.layers
+
+    @property
+    def thickness_um(self) -> float:
+        """Height of the layers together."""
+        return self.layers * self.settings.layer_um
+
+    def dose(self, height_um: float) -> DoseMap:
+        """Dose at a height."""
+        return dose_map(self.images, self.settings, height_um)
+
+    def offsets_um(self, height_um: float) -> FloatArray:
+        """How far the printed lens stands beyond the wanted one at a height, (N,) along its normals."""
+        found = self.dose(height_um)
+        centre = np.asarray(self.target.centre)
+        grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
+
+        def excess(places_mm: FloatArray) -> FloatArray:
+            return found.log_excess(1e3 * (centre + grown * (places_mm - centre)))
+
+        return exits_um(excess, self.target, STEP_UM) + self.beyond_dose_um(height_um)
+
+    def beyond_dose_um(self, height_um: float) -> float:
+        """What washing and the taper that is not the dose's move a wall by at a height."""
+        lean = math.tan(math.radians(self.settings.taper_deg))
+        return self.settings.wash_um + lean * (height_um - 0.5 * self.thickness_um)
+
+    def profile_um(self, height_um: float | None = None) -> FloatArray:
+        """Offsets (N,) at a height, mean over its layer; without a height, mean over the whole thickness."""
+        if height_um is not None:
+            return self._mean_of_layer(self.layer_at(height_um))
+        heights = (np.arange(_HEIGHTS) + 0.5) / _HEIGHTS * self.thickness_um
+        return np.asarray(np.mean([self.offsets_um(float(height)) for height in heights], axis=0))
+
+    def layer_at(self, height_um: float) -> int:
+        """Number of the layer at a height; `DataError` outside the part."""
+        if not 0.0 <= height_um <= self.thickness_um:
+            limit = f"must be 0 to {1e-3 * self.thickness_um:g} mm, above the platform"
+            raise DataError("--height-mm", value=1e-3 * height_um, limit=limit)
+        return min(int(height_um / self.settings.layer_um), self.layers - 1)
+
+    def _mean_of_layer(self, number: int) -> FloatArray:
+        top = (number + 1) * self.settings.layer_um
+        parts = [weight * self.offsets_um(top - share * self.settings.layer_um) for share, weight in _GAUSS]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def ripple_um(self, height_um: float) -> float:
+        """How far walls step back within a layer at a height, from its window side to its far side: straight walls."""
+        number, h = self.layer_at(height_um), self.settings.layer_um
+        near, far = ((number + 1) * h - 1e-9 * h, number * h + 1e-9 * h)
+        return straight_edge_um(self.settings, self.layers, near) - straight_edge_um(self.settings, self.layers, far)
+
+    def walls_um(self) -> tuple[FloatArray, FloatArray]:
+        """Middle heights of the layers in µm, and how far a straight wall stands beyond its image there, both (n,)."""
+        return walls_um(self.settings, self.layers)
+
+
+def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
+    """Middle heights of some layers, and how far a straight wall stands beyond its image there, shrinkage left out."""
+    heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
+    lean = math.tan(math.radians(settings.taper_deg))
+    beyond = settings.wash_um + lean * (heights - 0.5 * layers * settings.layer_um)
+    return heights, np.array([straight_edge_um(settings, layers, float(at)) for at in heights]) + beyond
+
+
+def _window(
+    low: FloatArray, high: FloatArray, centre: tuple[float, float], settings: Settings, phase: tuple[float, float]
+) -> tuple[tuple[float, float], tuple[int, int]]:
+    """Corner in mm, and rows and columns, of the pixels about a lens: a pixel's corner is at the lens's middle."""
+    pitch = 1e-3 * settings.pixel_um
+    halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
+    margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
+    grid = np.asarray(centre) - pitch * np.asarray(phase)
+    first = np.floor((low - margin - grid) / pitch)
+    last = np.ceil((high + margin - grid) / pitch)
+    columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
+    x, z = (grid + first * pitch).tolist()
+    return (x, z), (rows, columns)

@@ -1,0 +1,92 @@
+"""Which light reaches a height of a part: of each later layer what the layers between let through, narrow and wide.
+
+The idea: resin at a height sees its own layer's exposure and those of all layers after it, each attenuated by
+e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), so a dose is a sum of
+blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part
+is a Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
+
+The interface: `terms_at` gives the `Terms` of a height, for reference and fast field alike to be judged by;
+`straight_edge_um` is how far a straight wall grows by them.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import ndtr
+
+from solen.errors import DataError
+from solen.fabricate.process.settings import Settings
+from solen.material.cure import dose_below
+from solen.recording.model import FloatArray
+
+FAINT = 1e-9
+"""Share of the dose below which later layers are left out."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Blurred images that a dose is the sum of: number of the layer, dose in mJ/cm² and blur in µm, (T,) each."""
+
+    layer: np.ndarray[tuple[int], np.dtype[np.int64]]
+    dose: FloatArray
+    sigma_um: FloatArray
+
+    @property
+    def total(self) -> float:
+        """Dose where every pixel of every layer is lit."""
+        return float(self.dose.sum())
+
+
+def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
+    """Terms of the dose at a height above the platform, in a part of some layers.
+
+    A height between two layers is the later one's far side. Below 0 there is liquid under the first layer, as under an
+    overhang: it receives what every layer lets through.
+
+    Raises
+    ------
+    DataError
+        For a height above the part.
+    """
+    h = settings.layer_um
+    if not height_um <= layers * h:
+        limit = f"the part ends at {layers * h:g} um"
+        raise DataError("height", value=f"{height_um:g} um", limit=limit, remedy="name one within it")
+    first = min(max(math.floor(height_um / h), 0), layers - 1)
+    number = np.arange(first, layers)
+    depth = (number + 1) * h - height_um
+    seen = dose_below(settings.exposures(layers)[first:], depth, settings.Dp_um)
+    bright = seen > FAINT * seen.max()
+    number, depth, seen = number[bright], depth[bright], seen[bright]
+    halo = np.hypot(settings.halo_um, settings.halo_per_depth * depth)
+    share = settings.halo_fraction
+    return Terms(
+        np.concatenate([number, number]),
+        np.concatenate([(1.0 - share) * seen, share * seen]),
+        np.concatenate([np.full(len(number), settings.sigma_um), halo]),
+    )
+
+
+def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
+    """How far a long straight wall stands beyond its image at a height, µm; below 0 where it falls short.
+
+    Mean over the wall's places between pixels (see `Settings.edge_um`): where Σ E Φ(-x/σ) = Ec.
+
+    Raises
+    ------
+    DataError
+        Where nothing sets at that height.
+    """
+    terms = terms_at(settings, layers, height_um)
+    if terms.total <= settings.Ec_mJ_per_cm2:
+        limit = f"at most {terms.total:.3g} mJ/cm2 arrive there, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
+        raise DataError("height", value=f"{height_um:g} um", limit=limit, remedy="expose for longer")
+    blur = np.hypot(terms.sigma_um, settings.pixel_um / math.sqrt(6.0))
+
+    def excess(x_um: float) -> float:
+        return float(terms.dose @ ndtr(-x_um / blur)) - settings.Ec_mJ_per_cm2
+
+    reach = 8.0 * float(blur.max())
+    return float(brentq(excess, -reach, reach, xtol=1e-9))

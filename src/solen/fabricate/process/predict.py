@@ -1,0 +1,160 @@
+"""A printed lens as a process makes it, with what the process's own uncertainty leaves open.
+
+The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process,
+with that number larger and smaller by its standard uncertainty; half the difference is what the number contributes,
+point by point along the lens. Where in its pixel the lens comes to stand nobody knows beforehand either: that is one
+more contribution. Numbers that a calibration found together go in with their covariance.
+
+The interface: `predicted` gives a `Prediction`; `ORIENTATIONS` are those it knows.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.fabricate.process.flat import FlatPrint
+from solen.fabricate.process.growth import growth_um, with_growth
+from solen.fabricate.process.settings import GROWTH, Process, Settings
+from solen.fabricate.process.target import Deviation, Target
+from solen.fabricate.process.upright import Side, SidePrint
+from solen.recording.model import FloatArray
+
+Orientation = Literal["flat", "upright", "upright-lens-first", "on-edge"]
+ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
+SIDE_OF: dict[str, Side] = {"upright": "upright", "upright-lens-first": "upright-lens-first", "on-edge": "on-edge"}
+PHASE = "place in the pixel"
+FLAT_POINTS, SIDE_POINTS = 601, 1501
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """A printed lens.
+
+    Attributes
+    ----------
+    deviation
+        From the wanted face; of a lens that is made of layers, without the steps' ripple.
+    u_um
+        Standard uncertainty of that at each point, (N,).
+    ripple_um
+        Steps of layers along the face, (N,); 0 everywhere where it lies flat.
+    ripple_through_um
+        From valley to peak of a wall within a layer along the thickness, where the lens lies flat; 0 otherwise.
+    contributions_um
+        Root mean square along the face of what each uncertain number contributes, the largest first.
+    """
+
+    deviation: Deviation
+    u_um: FloatArray
+    ripple_um: FloatArray
+    ripple_through_um: float
+    contributions_um: dict[str, float]
+
+
+def points_for(orientation: Orientation) -> int:
+    """Number of points along a lens: finer where layers must be seen."""
+    return FLAT_POINTS if orientation == "flat" else SIDE_POINTS
+
+
+def predicted(
+    rings: Sequence[FloatArray],
+    target: Target,
+    process: Process,
+    thickness_mm: float,
+    orientation: Orientation = "flat",
+    height_um: float | None = None,
+    progress: Progress | None = None,
+) -> Prediction:
+    """Lens that a process prints.
+
+    Parameters
+    ----------
+    rings
+        What is drawn: closed polylines (N, 2) in mm.
+    target
+        The wanted face.
+    process
+        The process with its uncertainties.
+    thickness_mm
+        Thickness of the part.
+    orientation
+        How it lies in the printer.
+    height_um
+        Of a flat part: the height whose profile is meant; None for the mean over its thickness.
+    progress
+        Called with the share done, up to 1.
+
+    Raises
+    ------
+    DataError
+        Where pixels or layers are too coarse, or nothing is printed.
+    """
+
+    def printed(settings: Settings, phase: tuple[float, float] = (0.0, 0.0), *, quick: bool = True) -> FloatArray:
+        if orientation == "flat":
+            made = FlatPrint.of(rings, target, settings, thickness_mm, phase)
+            if quick:
+                layer = made.layer_at(0.5 * made.thickness_um if height_um is None else height_um)
+                return made.offsets_um((layer + 0.5) * settings.layer_um)
+            return made.profile_um(height_um)
+        return SidePrint.of(rings, target, settings, SIDE_OF[orientation]).profile_um()
+
+    settings = process.process
+    offset = printed(settings, quick=False)
+    smooth, ripple, through = offset, np.zeros_like(offset), 0.0
+    if orientation == "flat":
+        made = FlatPrint.of(rings, target, settings, thickness_mm)
+        through = made.ripple_um(0.5 * made.thickness_um if height_um is None else height_um)
+    else:
+        smooth, ripple = SidePrint.of(rings, target, settings, SIDE_OF[orientation]).steps(offset)
+    keys, covariance = process.covariance()
+    scale = np.sqrt(np.diag(covariance))
+    halves = []
+    for done, (key, u) in enumerate(zip(keys, scale.tolist(), strict=True), start=1):
+        halves.append(_half_difference(process, key, u, printed))
+        if progress is not None:
+            progress(done / (len(keys) + 1))
+    correlation = covariance / np.outer(scale, scale)
+    jacobian = np.array(halves).reshape(len(keys), len(offset))
+    variance = np.einsum("in,ij,jn->n", jacobian, correlation, jacobian)
+    told = {key: float(np.sqrt(np.mean(half**2))) for key, half in zip(keys, halves, strict=True)}
+    if orientation == "flat":
+        moved = (printed(settings, (0.5, 0.5)) - printed(settings)) / np.sqrt(3.0)
+        variance = variance + float(np.mean(moved**2))
+        told[PHASE] = float(np.sqrt(np.mean(moved**2)))
+    ordered = dict(sorted(told.items(), key=lambda one: -one[1]))
+    u = np.sqrt(np.maximum(variance, 0.0))
+    return Prediction(Deviation(target, smooth), u, ripple, through, ordered)
+
+
+def _half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
+    """Half of what a number of the process changes from less to more by its uncertainty; one side where that fails."""
+
+    def changed(by: float) -> FloatArray | None:
+        try:
+            return printed(_varied(process, key, by))
+        except DataError:
+            return None
+
+    more, less = changed(u), changed(-u)
+    if more is not None and less is not None:
+        return 0.5 * (more - less)
+    if more is None and less is None:
+        limit = "neither more nor less of it prints a lens"
+        raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="state a smaller uncertainty")
+    base = printed(process.process)
+    return more - base if more is not None else base - np.asarray(less)
+
+
+def _varied(process: Process, key: str, by: float) -> Settings:
+    """Settings with a number more by something; where the growth of walls is known, the critical dose goes along."""
+    settings = process.process
+    if key == GROWTH:
+        return with_growth(settings, growth_um(settings) + by)
+    varied = Settings(**(settings.model_dump() | {key: getattr(settings, key) + by}))
+    return with_growth(varied, growth_um(settings)) if process.keeps_growth else varied

@@ -1,0 +1,278 @@
+"""The process file: what a printer and a resin do to an image, each number with its uncertainty and its source.
+
+The idea: a prediction is worth what its numbers are worth. So the file holds three tables of one set of keys: the value
+(``[process]``), its standard uncertainty (``[uncertainty]``) and where it comes from (``[source]``), and the covariance
+where a calibration found several at once. What is left out is that of the default, and says so.
+
+The default is drawn from the publication that solen is built around (Cafiso et al., Methods) where that states a
+number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. Of the working curve it states bounds alone, and of
+the projector nothing: those values are assumptions, marked as such in the file itself.
+
+The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables, `Settings` the
+values.
+"""
+
+import math
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+import tomli_w
+from pydantic import Field, model_validator
+
+from solen.errors import DataError, SolenError
+from solen.files import read_text
+from solen.material.cure import cure_depth_um, stack_dose
+from solen.recording.model import FloatArray
+from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
+from solen.spec.strict import told_of as told_of_file
+
+SCHEMA = 1
+MIGRATIONS: Migrations = {}
+
+Micrometres = Annotated[Number, Field(gt=0, le=1e4)]
+Share = Annotated[Number, Field(ge=0, le=0.9)]
+Seconds = Annotated[Number, Field(gt=0, le=1e4)]
+Percent = Annotated[Number, Field(ge=-20, le=20)]
+
+
+class Settings(Strict):
+    """What happens to an image on its way to the part; lengths in µm, doses in mJ/cm²."""
+
+    table: ClassVar[str] = "process"
+    error: ClassVar[type[SolenError]] = DataError
+
+    pixel_um: Micrometres = Field(27.0, description="Side of a pixel in the plane of the resin.")
+    layer_um: Annotated[Number, Field(ge=1, le=1000)] = Field(25.0, description="Thickness of a layer.")
+    irradiance_mW_per_cm2: Positive = Field(13.0, description="Irradiance at the window.")
+    exposure_s: Seconds = Field(2.0, description="Exposure of a layer.")
+    burn_in_layers: Annotated[int, Field(strict=True, ge=0, le=10_000)] = Field(
+        6, description="How many layers, first, are exposed for burn_in_s."
+    )
+    burn_in_s: Seconds = Field(3.0, description="Exposure of these.")
+    Dp_um: Micrometres = Field(100.0, description="Penetration depth of the light.")
+    Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, at which the resin sets.")
+    sigma_um: Annotated[Number, Field(gt=0, le=1000)] = Field(
+        15.0, description="Standard deviation of the projector's point-spread at the window."
+    )
+    halo_um: Annotated[Number, Field(gt=0, le=1e4)] = Field(
+        60.0, description="Standard deviation of the scattered light at the window."
+    )
+    halo_per_depth: Annotated[Number, Field(ge=0, le=3)] = Field(
+        0.3, description="By how much that grows with depth, µm per µm (added in squares)."
+    )
+    halo_fraction: Share = Field(0.05, description="Share of the light that is scattered.")
+    shrinkage_percent: Percent = Field(1.0, description="Linear shrinkage in the plane, about the lens's vertex.")
+    shrinkage_z_percent: Percent = Field(1.0, description="Linear shrinkage along the direction of printing.")
+    wash_um: Annotated[Number, Field(ge=-1000, le=1000)] = Field(
+        0.0, description="What washing adds to a wall along its normal: swelling above 0, erosion below."
+    )
+    taper_deg: Annotated[Number, Field(ge=-30, le=30)] = Field(
+        0.0, description="Lean of the walls beyond that of the dose; above 0 they widen away from the platform."
+    )
+
+    @model_validator(mode="after")
+    def _sets(self) -> Self:
+        if self.halo_um < self.sigma_um:
+            limit = f"must be at least sigma_um, {self.sigma_um:g}: scattered light is the wider"
+            raise refused("halo_um", limit, value=self.halo_um)
+        self._check_dose("exposure_s", self.exposure_s)
+        if self.burn_in_layers:
+            self._check_dose("burn_in_s", self.burn_in_s)
+        return self
+
+    def _check_dose(self, key: str, seconds: float) -> None:
+        """Refuse an exposure that sets nothing at all."""
+        dose = seconds * self.irradiance_mW_per_cm2
+        if dose <= self.Ec_mJ_per_cm2:
+            limit = f"gives {dose:.3g} mJ/cm², and the resin sets from {self.Ec_mJ_per_cm2:g} mJ/cm² on: nothing cures"
+            least = self.Ec_mJ_per_cm2 / self.irradiance_mW_per_cm2
+            raise refused(key, limit, value=seconds, remedy=f"expose for more than {least:.3g} s")
+
+    @property
+    def dose_mJ_per_cm2(self) -> float:
+        """Dose of an ordinary layer at the window."""
+        return self.exposure_s * self.irradiance_mW_per_cm2
+
+    @property
+    def cure_depth_um(self) -> float:
+        """How deep one ordinary layer's exposure sets resin, Dp ln(E/Ec)."""
+        return float(cure_depth_um(self.dose_mJ_per_cm2, self.Dp_um, self.Ec_mJ_per_cm2))
+
+    @property
+    def q(self) -> float:
+        """What a layer lets through."""
+        return math.exp(-self.layer_um / self.Dp_um)
+
+    def exposures(self, layers: int) -> FloatArray:
+        """Dose at the window of each of some layers, the first printed first, shape (layers,)."""
+        doses = np.full(layers, self.dose_mJ_per_cm2)
+        doses[: self.burn_in_layers] = self.burn_in_s * self.irradiance_mW_per_cm2
+        return doses
+
+    def inside_mJ_per_cm2(self) -> float:
+        """Mean dose far inside a part, where all layers are as wide."""
+        many = math.ceil(20.0 * self.Dp_um / self.layer_um) + 1
+        return stack_dose(self.Dp_um, self.layer_um, np.full(many, self.dose_mJ_per_cm2)).interior_mean
+
+    @property
+    def edge_um(self) -> float:
+        """Standard deviation of a straight edge's blur, mean over its places between pixels.
+
+        The share of a pixel that an edge covers spreads it by a pixel, and so does the pixel's own square: each adds
+        pixel²/12.
+        """
+        return math.hypot(self.sigma_um, self.pixel_um / math.sqrt(6.0))
+
+
+KEYS: tuple[str, ...] = tuple(Settings.model_fields)
+UNCERTAIN: tuple[str, ...] = tuple(key for key in KEYS if key not in {"burn_in_layers", "pixel_um", "layer_um"})
+"""Numbers that may have an uncertainty; pixel, layer and number of layers are exact."""
+
+
+GROWTH = "growth_um"
+"""Growth of a straight wall: what a calibration finds in place of the critical dose."""
+CRITICAL = "Ec_mJ_per_cm2"
+
+
+class Calibration(Strict):
+    """Numbers that were found together, and their covariance in the units of their keys.
+
+    ``growth_um`` among them means that walls grow as measured, whatever other numbers turn out to be.
+    """
+
+    table: ClassVar[str] = "calibration"
+    error: ClassVar[type[SolenError]] = DataError
+
+    keys: tuple[Text, ...] = Field(description="names of the numbers.")
+    covariance: tuple[tuple[Number, ...], ...] = Field(description="covariance, a row for each.")
+    features: Annotated[int, Field(strict=True, ge=0)] = Field(0, description="How many features it rests on.")
+    simulated: Annotated[bool, Field(strict=True)] = Field(False, description="Whether these were computed.")
+
+    @model_validator(mode="after")
+    def _is_sound(self) -> Self:
+        allowed = (GROWTH, *UNCERTAIN)
+        unknown = next((key for key in self.keys if key not in allowed), None)
+        if unknown is not None:
+            raise refused("keys", f"must be some of {', '.join(allowed)}", value=unknown)
+        matrix = np.array(self.covariance, dtype=float) if self._is_square() else np.full((1, 1), -1.0)
+        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * abs(np.trace(matrix)):
+            count = len(self.keys)
+            raise refused("covariance", f"must be a covariance of {count} numbers: {count} rows of {count}, symmetric")
+        return self
+
+    def _is_square(self) -> bool:
+        return bool(self.keys) and [len(row) for row in self.covariance] == [len(self.keys)] * len(self.keys)
+
+
+class Process(Strict):
+    """A process file: a name, and values, uncertainties and sources by key."""
+
+    error: ClassVar[type[SolenError]] = DataError
+
+    name: Text = Field(description="the process's name, one line.")
+    process: Settings = Field(default_factory=Settings, description="The values.")
+    uncertainty: dict[str, NotNegative] = Field(default_factory=dict, description="Standard uncertainties by key.")
+    source: dict[str, str] = Field(default_factory=dict, description="Where each value comes from.")
+    calibration: Calibration | None = Field(None, description="Covariance of what was found together.")
+
+    @model_validator(mode="after")
+    def _keys_are_known(self) -> Self:
+        for table, allowed in (("uncertainty", UNCERTAIN), ("source", KEYS)):
+            for key in getattr(self, table):
+                if key not in allowed:
+                    raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
+        return self
+
+    @property
+    def keeps_growth(self) -> bool:
+        """Whether the growth of walls is known, and is kept when other numbers are varied."""
+        return self.calibration is not None and GROWTH in self.calibration.keys
+
+    def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
+        """Keys of the uncertain numbers, and their covariance: of a calibration as found, of the others alone.
+
+        Where the growth of walls is known, it stands for the critical dose.
+        """
+        together: tuple[str, ...] = () if self.calibration is None else self.calibration.keys
+        alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
+        if self.keeps_growth and CRITICAL in alone:
+            alone.remove(CRITICAL)
+        found = np.diag([0.0] * len(together) + [self.uncertainty[key] ** 2 for key in alone])
+        if self.calibration is not None:
+            found[: len(together), : len(together)] = self.calibration.covariance
+        return (*together, *alone), found
+
+    def with_settings(self, **values: Any) -> "Process":
+        """Return the same with some values set; their uncertainty and source go, as those are of the old ones."""
+        data = self.model_dump(exclude_unset=False)
+        data["process"] |= values
+        for key in values:
+            data["uncertainty"].pop(key, None)
+            data["source"].pop(key, None)
+        if set(values) - {"pixel_um"}:
+            data["calibration"] = None
+        return Process(**data)
+
+    @property
+    def assumptions(self) -> tuple[str, ...]:
+        """Keys whose value is an assumption, by its source's first word or for want of one."""
+        return tuple(key for key in KEYS if self.source.get(key, "assumption").lower().startswith("assum"))
+
+    def warnings(self) -> list[str]:
+        """What cannot be concluded from a print modelled with these numbers."""
+        found, s = [], self.process
+        if s.cure_depth_um < s.layer_um:
+            found.append(
+                f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
+                f"{s.cure_depth_um:.3g} um, less than a layer of {s.layer_um:g} um; expose for longer or slice thinner"
+            )
+        assumed = [key for key in self.assumptions if key in UNCERTAIN]
+        if assumed:
+            found.append(
+                f"assumed, not measured: {', '.join(assumed)}; solen calibrate-printer finds what coupons can tell"
+            )
+        if self.calibration is not None and self.calibration.simulated:
+            found.append("the process was calibrated on simulated coupons")
+        return found
+
+
+def default_process() -> Process:
+    """Process that solen ships, each number with its source in the file."""
+    text = (files("solen.fabricate.process") / "default.toml").read_text(encoding="utf-8")
+    return parsed_process(text, "default process")
+
+
+def read_process(path: Path) -> Process:
+    """Process of a file; `DataError` where it cannot be read or a value is not possible."""
+    return parsed_process(read_text(path, DataError), str(path))
+
+
+def parsed_process(text: str, what: str) -> Process:
+    """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source."""
+    data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
+    with told_of_file(what):
+        found = Process(**data)
+        return found if what == "default process" else _completed(found)
+
+
+def _completed(found: Process) -> Process:
+    """Process with uncertainty and source of the default for the keys that it leaves out."""
+    default = default_process()
+    left_out = [key for key in KEYS if key not in found.process.model_fields_set]
+    values = {key: getattr(default.process, key) for key in left_out}
+    u = {key: default.uncertainty[key] for key in left_out if key in default.uncertainty}
+    source = {key: default.source[key] for key in left_out if key in default.source}
+    data = found.model_dump()
+    data["process"] |= values
+    data["uncertainty"] = u | data["uncertainty"]
+    data["source"] = source | data["source"]
+    return Process(**data)
+
+
+def process_text(process: Process) -> str:
+    """TOML text of a process, all of its values stated; `read_process` gives the process back."""
+    data: Mapping[str, Any] = process.model_dump(exclude_none=True)
+    return tomli_w.dumps({"schema": SCHEMA, **{key: value for key, value in data.items() if value or key == "name"}})

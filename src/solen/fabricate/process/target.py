@@ -1,0 +1,161 @@
+"""A wanted face, as a print is held against it: points evenly along it, normals, and where a field ends along these.
+
+The idea: a deviation is measured where it is meant, along the wanted face's own normal: above 0 there is more material
+than wanted, below 0 less. Whatever a print model knows of a place (a dose over the critical one) is followed along the
+normals from inside to outside, and the first place where it falls to 0 is the printed wall.
+
+The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of what was found.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.curve import Curve
+from solen.errors import DataError
+from solen.plane import Point
+from solen.recording.model import FloatArray
+
+Field = Callable[[FloatArray], FloatArray]
+"""What says of places (..., 2) in mm whether they are set: above 0 they are."""
+
+_DENSE = 4001
+_BISECTIONS = 30
+_AT_ONCE = 2_000_000  # places that are asked for at a time
+FIRST_REACH_UM, MOST_REACH_UM = 200.0, 1600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """Points of a wanted face.
+
+    Attributes
+    ----------
+    points_mm
+        Shape (N, 2), evenly along the face, in its direction.
+    outward
+        Unit normals (N, 2) away from the material.
+    along_mm
+        Length of the face up to each point, (N,).
+    centre
+        Place about which a print shrinks: the face's middle.
+    """
+
+    points_mm: FloatArray
+    outward: FloatArray
+    along_mm: FloatArray
+    centre: Point
+
+    @classmethod
+    def of(cls, curve: Curve, points: int) -> "Target":
+        """Points of a face that has the material on its left."""
+        u = np.linspace(0.0, 1.0, _DENSE)
+        dense = curve.points(u)
+        length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
+        even = np.interp(np.linspace(0.0, length[-1], points), length, u)
+        even[0], even[-1] = 0.0, 1.0
+        tangent = curve.velocities(even)
+        tangent /= np.hypot(*tangent.T)[:, None]
+        outward = np.column_stack([tangent[:, 1], -tangent[:, 0]])
+        return cls(curve.points(even), outward, np.interp(even, u, length), curve.middle_point)
+
+    def moved_um(self, offset_um: FloatArray) -> FloatArray:
+        """Points (N, 2) in mm by an offset (N,) along the normals."""
+        return np.asarray(self.points_mm + 1e-3 * np.asarray(offset_um)[:, None] * self.outward)
+
+
+def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
+    """Where a field falls to 0 along the normals of a target, from inside outwards: offsets (N,) in µm.
+
+    Parameters
+    ----------
+    field
+        The field; it may jump.
+    target
+        The wanted face.
+    step_um
+        How finely it is looked along the normals at first; two changes within a step are not seen.
+
+    Raises
+    ------
+    DataError
+        Where the field ends nowhere within 1.6 mm, or there is nothing inside.
+    """
+    reach = FIRST_REACH_UM
+    while True:
+        found = _exits(field, target, reach, step_um)
+        if not np.isnan(found).any():
+            return found
+        if reach >= MOST_REACH_UM:
+            _refuse(target, found)
+        reach *= 2.0
+
+
+def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> FloatArray:
+    """Exits within a reach; NaN where the field is not above 0 inside and below 0 outside."""
+    t = np.arange(-reach_um, reach_um + step_um, step_um)
+    low, high = np.full((2, len(target.points_mm)), np.nan)
+    some = max(1, _AT_ONCE // len(t))
+    for first in range(0, len(low), some):
+        part = slice(first, first + some)
+        places = target.points_mm[part, None] + 1e-3 * t[:, None] * target.outward[part, None]
+        is_set = field(places) > 0.0
+        leaves = is_set[:, :-1] & ~is_set[:, 1:]
+        # what is set again far outside is another wall; what is not set far inside is behind the part
+        near = np.argmax(leaves, axis=1)
+        has = leaves.any(axis=1)
+        low[part], high[part] = np.where(has, t[near], np.nan), np.where(has, t[near + 1], np.nan)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        inside = field(target.moved_um(np.nan_to_num(middle))) > 0.0
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return np.asarray(0.5 * (low + high))
+
+
+def _refuse(target: Target, found: FloatArray) -> None:
+    place = target.points_mm[int(np.flatnonzero(np.isnan(found))[0])]
+    raise DataError(
+        "printed lens",
+        value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
+        limit=f"the print ends nowhere within {MOST_REACH_UM:g} um of the wanted face: too little light, or too much",
+        remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Deviation:
+    """How far a printed face is from the wanted one, along its normal: ``um`` (N,), above 0 where there is too much."""
+
+    target: Target
+    um: FloatArray
+
+    @property
+    def rms_um(self) -> float:
+        """Root of the mean square over the face's length."""
+        return float(np.sqrt(np.mean(self.um**2)))
+
+    @property
+    def mean_um(self) -> float:
+        """Mean over the face's length."""
+        return float(np.mean(self.um))
+
+    @property
+    def largest(self) -> tuple[float, Point]:
+        """Largest deviation with its sign, and the wanted place that it is at."""
+        worst = int(np.argmax(np.abs(self.um)))
+        x, z = self.target.points_mm[worst].tolist()
+        return float(self.um[worst]), (x, z)
+
+    @cached_property
+    def shifted(self) -> tuple[float, "Deviation"]:
+        """Shift along z in µm that brings the printed face nearest, and what deviation is left then: that of shape."""
+        lean = self.target.outward[:, 1]
+        shift = -float(self.um @ lean / (lean @ lean))
+        return shift, Deviation(self.target, self.um + shift * lean)
+
+    @property
+    def points_mm(self) -> FloatArray:
+        """The printed face, (N, 2)."""
+        return self.target.moved_um(self.um)

@@ -1,0 +1,195 @@
+"""A lens printed upright or on edge: its profile lies along the direction of printing, and is made of layers.
+
+The idea: seen from the side, a layer is a row: lit where the drawn body is at half the layer's height, with grey at the
+ends. Sideways light blurs as anywhere. Along the printing direction it goes one way, from the window towards the
+platform: below an overhang it sets resin that no layer meant (print-through), above a layer nothing is there yet to be
+set. So a face that looks to the platform is drawn out and its steps are filled in, and a face that looks to the window
+keeps its steps. The body is taken to be thick along y, where nothing changes; shrinkage is stated for both directions.
+
+The interface: `SidePrint.of` drawn outlines; `profile_um` gives the offsets along a target's normals, `steps` splits
+them into what the steps' ripple is and what is left without it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+from scipy.interpolate import LSQUnivariateSpline
+
+from solen.errors import DataError
+from solen.fabricate.process.field import DARK, fineness
+from solen.fabricate.process.flat import FEWEST_PIXELS
+from solen.fabricate.process.light import FAINT
+from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.target import Target, exits_um
+from solen.recording.model import FloatArray
+
+Side = Literal["upright", "upright-lens-first", "on-edge"]
+SIDES: tuple[Side, ...] = ("upright", "upright-lens-first", "on-edge")
+STEP_UM = 1.0
+SUBLAYERS = 5
+"""Heights within a layer at which its dose is held; between them its logarithm is a straight line."""
+_DEPTHS = -math.log(FAINT)
+_MARGIN_UM = 1500.0
+_GREYS = 255
+_LAYERS_PER_KNOT = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class SidePrint:
+    """Rows of light near a lens that is printed along its own plane.
+
+    Attributes
+    ----------
+    settings
+        The process.
+    side
+        Which way it stands: the lens last and away from the platform, first and on it, or to one side.
+    rows
+        Share of light (layers, columns) of the layers from ``first`` on.
+    first
+        Number of the first of these, the part's own first being 0.
+    corner_um
+        Where the first column begins.
+    platform_um
+        Where the platform is, along the direction of printing.
+    target
+        The wanted lens.
+    """
+
+    settings: Settings
+    side: Side
+    rows: FloatArray
+    first: int
+    corner_um: float
+    platform_um: float
+    target: Target
+
+    @classmethod
+    def of(cls, rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> "SidePrint":
+        """Print of closed polylines (N, 2) in mm.
+
+        Raises
+        ------
+        DataError
+            Where pixels or layers are too coarse for the lens.
+        """
+        turned = [_turned(1e3 * np.asarray(ring), side) for ring in rings]
+        wanted = _turned(1e3 * target.points_mm, side)
+        platform = min(float(ring[:, 1].min()) for ring in turned)
+        highest = max(float(ring[:, 1].max()) for ring in turned)
+        h, pitch = settings.layer_um, settings.pixel_um
+        _check_fine(wanted, settings)
+        layers = round((highest - platform) / h)
+        low, high = wanted.min(axis=0), wanted.max(axis=0)
+        first = max(0, math.floor((low[1] - platform - _MARGIN_UM) / h))
+        last = min(layers, math.ceil((high[1] - platform + settings.Dp_um * _DEPTHS) / h) + 1)
+        start = pitch * math.floor((low[0] - _MARGIN_UM) / pitch)
+        columns = fft.next_fast_len(math.ceil((high[0] + _MARGIN_UM - start) / pitch), real=True)
+        heights = platform + (np.arange(first, last) + 0.5) * h
+        rows = np.array([_row(turned, float(v), start, pitch, columns) for v in heights])
+        return cls(settings, side, np.round(rows * _GREYS) / _GREYS, first, start, platform, target)
+
+    @cached_property
+    def _log_excess(self) -> FloatArray:
+        """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from each layer's far side."""
+        s, (layers, columns) = self.settings, self.rows.shape
+        fine = fineness(s)
+        k = math.tau * fft.rfftfreq(columns * fine, s.pixel_um / fine)
+        spectra = np.tile(fft.fft(self.rows, axis=1), (1, fine))[:, : len(k)]
+        exposures = s.exposures(self.first + layers)[self.first :, None]
+        lit = spectra * exposures * np.sinc(k * s.pixel_um / math.tau)
+        found = np.empty((layers, SUBLAYERS, columns * fine))
+        for m in range(SUBLAYERS):
+            depth = s.layer_um * (1.0 - m / (SUBLAYERS - 1))
+            dose = fft.irfft(self._gathered(lit, k, depth), columns * fine, axis=1) * fine
+            found[:, m] = np.log(np.maximum(dose, DARK * s.inside_mJ_per_cm2()) / s.Ec_mJ_per_cm2)
+        return found
+
+    def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
+        """Spectra of the dose of each layer at a depth from its window side: its own light and that of later ones."""
+        s = self.settings
+        found = np.zeros_like(lit)
+        for later in range(min(len(lit), math.ceil(s.Dp_um * _DEPTHS / s.layer_um) + 1)):
+            depth = depth_um + later * s.layer_um
+            halo = math.hypot(s.halo_um, s.halo_per_depth * depth)
+            blur = (1.0 - s.halo_fraction) * np.exp(-0.5 * (s.sigma_um * k) ** 2)
+            blur += s.halo_fraction * np.exp(-0.5 * (halo * k) ** 2)
+            found[: len(lit) - later] += lit[later:] * (math.exp(-depth / s.Dp_um) * blur)
+        return found
+
+    def log_excess(self, places_mm: FloatArray) -> FloatArray:
+        """Logarithm of dose over critical dose at places (..., 2) of the body's own plane, before it shrinks."""
+        s, fine = self.settings, fineness(self.settings)
+        at = _turned(1e3 * np.asarray(places_mm, float), self.side)
+        height = (at[..., 1] - self.platform_um) / s.layer_um
+        number = np.floor(height)
+        within = (height - number) * (SUBLAYERS - 1)
+        own = number - self.first
+        layers = len(self.rows)
+        column = (at[..., 0] - self.corner_um - s.pixel_um / 2) / (s.pixel_um / fine)
+        # layers are laid end to end, so that no value between two of them is ever a mixture of both
+        rows = self._log_excess.reshape(layers * SUBLAYERS, -1)
+        index = np.clip(own, 0, layers - 1) * SUBLAYERS + within
+        found = ndimage.map_coordinates(rows, [index, column], order=1, mode="nearest")
+        outside = (own < 0) | (own >= layers) | (height < 0.0)
+        return np.asarray(np.where(outside, -1.0, found))
+
+    def profile_um(self) -> FloatArray:
+        """How far the printed lens stands beyond the wanted one, (N,) along its normals, steps and all."""
+        s = self.settings
+        across, along = s.shrinkage_percent, s.shrinkage_z_percent
+        shrunk = np.array([along, across] if self.side == "on-edge" else [across, along])
+        grown = 1.0 / (1.0 - 0.01 * shrunk)
+        centre = np.asarray(self.target.centre)
+
+        def excess(places_mm: FloatArray) -> FloatArray:
+            return self.log_excess(centre + grown * (places_mm - centre))
+
+        return exits_um(excess, self.target, STEP_UM) + s.wash_um
+
+    def steps(self, offset_um: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offsets without the steps' ripple, and the ripple, (N,) each: a smooth curve, a knot for ten layers."""
+        along = self.target.along_mm
+        knots = np.arange(1, int(1e3 * along[-1] / (_LAYERS_PER_KNOT * self.settings.layer_um)))
+        inner = along[-1] * knots / (len(knots) + 1)
+        smooth = np.asarray(LSQUnivariateSpline(along, offset_um, inner, k=3)(along))
+        return smooth, offset_um - smooth
+
+
+def _check_fine(wanted: FloatArray, settings: Settings) -> None:
+    size = np.ptp(wanted, axis=0)
+    if size[0] < FEWEST_PIXELS * settings.pixel_um:
+        limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must have {FEWEST_PIXELS} of them at least"
+        raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="take a finer printer")
+    if size[1] < 2.0 * settings.layer_um:
+        limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must have two of them at least"
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thinner")
+
+
+def _turned(places: FloatArray, side: Side) -> FloatArray:
+    """Places (..., 2) of the body's plane as across and along the printing direction, away from the platform."""
+    x, z = places[..., 0], places[..., 1]
+    across, along = {"upright": (x, -z), "upright-lens-first": (x, z), "on-edge": (z, x)}[side]
+    return np.stack([across, along], axis=-1)
+
+
+def _row(rings: Sequence[FloatArray], height: float, start: float, pitch: float, columns: int) -> FloatArray:
+    """Share of each pixel of a row that lies within closed polylines at a height."""
+    crossings = []
+    for ring in rings:
+        a, b = ring, np.roll(ring, -1, axis=0)
+        over = (a[:, 1] > height) != (b[:, 1] > height)
+        share = (height - a[over, 1]) / (b[over, 1] - a[over, 1])
+        crossings.append(a[over, 0] + share * (b[over, 0] - a[over, 0]))
+    ends = np.sort(np.concatenate(crossings))
+    edges = start + pitch * np.arange(columns + 1)
+    covered = np.zeros(columns)
+    for low, high in zip(ends[::2], ends[1::2], strict=True):
+        covered += np.diff(np.clip(edges, low, high)) / pitch
+    return covered

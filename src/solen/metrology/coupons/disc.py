@@ -1,0 +1,305 @@
+"""The diameter of a disc in a picture, to a small part of a pixel, and what is known of it.
+
+The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its middle the disc of
+radius r then has the share
+
+    P(d) = probability that |X| < r, X normal about d with variance s² in both directions
+         = the non-central chi-square distribution with two degrees of freedom at (r/s)², non-centrality (d/s)²,
+
+which for r >> s is the blurred straight edge, shifted by s²/2r as a convex edge is. Levels, a slope of the light, the
+middle, r and s are fitted to the pixels around the edge. So a small disc is not taken for a smaller one, as it is where
+the half level is followed.
+
+How well it is known does not come from the noise of the pixels alone: twenty-four sectors of the edge each say how far
+they are from the circle, and their scatter, which holds roughness and form as well, gives the uncertainty.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chndtr, ndtr
+
+from solen.metrology.coupons.squares import Fit, least_squares
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SECTORS = 24
+MOST_FITTED = 3000
+"""Pixels that the fit takes at most; sectors take all."""
+SMALL = 12.0
+"""Radius over blur from which on the edge is that of a straight one, shifted."""
+TABLE = np.linspace(-6.5, 6.5, 261)
+"""Distances from the edge, in blurs, between which a small disc's share is interpolated: within 1e-4."""
+BLURS = 5.0
+"""Half the width of the fitted ring, in blurs."""
+FLOOR_PX = 0.05
+"""Half width of what the edge of any picture leaves unknown of a radius; its standard uncertainty is that over √3."""
+PRESENT = 0.4
+"""Share of the rise that a sector must have to hold an edge."""
+LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
+FEWEST_PIXELS = 24
+NUDGE = 0.03
+"""Step of the derivatives, px."""
+LEAST_RADIUS_PX = 1.2
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc as it was found.
+
+    Attributes
+    ----------
+    x_px, y_px
+        Its middle.
+    diameter_px, u_diameter_px
+        Mean over its edge, and standard uncertainty.
+    blur_px
+        Standard deviation of the blur.
+    ground, rise
+        Grey value around it, and by how much the disc is brighter.
+    snr
+        Rise over its standard uncertainty.
+    coverage
+        Share of the edge, as far as it was looked at, that is there.
+    roundness_px
+        Standard deviation of the sectors' radii.
+    """
+
+    x_px: float
+    y_px: float
+    diameter_px: float
+    u_diameter_px: float
+    blur_px: float
+    ground: float
+    rise: float
+    snr: float
+    coverage: float
+    roundness_px: float
+
+
+@dataclass(frozen=True)
+class _Pixels:
+    """Pixels around a place: offsets (N,) from it, distances, angles and grey values."""
+
+    x: Floats
+    y: Floats
+    grey: Floats
+
+    def of(self, which: Flags | slice) -> "_Pixels":
+        return _Pixels(self.x[which], self.y[which], self.grey[which])
+
+
+def share(distance_px: Floats, radius_px: float, blur_px: float) -> Floats:
+    """Blurred disc of height 1 at distances from its middle."""
+    return _share(distance_px, radius_px, blur_px)[0]
+
+
+def _share(distance: Floats, radius: float, blur: float) -> tuple[Floats, Floats, Floats, Floats]:
+    """Blurred disc (N,), and its derivatives by distance, radius and the logarithm of the blur."""
+    if radius > SMALL * blur:
+        u, bend = (radius - distance) / blur, 0.5 * blur / radius
+        bell = np.exp(-0.5 * (u - bend) ** 2) / math.sqrt(math.tau)
+        return ndtr(u - bend), -bell / blur, bell * (1.0 / blur + bend / radius), -bell * (u + bend)
+    at = np.maximum(radius + blur * TABLE, 0.0)
+    table = _exact(at, radius, blur)
+    wider = (_exact(at, radius + NUDGE, blur) - _exact(at, radius - NUDGE, blur)) / (2.0 * NUDGE)
+    nudged = blur * math.exp(NUDGE), blur * math.exp(-NUDGE)
+    blurred = (_exact(at, radius, nudged[0]) - _exact(at, radius, nudged[1])) / (2.0 * NUDGE)
+    outwards = -(radius * wider + blurred) / np.maximum(at, 1e-9)  # the share depends on ratios of the three alone
+    one, two, three, four = (np.interp(distance, at, values) for values in (table, outwards, wider, blurred))
+    return one, two, three, four
+
+
+def _exact(distance: Floats, radius: float, blur: float) -> Floats:
+    return np.asarray(chndtr((radius / blur) ** 2, 2.0, (distance / blur) ** 2))
+
+
+def fit_disc(
+    grey: Floats,
+    place_px: tuple[float, float],
+    radius_px: float,
+    reach_px: float,
+    *,
+    bright: bool,
+    blur_px: float | None = None,
+    blocked_rad: Sequence[float] = (),
+    half_blocked_rad: float = math.radians(65.0),
+    ceiling: float = math.inf,
+) -> Disc | None:
+    """Disc near a place.
+
+    Parameters
+    ----------
+    grey
+        Shape (rows, columns).
+    place_px
+        First guess of its middle, (column, row), within about a third of its radius.
+    radius_px
+        Nominal radius.
+    reach_px
+        How far beyond the nominal edge nothing else lies.
+    bright
+        Whether it is brighter than what surrounds it.
+    blur_px
+        Blur, where it is known; it is fitted otherwise.
+    blocked_rad
+        Directions, atan2(rows, columns), in which something else is too near.
+    half_blocked_rad
+        Half the angle about them that is left out.
+    ceiling
+        Grey value at which the camera was saturated; such pixels are left out where the edge is.
+
+    Returns
+    -------
+    Disc or None
+        None where there are too few pixels, or no edge of that kind.
+    """
+    pixels = _around(grey, place_px, radius_px + reach_px)
+    if pixels is None:
+        return None
+    angle = np.arctan2(pixels.y, pixels.x)
+    free = np.ones(len(angle), dtype=bool)
+    for blocked in blocked_rad:
+        free &= np.abs(np.angle(np.exp(1j * (angle - blocked)))) > half_blocked_rad
+    pixels = pixels.of(free)
+    start = _first_radius(pixels, radius_px, reach_px, bright=bright)
+    if start is None:
+        return None
+    guess = blur_px or 1.5
+    found = None
+    for _ in range(2):
+        found = _fit(pixels, start, guess, radius_px + reach_px, fixed=blur_px is not None, start=found)
+        if found is None:
+            return None
+        start, guess = float(found.values[2]), float(math.exp(found.values[3]))
+    return None if found is None else _judged(pixels, found, place_px, bright=bright, ceiling=ceiling)
+
+
+def _around(grey: Floats, place: tuple[float, float], reach: float) -> _Pixels | None:
+    """Pixels within a distance; None where a part of them lies outside the picture."""
+    x0, y0 = place
+    left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
+    low, high = math.floor(y0 - reach), math.ceil(y0 + reach)
+    rows, columns = grey.shape
+    if left < 0 or low < 0 or right >= columns or high >= rows:
+        return None
+    y, x = np.mgrid[low : high + 1, left : right + 1]
+    dx, dy = x - x0, y - y0
+    near = np.hypot(dx, dy) <= reach
+    return _Pixels(dx[near], dy[near], grey[low : high + 1, left : right + 1][near])
+
+
+def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool) -> float | None:
+    """Distance at which the mean over rings falls (or rises) most."""
+    ring = np.round(np.hypot(pixels.x, pixels.y)).astype(int)
+    count = np.bincount(ring)
+    mean = np.bincount(ring, pixels.grey) / np.maximum(count, 1)
+    middle = count[:-1] * count[1:] > 0
+    falls = np.where(middle, mean[:-1] - mean[1:], 0.0) * (1.0 if bright else -1.0)
+    falls = np.convolve(falls, [0.25, 0.5, 0.25], mode="same")
+    at = np.arange(len(falls)) + 0.5
+    allowed = (at > 0.3 * radius) & (at < radius + reach)
+    if not allowed.any() or falls[allowed].max() <= 0.0:
+        return None
+    return float(at[allowed][falls[allowed].argmax()])
+
+
+def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: bool, start: Fit | None) -> Fit | None:
+    """Fit of x, y, radius, log blur, ground, rise and the slopes of the light."""
+    x0, y0 = (0.0, 0.0) if start is None else (float(start.values[0]), float(start.values[1]))
+    distance = np.hypot(pixels.x - x0, pixels.y - y0)
+    ring = pixels.of(np.abs(distance - radius) <= BLURS * blur + 2.0)
+    if len(ring.x) < FEWEST_PIXELS:
+        return None
+    every = max(1, len(ring.x) // MOST_FITTED)
+    ring = ring.of(slice(None, None, every))
+    inside = share(np.hypot(ring.x - x0, ring.y - y0), radius, blur)
+    log_blur = min(max(math.log(blur), math.log(LEAST_BLUR_PX)), math.log(MOST_BLUR_PX))
+    blurs = (log_blur, log_blur) if fixed else (math.log(LEAST_BLUR_PX), math.log(MOST_BLUR_PX))
+    shift, free = max(2.0, 0.4 * radius), [math.inf] * 4
+    first = [x0, y0, radius, log_blur, *_levels(inside, ring)]
+    low = [x0 - shift, y0 - shift, 0.5, blurs[0], *(-one for one in free)]
+    high = [x0 + shift, y0 + shift, most, blurs[1], *free]
+    found = least_squares(lambda p: _model(ring, p), ring.grey, first, low, high)
+    return Fit(found.values, found.u_values / math.sqrt(every), found.residuals)
+
+
+def _levels(inside: Floats, ring: _Pixels) -> list[float]:
+    """Ground and rise where place, radius and blur are known, and no slopes."""
+    weight = inside - inside.mean()
+    rise = float(np.sum(weight * ring.grey) / max(float(np.sum(weight**2)), 1e-12))
+    return [float(ring.grey.mean() - rise * inside.mean()), rise, 0.0, 0.0]
+
+
+def _model(pixels: _Pixels, p: Floats) -> tuple[Floats, Floats]:
+    """Grey values (N,), and derivatives (N, 8) by the parameters."""
+    dx, dy = pixels.x - p[0], pixels.y - p[1]
+    distance = np.maximum(np.hypot(dx, dy), 1e-9)
+    radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
+    inside, outwards, wider, blurred = _share(distance, radius, blur)
+    one = np.ones(len(distance))
+    slopes = [-rise * outwards * dx / distance, -rise * outwards * dy / distance, rise * wider, rise * blurred]
+    slopes += [one, inside, pixels.x, pixels.y]
+    return np.asarray(p[4] + rise * inside + p[6] * pixels.x + p[7] * pixels.y), np.column_stack(slopes)
+
+
+def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
+    """The disc of fitted parameters, with what its sectors say; None where it is of the other kind."""
+    p = fit.values
+    radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
+    if rise * (1.0 if bright else -1.0) <= 0.0 or radius < LEAST_RADIUS_PX:
+        return None
+    distance = np.hypot(pixels.x - p[0], pixels.y - p[1])
+    ring = np.abs(distance - radius) <= BLURS * blur + 1.0
+    near = pixels.of(ring)
+    model, slopes = _model(near, p)
+    residual, per_px = near.grey - model, slopes[:, 2]
+    inside = share(distance[ring], radius, blur)
+    sector = np.floor((np.arctan2(near.y - p[1], near.x - p[0]) / math.tau + 0.5) * SECTORS).astype(int) % SECTORS
+    usable = near.grey < ceiling - 1e-12
+    away, rises = _sectors(sector, residual, per_px, inside, rise, usable)
+    looked = np.isfinite(rises)
+    if looked.sum() < SECTORS // 6:
+        return None
+    present = looked & (rises > PRESENT)
+    noise = float(np.std(residual))
+    some = away[present]
+    roundness = float(np.std(some, ddof=1)) if len(some) > 1 else math.inf
+    mean = float(np.mean(some)) if len(some) else 0.0
+    u_radius = math.hypot(
+        max(roundness / math.sqrt(max(len(some), 1)), float(fit.u_values[2])), FLOOR_PX / math.sqrt(3.0)
+    )
+    weight = inside - inside.mean()
+    u_rise = noise / max(math.sqrt(float(np.sum(weight**2))), 1e-300)
+    return Disc(
+        place[0] + float(p[0]),
+        place[1] + float(p[1]),
+        2.0 * (radius + mean),
+        2.0 * u_radius,
+        blur,
+        float(p[4]),
+        rise,
+        abs(rise) / max(u_rise, 1e-300),
+        float(present.sum() / looked.sum()),
+        roundness,
+    )
+
+
+def _sectors(
+    sector: NDArray[np.int64], residual: Floats, per_px: Floats, inside: Floats, rise: float, usable: Flags
+) -> tuple[Floats, Floats]:
+    """For each sector how far its edge is from the circle, and its rise as a share of the whole one's; NaN for none."""
+    away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
+    for number in range(SECTORS):
+        mine = (sector == number) & usable
+        steep = float(np.sum(per_px[mine] ** 2))
+        weight = inside[mine] - inside[mine].mean() if mine.any() else inside[mine]
+        if mine.sum() < 4 or np.sum(weight**2) < 0.05 or steep <= 0.0:
+            continue
+        away[number] = float(np.sum(residual[mine] * per_px[mine])) / steep
+        rises[number] = 1.0 + float(np.sum(residual[mine] * weight) / np.sum(weight**2)) / rise
+    return away, rises

@@ -1,0 +1,112 @@
+"""The gap between two pillars: whether it is open, and how wide.
+
+Along lines from one pillar to the other the grey value falls from the pillars' to the ground's and rises again: a slit,
+blurred as the pillars' edges are. On a line beside the middle it is wider by what the two circles leave. The depth of
+the slit is what the pillars' own edges have, so that a slit narrower than the blur still has a width, from how much
+light is missing; where it is wide enough to have a depth of its own, that is fitted, and a film that closes the gap
+halfway up shows as one that is too small. A merged pair has no slit: its width comes out as nothing, within its
+uncertainty.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.special import ndtr
+
+from solen.metrology.coupons.disc import FLOOR_PX, Disc
+from solen.metrology.coupons.squares import least_squares
+
+Floats = NDArray[np.float64]
+
+STRIP = 0.15
+"""Half the width of the strip that is looked at, in radii."""
+INTO = 0.7
+"""How far the strip reaches into the pillars, in radii."""
+OWN_DEPTH = 2.5
+"""Width in blurs from which on the depth is fitted."""
+SIGMAS = 4.0
+"""An open gap's width is above so many standard uncertainties."""
+DEEP = 0.5
+"""And its depth above this share of the pillars' rise."""
+WHOLE = math.sqrt(math.tau)
+NOISE_OF_LINES = 1.5
+"""Neighbouring samples share pixels: factor on the uncertainty."""
+
+
+@dataclass(frozen=True)
+class GapFit:
+    """A gap as it was found: its width and standard uncertainty in px, its depth as a share of the pillars' rise."""
+
+    width_px: float
+    u_width_px: float
+    depth: float
+
+    @property
+    def open(self) -> bool:
+        """Whether the gap is certainly there, and reaches down."""
+        return self.width_px > SIGMAS * self.u_width_px and self.depth >= DEEP
+
+
+def fit_gap(grey: Floats, left: Disc, right: Disc) -> GapFit | None:
+    """Gap between two pillars that stand; None where the picture does not hold it."""
+    radius = 0.25 * (left.diameter_px + right.diameter_px)
+    blur = 0.5 * (left.blur_px + right.blur_px)
+    apart = math.hypot(right.x_px - left.x_px, right.y_px - left.y_px)
+    expected = max(apart - 2.0 * radius, 0.0)
+    aside = np.arange(-math.floor(STRIP * radius), math.floor(STRIP * radius) + 1.0)
+    half = 0.5 * expected + INTO * radius
+    along = np.arange(-math.floor(half), math.floor(half) + 1.0)
+    values = _strip(grey, left, right, along, aside)
+    if values is None or len(along) < 8:
+        return None
+    wider = 2.0 * (radius - np.sqrt(radius**2 - aside**2)) + blur**2 / radius  # a convex edge's blur moves it inwards
+    rise = 0.5 * (left.rise + right.rise)
+    found = _fit(along, values, wider, rise, blur, expected, own_depth=False)
+    if found.width_px > OWN_DEPTH * blur:
+        found = _fit(along, values, wider, rise, blur, found.width_px, own_depth=True)
+    return found
+
+
+def _strip(grey: Floats, left: Disc, right: Disc, along: Floats, aside: Floats) -> Floats | None:
+    """Grey values (lines, places) between two pillars; None where they leave the picture."""
+    middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
+    way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
+    way = way / np.hypot(*way)
+    x = middle[0] + along[None, :] * way[0] - aside[:, None] * way[1]
+    y = middle[1] + along[None, :] * way[1] + aside[:, None] * way[0]
+    rows, columns = grey.shape
+    if x.min() < 0.0 or y.min() < 0.0 or x.max() > columns - 1.0 or y.max() > rows - 1.0:
+        return None
+    x0, y0 = math.floor(x.min()), math.floor(y.min())
+    part = grey[y0 : math.ceil(y.max()) + 2, x0 : math.ceil(x.max()) + 2]
+    return np.asarray(ndimage.map_coordinates(part, [y - y0, x - x0], order=1, mode="nearest"))
+
+
+def _fit(
+    along: Floats, values: Floats, wider: Floats, rise: float, blur: float, width: float, *, own_depth: bool
+) -> GapFit:
+    places = np.broadcast_to(along, values.shape)
+    extra = np.broadcast_to(wider[:, None], values.shape)
+
+    def model(p: Floats) -> tuple[Floats, Floats]:
+        half = 0.5 * (p[1] + extra)
+        rises, falls = (places - p[0] + half) / blur, (places - p[0] - half) / blur
+        slit = ndtr(rises) - ndtr(falls)
+        bells = np.exp(-0.5 * rises**2) / WHOLE, np.exp(-0.5 * falls**2) / WHOLE
+        by_place = rise * p[4] * (bells[0] - bells[1]) / blur
+        by_width = -rise * p[4] * 0.5 * (bells[0] + bells[1]) / blur
+        slopes = (by_place, by_width, np.ones(values.shape), places, -rise * slit)
+        grey = p[2] + p[3] * places - rise * p[4] * slit
+        return grey.ravel(), np.column_stack([one.ravel() for one in slopes])
+
+    level = float(np.median(values)) + 0.5 * rise
+    low, high = [-len(along), -math.inf, -math.inf, -math.inf, 1.0], [len(along), math.inf, math.inf, math.inf, 1.0]
+    if own_depth:
+        low[4], high[4] = 0.0, 3.0
+    found = least_squares(model, values.ravel(), [0.0, width, level, 0.0, 1.0], low, high)
+    own = NOISE_OF_LINES * float(found.u_values[1])
+    u_width = math.hypot(own, 2.0 * FLOOR_PX / math.sqrt(3.0))
+    return GapFit(float(found.values[1]), u_width, float(found.values[4]))

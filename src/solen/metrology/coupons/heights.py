@@ -1,0 +1,152 @@
+"""Heights of columns from a z map, and which steps between them are rises.
+
+A column's height is the median of its top, away from its edge, above the plane of the ground around it, so that a
+tilted or bent slab does no harm. The top is cut into twelve pieces of equal angle; the scatter of their means, which
+holds the roughness of the print over distances that matter, gives the uncertainty. So it is for the ground.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.geometry.coupons import Coupon, Feature
+from solen.metrology.coupons.limits import LEVEL, OUTSIDE, Measured, rise_by_chance
+from solen.metrology.coupons.placement import Placement
+
+Floats = NDArray[np.float64]
+
+TOP = 0.65
+"""Share of a column's radius that is taken as its top."""
+NEAR, FAR = 1.25, 2.2
+"""The ground reaches from so many radii to so many, as far as nothing else stands there."""
+EDGE_MM = 0.03
+"""The ground ends so far from the edges of slab and blocks."""
+PIECES = 12
+FEWEST_PIECES = 6
+VALID = 0.3
+"""Share of a top's pixels that must hold a height."""
+FEWEST_PX = 24
+FREEDOM = float(PIECES - 1)
+
+
+@dataclass(frozen=True)
+class Height:
+    """Height of a column above the ground beside it, mm, and its standard uncertainty."""
+
+    height_mm: float
+    u_mm: float
+
+
+def height_of(z_mm: Floats, coupon: Coupon, feature: Feature, placement: Placement) -> Height | str:
+    """Height of a column, or why there is none.
+
+    ``z_mm`` has shape (rows, columns) and NaN where nothing was measured.
+    """
+    window = _window(z_mm.shape, feature, placement)
+    if window is None:
+        return OUTSIDE
+    rows, columns = window
+    x_mm, y_mm = _layout_places(rows, columns, placement)
+    z = z_mm[np.ix_(rows, columns)]
+    dx, dy = x_mm - feature.x_mm, y_mm - feature.y_mm
+    top = _within(dx, dy, feature, TOP)
+    ground = _within(dx, dy, feature, FAR) & _free(x_mm, y_mm, coupon)
+    valid = np.isfinite(z)
+    if np.count_nonzero(top & valid) < max(VALID * np.count_nonzero(top), FEWEST_PX):
+        return "too few heights on its top"
+    if np.count_nonzero(ground & valid) < FEWEST_PX:
+        return "too few heights on the ground beside it"
+    plane, u_ground = _plane(dx[ground & valid], dy[ground & valid], z[ground & valid])
+    over = z - plane[0] - plane[1] * dx - plane[2] * dy
+    pieces = _pieces(dx[top & valid], dy[top & valid], over[top & valid])
+    if len(pieces) < FEWEST_PIECES:
+        return "too few heights on its top"
+    u_top = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces))
+    return Height(float(np.median(over[top & valid])), math.hypot(u_top, u_ground))
+
+
+def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[Measured]:
+    """Every step of the coupon: its rise, and whether it is one."""
+    found = []
+    for step in coupon.steps:
+        low, high = (heights[name] for name in step.between)
+        if isinstance(low, str) or isinstance(high, str):
+            reason = low if isinstance(low, str) else str(high)
+            found.append(Measured(step.name, "step", step.step_mm, None, None, None, reason))
+            continue
+        alike = sum(abs(one.step_mm - step.step_mm) < 1e-6 for one in coupon.steps)
+        rise = high.height_mm - low.height_mm
+        chance = rise_by_chance(rise, low.u_mm, high.u_mm, FREEDOM)
+        resolved = chance < LEVEL / alike
+        reason = "" if resolved else "no rise beyond chance"
+        u_mm = math.hypot(low.u_mm, high.u_mm)
+        found.append(Measured(step.name, "step", step.step_mm, rise, u_mm, resolved, reason))
+    return found
+
+
+def _window(
+    shape: tuple[int, ...], feature: Feature, placement: Placement
+) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+    """Rows and columns around a feature; None where a part of its top is outside."""
+    (x, y) = placement.px(np.array([(feature.x_mm, feature.y_mm)]))[0].tolist()
+    radius = 0.5 * math.hypot(feature.width_mm, feature.depth_mm) * placement.px_per_mm
+    own = 0.5 * max(feature.width_mm, feature.depth_mm) * placement.px_per_mm
+    rows, columns = shape
+    if x < own or y < own or x > columns - 1 - own or y > rows - 1 - own:
+        return None
+    reach = FAR * radius
+    return (
+        np.arange(max(0, math.floor(y - reach)), min(rows, math.ceil(y + reach) + 1)),
+        np.arange(max(0, math.floor(x - reach)), min(columns, math.ceil(x + reach) + 1)),
+    )
+
+
+def _layout_places(rows: NDArray[np.int64], columns: NDArray[np.int64], placement: Placement) -> tuple[Floats, Floats]:
+    """Places of the layout, in mm, that pixels show."""
+    seen = columns[None, :] + 1j * rows[:, None] - complex(*placement.middle_px)
+    p = seen / placement.factor
+    return np.asarray(-p.real if placement.mirrored else p.real), np.asarray(-p.imag)
+
+
+def _within(dx: Floats, dy: Floats, feature: Feature, share: float) -> NDArray[np.bool_]:
+    """Whether places lie in a feature grown by a factor."""
+    if feature.round:
+        return np.hypot(dx, dy) < 0.5 * share * feature.diameter_mm
+    return (np.abs(dx) < 0.5 * share * feature.width_mm) & (np.abs(dy) < 0.5 * share * feature.depth_mm)
+
+
+def _free(x_mm: Floats, y_mm: Floats, coupon: Coupon) -> NDArray[np.bool_]:
+    """Whether places lie on the slab and away from all features."""
+    free = np.ones(x_mm.shape, dtype=bool)
+    if coupon.slab is not None:
+        free &= np.abs(x_mm) < 0.5 * coupon.slab.width_mm - EDGE_MM
+        free &= np.abs(y_mm) < 0.5 * coupon.slab.depth_mm - EDGE_MM
+    for other in coupon.features:
+        near = NEAR if other.round else 1.0 + 2.0 * EDGE_MM / min(other.width_mm, other.depth_mm)
+        free &= ~_within(x_mm - other.x_mm, y_mm - other.y_mm, other, near)
+    return free
+
+
+def _plane(dx: Floats, dy: Floats, z: Floats) -> tuple[Floats, float]:
+    """Plane a + b dx + c dy through heights, the outermost left out, and the uncertainty of a by pieces."""
+    columns = np.column_stack([np.ones(len(z)), dx, dy])
+    kept = np.ones(len(z), dtype=bool)
+    plane: Floats = np.zeros(3)
+    for _ in range(4):
+        plane = np.asarray(np.linalg.lstsq(columns[kept], z[kept], rcond=None)[0])
+        rest = z - columns @ plane
+        spread = 1.4826 * float(np.median(np.abs(rest[kept]))) + 1e-12
+        kept = np.abs(rest) < 4.0 * spread
+    pieces = _pieces(dx[kept], dy[kept], rest[kept])
+    u_plane = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces)) if len(pieces) > 2 else float(np.std(rest[kept]))
+    return plane, u_plane
+
+
+def _pieces(dx: Floats, dy: Floats, values: Floats) -> Floats:
+    """Means over pieces of equal angle that hold something."""
+    number = np.floor((np.arctan2(dy, dx) / math.tau + 0.5) * PIECES).astype(int) % PIECES
+    count = np.bincount(number, minlength=PIECES)
+    sums = np.bincount(number, values, minlength=PIECES)
+    return np.asarray(sums[count > 2] / count[count > 2])

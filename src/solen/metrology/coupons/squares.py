@@ -1,0 +1,67 @@
+"""Least squares of a few parameters over many pixels, by Levenberg and Marquardt's method within limits.
+
+D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963). The normal matrix is summed without a linear algebra
+library: for matrices this small its threads cost more than they bring.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Model = Callable[[Floats], tuple[Floats, Floats]]
+"""Of parameters (P,), the values (N,) and their derivatives (N, P)."""
+
+ROUNDS = 60
+SETTLED = 1e-6
+"""Relative change of the sum of squares at which a fit is done."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Parameters (P,) of least squares, their standard uncertainties (P,) from the residuals (N,)."""
+
+    values: Floats
+    u_values: Floats
+    residuals: Floats
+
+
+def least_squares(
+    model: Model, data: Floats, first: Sequence[float], low: Sequence[float], high: Sequence[float]
+) -> Fit:
+    """Fit of a model to data (N,) from first values, within limits; a parameter whose limits are equal is held."""
+    lower, upper = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    p = np.clip(np.asarray(first, dtype=float), lower, upper)
+    free = upper > lower
+    values, slopes = model(p)
+    cost, damping, calm = float(np.sum((data - values) ** 2)), 1e-3, 0
+    for _ in range(ROUNDS):
+        normal, gradient = _normal(slopes, data - values, free)
+        step = np.zeros(len(p))
+        step[free] = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        trial = np.clip(p + step, lower, upper)
+        new_values, new_slopes = model(trial)
+        new_cost = float(np.sum((data - new_values) ** 2))
+        if new_cost < cost:
+            calm = calm + 1 if cost - new_cost < SETTLED * cost else 0
+            p, values, slopes, cost = trial, new_values, new_slopes, new_cost
+            damping = max(0.2 * damping, 1e-9)
+        else:
+            damping *= 6.0
+        if calm >= 2 or damping > 1e9:
+            break
+    normal, _ = _normal(slopes, data - values, free)
+    u_values = np.zeros(len(p))
+    variance = cost / max(len(data) - int(free.sum()), 1)
+    u_values[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal)) * variance, 0.0))
+    return Fit(p, u_values, data - values)
+
+
+def _normal(slopes: Floats, residual: Floats, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Normal matrix of the free parameters, kept from being singular, and the gradient."""
+    some = slopes[:, free]
+    normal = np.einsum("ni,nj->ij", some, some)
+    normal[np.diag_indices_from(normal)] += 1e-12 * max(float(np.trace(normal)), 1e-300)
+    return normal, np.einsum("ni,n->i", some, residual)

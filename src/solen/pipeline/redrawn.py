@@ -1,0 +1,58 @@
+"""Files of a drawing that prints as wanted: a design whose body is that outline, and what it is predicted to print as.
+
+The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
+what is needed to read it is in it, and its name says that it is not the shape that is wanted.
+"""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+from solen import files
+from solen.curve import Curve
+from solen.fabricate.process import Compensation, curve_of
+from solen.lens.measured import MeasuredProfile, profile_text
+from solen.sensor import Sensor
+from solen.spec import Design, dumps
+from solen.spec.objects import CURVES
+
+LABEL = "as drawn for the printer, not the wanted shape"
+COMMENT = """\
+# As drawn for the printer, not the wanted shape: this outline is the one of {name!r} changed so that the
+# process {process!r} prints the wanted one. Do not trace it, and do not compensate it again.
+"""
+
+
+def contents(
+    target: Path, sensor: Sensor, made: Compensation, process: str, printed: MeasuredProfile
+) -> dict[Path, files.Content]:
+    """Contents of the design file, the outline beside it, and the profile that it is predicted to print as."""
+    outline = target.with_name(f"{target.stem}-outline.json")
+    profile = target.with_name(f"{target.stem}-printed.json")
+    text = COMMENT.format(name=sensor.design.name, process=process) + dumps(_design(sensor, outline.name))
+    drawn = json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
+    return {target: text.encode(), outline: drawn.encode(), profile: profile_text(printed).encode()}
+
+
+def _design(sensor: Sensor, outline: str) -> Design:
+    """Design of an outline: its name, material and thickness, and the seats that are cut from it."""
+    old = sensor.design
+    material = {"index": sensor.material.index}
+    body = {"kind": "outline", "file": outline, "thickness_mm": old.body.thickness_mm}
+    seats = old.fabricate.model_dump(exclude_defaults=True)
+    return Design(name=f"{old.name}, {LABEL}", material=material, body=body, fabricate=seats)
+
+
+def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
+    """Outline as JSON of `solen.geometry.drawing.plain`; the emitter stands where the wanted body has it."""
+    body = sensor.body()
+    faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
+    emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}
+    points = {"pivot": list(body.marks["stem-base"])} if "stem-base" in body.marks else {}
+    return {"solen_outline": 1, "faces": faces, "emitters": [emitter], "points": points}
+
+
+def _curve(curve: Curve) -> dict[str, Any]:
+    kind = next(name for name, cls in CURVES.items() if type(curve) is cls)
+    return {"kind": kind, **dataclasses.asdict(curve)}  # type: ignore[call-overload]  # every curve is a dataclass

@@ -1,0 +1,102 @@
+"""Named arrays to a recording: what MATLAB, LabVIEW, HDF5 and netCDF files have in common.
+
+The idea: such a file is a set of arrays, some of which run side by side. The length that most arrays have is that of
+the recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are
+parameters. What has another length is left out and named, as nothing says how it would lie beside the rest.
+
+The interface: `Array`, and `recorded` of a file's arrays.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from solen.recording import dates
+from solen.recording.model import Channel, FloatArray, Provenance, Recording
+from solen.recording.source import Source
+from solen.recording.table import along_axes, is_simulated, unique
+from solen.recording.words import heading
+
+MOST_COLUMNS = 1000
+"""Columns of one array that become channels, at most."""
+_LEAST = 2
+_SINCE = re.compile(r"\s*(\w+) since .*")
+
+
+@dataclass(frozen=True)
+class Array:
+    """Values of one name, (n,) or (n, m), their unit, and names of the columns where the file has any."""
+
+    name: str
+    values: Any
+    unit: str = ""
+    columns: Sequence[str] = ()
+
+
+def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str]) -> Recording:
+    """Recording of arrays that run side by side.
+
+    Parameters
+    ----------
+    source, kind
+        The file, and what it was read as.
+    arrays, metadata
+        What it holds.
+
+    Raises
+    ------
+    DataError
+        Where no two arrays have one length.
+    """
+    columns = [column for array in _plainly(arrays) for column in _columns(array)]
+    lengths = Counter(values.size for _, _, values in columns if values.size >= _LEAST)
+    if not lengths:
+        raise source.refused("", "holds no array of numbers", "export the signals as a table (CSV)")
+    length = max(lengths, key=lambda size: (lengths[size], size))
+    held = [column for column in columns if column[2].size == length]
+    others = sorted({name for name, _, values in columns if values.size not in {1, length}})
+    said = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
+    note = f"arrays of another length are left out: {', '.join(others[:12])}" if others else ""
+    channels = []
+    for name, (_, unit, values) in zip(unique([name for name, _, _ in held]), held, strict=True):
+        told = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
+        channels.append(Channel(told.name, told.quantity, told.unit, values))
+    channels = [replace(one, name=name) for one, name in zip(channels, unique([c.name for c in channels]), strict=True)]
+    if note:
+        channels[0] = replace(channels[0], note=note)
+    instrument = next((value for key, value in said.items() if key.casefold() in {"instrument", "device"}), "")
+    provenance = Provenance(
+        source.name, source.sha256, kind, instrument, dates.among(said), said, simulated=is_simulated(said)
+    )
+    return Recording(tuple(along_axes(channels, ())), provenance)
+
+
+def _plainly(arrays: Iterable[Array]) -> list[Array]:
+    """Arrays by the last part of their path, ``run.time_s`` as ``time_s``, where that tells them apart."""
+    held = list(arrays)
+    last = [one.name.rpartition(".")[2] for one in held]
+    return (
+        [replace(one, name=name) for one, name in zip(held, last, strict=True)] if len({*last}) == len(last) else held
+    )
+
+
+def _columns(array: Array) -> list[tuple[str, str, FloatArray]]:
+    """An array's columns of numbers: name, unit and values."""
+    values = np.asarray(array.values)
+    if values.dtype.kind not in "biuf" or values.size == 0:
+        return []
+    values = values.reshape(-1) if values.ndim < 2 or 1 in values.shape else values
+    if values.ndim == 1:
+        return [(array.name, array.unit, values.astype(np.float64))]
+    if values.ndim > 2 or min(values.shape) > MOST_COLUMNS:
+        return []
+    table = values if values.shape[0] >= values.shape[1] else values.T
+    names = array.columns if len(array.columns) == table.shape[1] else range(1, table.shape[1] + 1)
+    return [
+        (str(name) if array.columns else f"{array.name} {name}", array.unit, column.astype(np.float64))
+        for name, column in zip(names, table.T, strict=True)
+    ]

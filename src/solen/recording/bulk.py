@@ -1,0 +1,100 @@
+"""Large plain tables: what an hour of samples is, read in a second or two and in little more memory than its numbers.
+
+The idea: the beginning is read as every table is, and says what the columns are. If all of them are numbers, and the
+rest of the file holds nothing but digits, signs, the decimal mark and the separator, numpy's own reader takes it.
+Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that tells what is wrong
+and where.
+
+The interface: `bulk` gives a recording, or None where a file is not such a table.
+"""
+
+import io
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.recording import cary, layout, table, testxpert
+from solen.recording.grid import Grid, of_text
+from solen.recording.layout import Layout
+from solen.recording.model import FloatArray, Recording
+from solen.recording.source import Source
+
+LEAST_BYTES = 2_000_000
+"""Files below this are read row by row."""
+_HEAD = 200  # lines by which a table is known
+_DIGITS = b"0123456789+-.eE\r\n"
+
+
+def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
+    """Recording of a large table of numbers; None where it is another thing or must be looked at row by row."""
+    if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
+        return None
+    known = _head(source, columns)
+    if known is None:
+        return None
+    grid, place = known
+    start = _offset(source.data, grid.lines[place.body[0]] - 1)
+    found = table.columns(grid, place)
+    cells = [grid.cells(column.place, place.body) for column in found]
+    if len(found) != len(place.names) or any(one.values is None for one in found):
+        return None
+    mark = grid.mark(place.body, dict(enumerate(cells)))
+    values = _numbers(source.data[start:], grid.separator, mark, len(found))
+    if values is None:
+        return None
+    whole = [replace(one, values=column) for one, column in zip(found, values, strict=True)]
+    recording = table.recorded(replace(grid, source=source), place, whole, "table")
+    return recording if source.data.endswith((b"\n", b"\r")) else _noted(recording, source, grid, cells[-1])
+
+
+def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] | None:
+    """Beginning of a file as a table of its own; None where it is no plain table."""
+    end = _offset(source.data, _HEAD)
+    if end <= 0:
+        return None
+    try:
+        grid = of_text(replace(source, data=source.data[:end]))
+        if cary.is_cary(grid) is not None:
+            return None
+        place = layout.find(grid, columns)
+        table.check_rows(grid, place)
+    except DataError:  # told of by whoever reads the whole file
+        return None
+    plain = not testxpert.is_testxpert(place) and not place.after and len(place.body) > _HEAD // 2
+    return (grid, place) if plain and all(place.names) else None
+
+
+def _offset(data: bytes, lines: int) -> int:
+    """Where the line after so many begins; −1 where there are not as many."""
+    place = 0
+    for _ in range(lines):
+        place = data.find(b"\n", place) + 1
+        if place == 0:
+            return -1
+    return place
+
+
+def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray | None:
+    """Numbers of a table's rows, (count, n); None where anything but numbers is in it."""
+    allowed = _DIGITS.replace(b".", mark.encode()) + separator.encode()
+    if mark == separator or body.translate(None, allowed):
+        return None
+    text = body.replace(b",", b".") if mark == "," else body
+    try:
+        values = np.loadtxt(io.BytesIO(text), delimiter=None if separator == " " else separator, ndmin=2)
+    except ValueError:
+        return None
+    whole = values.shape[1] == count and bool(np.isfinite(values).all())
+    return np.ascontiguousarray(values.T) if whole else None
+
+
+def _noted(recording: Recording, source: Source, grid: Grid, above: Sequence[str]) -> Recording:
+    """Recording whose last number is shorter than those above it, and may have lost its end."""
+    last = source.data[-80:].decode("ascii", "replace").split("\n")[-1].split(grid.separator)[-1].strip()
+    if len(last) >= min(map(len, above)):
+        return recording
+    note = f"the file ends without a line break after {last}: whether that number is whole cannot be told"
+    channels = recording.channels
+    return replace(recording, channels=(*channels[:-1], replace(channels[-1], note=note)))

@@ -1,0 +1,163 @@
+"""HDF5 files: netCDF-4, MATLAB 7.3 and whatever a script wrote, by h5py (extra ``netcdf``); netCDF-3 by scipy.
+
+The idea: datasets are arrays by their path. netCDF says the unit of each (``units``) and what the columns of a table
+are (the coordinate of its second dimension); attributes are parameters.
+
+A file whose groups hold a time each is several recordings, as a bench writes one for each sensor. A large file is never
+held in memory as a whole.
+
+The interface: `is_hdf5` of a path, `groups` and `read` of one; `is_netcdf3` and `read_netcdf3`.
+"""
+
+import hashlib
+import io
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.recording.arrays import Array, recorded
+from solen.recording.model import Recording
+from solen.recording.source import Source
+from solen.recording.words import heading
+
+_MAGIC = b"\x89HDF\r\n\x1a\n"
+_STARTS = (0, 512, 1024, 2048)  # a MATLAB 7.3 file has its own header before it
+_CLASSIC = (b"CDF\x01", b"CDF\x02")
+
+
+class Stored(Source):
+    """A file that is read where it lies; its ``data`` is its beginning."""
+
+    @cached_property
+    def _hashed(self) -> str:
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    @property
+    def sha256(self) -> str:
+        """Checksum of the bytes, read piece by piece."""
+        return self._hashed
+
+
+def stored(path: Path) -> Stored | None:
+    """The file if it is HDF5, with or without MATLAB's header; None where it is another or cannot be read."""
+    try:
+        with path.open("rb") as file:
+            begin = file.read(_STARTS[-1] + len(_MAGIC))
+    except (OSError, ValueError):
+        return None
+    is_one = any(begin[start : start + len(_MAGIC)] == _MAGIC for start in _STARTS)
+    return Stored(path, begin) if is_one else None
+
+
+def is_netcdf3(source: Source) -> bool:
+    """Whether a file is netCDF of the classic kind."""
+    return source.data.startswith(_CLASSIC)
+
+
+def groups(source: Source) -> tuple[str, ...]:
+    """Names of the groups that hold a time each; none in a file of MATLAB's, whose groups are structures."""
+    if source.data.startswith(b"MATLAB"):
+        return ()
+    with _opened(source) as file:
+        return tuple(name for name, one in file.items() if hasattr(one, "items") and any(map(_is_time, one)))
+
+
+def _is_time(name: str) -> bool:
+    return heading(name).quantity == "time"
+
+
+def read(source: Source, group: str = "") -> Recording:
+    """Recording of an HDF5 file or of one of its groups.
+
+    `DataError` without h5py, where it is damaged, or holds no arrays of numbers.
+    """
+    arrays: list[Array] = []
+    metadata: dict[str, str] = {}
+    try:
+        with _opened(source) as file:
+            part = file[group] if group else file
+            metadata |= _attributes(file.attrs) | _attributes(part.attrs)
+            part.visititems(lambda name, one: _visit(name, one, arrays, metadata))
+    except DataError:
+        raise
+    except Exception as bad:  # h5py raises whatever fits what it stumbled over
+        raise _damaged(source, bad) from None
+    return recorded(source, "matlab-7.3" if source.data.startswith(b"MATLAB") else "hdf5", arrays, metadata)
+
+
+def _opened(source: Source) -> Any:
+    try:
+        import h5py
+    except ModuleNotFoundError:
+        limit, remedy = "is an HDF5 file, which needs h5py", 'pip install "solen[netcdf]", or export a CSV'
+        raise source.refused("", limit, remedy) from None
+    try:
+        return h5py.File(source.path, "r")
+    except Exception as bad:
+        raise _damaged(source, bad) from None
+
+
+def _damaged(source: Source, bad: Exception) -> DataError:
+    return source.refused("", f"is a damaged HDF5 file: {' '.join(str(bad).split())[:80]}", "export it again")
+
+
+def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -> None:
+    """Take a dataset; MATLAB keeps texts as numbers, and its own tables in groups that begin with ``#``."""
+    if not hasattr(one, "shape") or name.startswith("#"):
+        return
+    attributes = _attributes(one.attrs)
+    if attributes.get("MATLAB_class") == "char":
+        metadata[name.replace("/", ".")] = "".join(map(chr, np.asarray(one[()]).ravel().tolist()))
+    elif one.shape == () and one.dtype.kind in "SO":
+        metadata[name.replace("/", ".")] = _text(one[()])
+    elif one.dtype.kind in "biuf" and len(one.shape) <= 2:
+        unit = attributes.get("units", attributes.get("unit", ""))
+        arrays.append(Array(name.replace("/", "."), one[()], unit, _names(one)))
+
+
+def _names(one: Any) -> tuple[str, ...]:
+    """What the columns of a table are called, where its second dimension has a coordinate of words."""
+    if len(one.shape) != 2:
+        return ()
+    for scale in one.dims[1].values():
+        if scale.dtype.kind in "SO":
+            return tuple(_text(value) for value in scale[()])
+    return ()
+
+
+def _attributes(attributes: Mapping[str, Any]) -> dict[str, str]:
+    """Attributes that are texts or single numbers."""
+    found = {}
+    for key, value in attributes.items():
+        plain = np.asarray(value)
+        if plain.size == 1 and plain.dtype.kind in "SUOiuf" and not key.startswith("_"):
+            found[key] = _text(plain.ravel()[0])
+    return found
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def read_netcdf3(source: Source) -> Recording:
+    """Recording of a classic netCDF file; `DataError` where it is damaged or holds no arrays of numbers."""
+    from scipy.io import netcdf_file
+
+    try:
+        data: Any = io.BytesIO(source.data)
+        opened: Any = netcdf_file(data, "r", mmap=False)
+        with opened as file:
+            arrays = [
+                Array(name, np.array(one.data), _text(getattr(one, "units", b"")))
+                for name, one in file.variables.items()
+            ]
+            metadata = {key: _text(value) for key, value in file._attributes.items() if isinstance(value, bytes)}
+    except Exception as bad:  # scipy raises whatever fits what it stumbled over
+        limit = f"is a damaged netCDF file ({type(bad).__name__})"
+        raise source.refused("", limit, "export it again") from None
+    return recorded(source, "netcdf", arrays, metadata)

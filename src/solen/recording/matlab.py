@@ -1,0 +1,54 @@
+"""MATLAB's .mat files up to version 7: variables, and the fields of structures by ``structure.field``.
+
+The interface: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording.hdf5` reads it.
+"""
+
+import io
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from solen.recording.arrays import Array, recorded
+from solen.recording.model import Recording
+from solen.recording.source import Source
+
+_MAGIC = b"MATLAB 5.0 MAT-file"
+_DEEPEST = 8
+
+
+def is_matlab(source: Source) -> bool:
+    """Whether a file begins as a .mat file of version 5 to 7 does."""
+    return source.data.startswith(_MAGIC)
+
+
+def read(source: Source) -> Recording:
+    """Recording of a .mat file; `DataError` where it is damaged or holds no arrays of numbers."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        data: Any = io.BytesIO(source.data)  # the stubs know of paths alone
+        found: dict[str, Any] = loadmat(data, simplify_cells=True)
+    except (MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, EOFError, NotImplementedError) as bad:
+        limit = f"cannot be read as a .mat file: {' '.join(str(bad).split())[:80]}"
+        raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
+    except Exception as bad:  # zlib's, struct's and what else a damaged file brings up
+        limit = f"is a damaged .mat file ({type(bad).__name__})"
+        raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
+    arrays, metadata = [], {"header": " ".join(source.data[:116].decode("latin-1").split())}
+    for name, value in _leaves("", {key: one for key, one in found.items() if not key.startswith("__")}, 0):
+        if isinstance(value, str):
+            metadata[name] = value
+        else:
+            arrays.append(Array(name, value))
+    return recorded(source, "matlab", arrays, metadata)
+
+
+def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
+    """Texts and arrays of a variable, those of a structure by its fields."""
+    if isinstance(value, dict) and depth < _DEEPEST:
+        for key, one in value.items():
+            yield from _leaves(f"{name}.{key}" if name else str(key), one, depth + 1)
+    elif isinstance(value, str) or np.asarray(value).dtype.kind in "biuf":
+        yield name, value

@@ -1,0 +1,65 @@
+"""LabVIEW's TDMS files, by npTDMS (extra ``tdms``): channels with their units, and the time of waveforms.
+
+The interface: `is_tdms` and `read`.
+"""
+
+import io
+from typing import Any
+
+import numpy as np
+
+from solen.recording.arrays import Array, recorded
+from solen.recording.model import Recording
+from solen.recording.source import Source
+
+_MAGIC = b"TDSm"
+_UNITS = ("unit_string", "NI_UnitDescription", "NI_unit_string", "unit")
+
+
+def is_tdms(source: Source) -> bool:
+    """Whether a file begins as a TDMS file does."""
+    return source.data.startswith(_MAGIC)
+
+
+def read(source: Source) -> Recording:
+    """Recording of a TDMS file; `DataError` without npTDMS, where it is damaged, or holds no numbers."""
+    try:
+        from nptdms import TdmsFile
+    except ModuleNotFoundError:
+        limit, remedy = "is a TDMS file, which needs npTDMS", 'pip install "solen[tdms]", or export a CSV'
+        raise source.refused("", limit, remedy) from None
+    arrays: list[Array] = []
+    try:
+        file = TdmsFile.read(io.BytesIO(source.data))
+        metadata = {str(key): str(value) for key, value in file.properties.items()}
+        groups = file.groups()
+        for group in groups:
+            for channel in group.channels():
+                prefix = f"{group.name}." if len(groups) > 1 else ""
+                arrays += _arrays(prefix, channel)
+    except Exception as bad:  # npTDMS raises whatever fits what it stumbled over
+        limit = f"is a damaged TDMS file: {' '.join(str(bad).split())[:80] or type(bad).__name__}"
+        raise source.refused("", limit, "export it again") from None
+    return recorded(source, "tdms", _once(arrays), metadata)
+
+
+def _arrays(prefix: str, channel: Any) -> list[Array]:
+    """A channel, and before it its time where it is a waveform; stamps are seconds from the first one."""
+    values = np.asarray(channel[:])
+    unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
+    if values.dtype.kind == "M":
+        values, unit = (values - values[:1]) / np.timedelta64(1, "s"), "s"
+    found = [Array(f"{prefix}{channel.name}", values, unit)]
+    if channel.properties.get("wf_increment"):
+        found.insert(0, Array(f"{prefix}time", np.asarray(channel.time_track()), "s"))
+    return found
+
+
+def _once(arrays: list[Array]) -> list[Array]:
+    """Arrays without times that are the same as one before, as each waveform has its own."""
+    found: list[Array] = []
+    for one in arrays:
+        same = any(one.name == other.name and np.array_equal(one.values, other.values) for other in found)
+        if not same:
+            found.append(one)
+    return found

@@ -1,0 +1,113 @@
+"""A log on another clock is laid on the voltages, and a recording without an angle gets the protocol's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from solen.analysis import Settings, analysed
+from solen.analysis.clocks import Alignment, align
+from solen.analysis.unseen import Protocol as Asked
+from solen.analysis.unseen import unseen
+from solen.errors import DataError
+from tests.analysis.made_support import FloatArray, Protocol, Truth, made
+
+TRUTH = Truth(noise_V=0.02)
+
+
+def logged(truth: Truth, lag_s: float, rate: float = 0.0, log_hz: float = 50.0) -> tuple[FloatArray, FloatArray]:
+    """Times and angles of a stage's log whose clock is ahead by a lag in the middle of the recording."""
+    end = float(truth.protocol.corners()[0][-1])
+    times = np.arange(0.0, end, 1.0 / log_hz)
+    draw = np.random.default_rng(truth.seed + 1000)
+    angle = truth.protocol.angle_deg(times) + 0.003 * draw.standard_normal(times.size)
+    return times + lag_s + rate * (times - 0.5 * end), angle
+
+
+def aligned(truth: Truth, lag_s: float, rate: float = 0.0, log_hz: float = 50.0) -> Alignment:
+    signals = made(truth)
+    return align(signals.time_s, signals.volts, *logged(truth, lag_s, rate, log_hz))
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.0123, -37.77, 1234.5678, 1.7e9])
+@pytest.mark.parametrize("log_hz", [20.0, 1000.0])
+def test_a_lag_comes_back_to_a_millisecond(lag_s: float, log_hz: float) -> None:
+    """20 mV on 7 V/s is 3 ms a sample, over 160 samples a cycle and five cycles 0.1 ms."""
+    found = aligned(TRUTH, lag_s, log_hz=log_hz)
+    assert found.lag_s == pytest.approx(lag_s, abs=1e-3)
+    assert 2e-5 < found.u_lag_s < 4e-4
+
+
+def test_the_interval_of_a_lag_holds_at_its_rate() -> None:
+    inside = sum(
+        abs((found := aligned(replace(TRUTH, seed=n), 0.3)).lag_s - 0.3) < 2.8 * found.u_lag_s for n in range(40)
+    )
+    assert inside >= 34  # t with 4 degrees of freedom: 95 %, less three standard deviations
+
+
+def test_a_clock_that_runs_off_is_followed() -> None:
+    truth = replace(TRUTH, protocol=Protocol(cycles=30))
+    found = aligned(truth, 5.0, rate=300e-6)
+    assert found.rate_ppm == pytest.approx(300.0, abs=5.0 * found.u_rate_ppm)
+    assert found.u_rate_ppm < 20.0
+    assert found.lag_s == pytest.approx(5.0, abs=1e-3)
+    expected = truth.protocol.angle_deg(made(truth).time_s)
+    known = np.isfinite(found.angle_deg)
+    assert found.angle_deg[known] == pytest.approx(expected[known], abs=0.3)  # at corners between samples of 20 ms
+
+
+def test_a_rate_that_is_not_resolved_is_none() -> None:
+    assert aligned(TRUTH, 0.2).rate_ppm == 0.0
+
+
+def test_the_response_is_that_of_one_clock() -> None:
+    signals = made(TRUTH)
+    found = aligned(TRUTH, 0.4)
+    known = np.isfinite(found.angle_deg)
+    laid = replace(signals, time_s=signals.time_s[known], angle_deg=found.angle_deg[known], volts=signals.volts[known])
+    mean = analysed([laid], Settings(drop_cycles=0))
+    expected = TRUTH.response_V(mean.passes.angle_deg)[:, 1]
+    assert mean.curve(1).mean_V == pytest.approx(expected, abs=0.035)
+
+
+def test_a_hysteresis_is_said_to_look_like_a_lag() -> None:
+    found = aligned(replace(TRUTH, hysteresis_V=0.05), 0.2)
+    assert any("a hysteresis and a lag look alike" in warning for warning in found.warnings)
+    # 0.05 V at 0.45 V/° and 15 °/s would be 3.7 ms for each way; nothing larger may come of it
+    assert found.lag_s == pytest.approx(0.2, abs=0.004)
+
+
+def test_a_log_of_another_test_is_refused() -> None:
+    signals = made(TRUTH)
+    noise = np.random.default_rng(3).standard_normal(signals.volts.shape)
+    with pytest.raises(DataError, match="does not go with the voltages"):
+        align(signals.time_s, noise, *logged(TRUTH, 0.0))
+
+
+@pytest.mark.parametrize(
+    "protocol",
+    [Protocol(), Protocol(rest_hold_s=0.8), Protocol(levels_deg=(0.0, -3.0, 0.0, 3.0)), Protocol(cycles=3)],
+    ids=["paper", "rests", "other side", "few"],
+)
+def test_cycles_without_an_angle(protocol: Protocol) -> None:
+    truth = replace(TRUTH, protocol=protocol, drift_V_per_min=0.3)
+    signals = made(truth)
+    found = unseen(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
+    assert found.starts_s == pytest.approx(protocol.starts_s(), abs=0.005)
+    assert found.angle_deg == pytest.approx(protocol.angle_deg(signals.time_s), abs=0.08)  # 5 ms at 15 °/s
+
+
+def test_sides_that_no_name_tells_begin_with_a_positive_one() -> None:
+    signals = made(replace(TRUTH, protocol=Protocol(levels_deg=(0.0, -3.0, 0.0, 3.0))))
+    found = unseen(signals.time_s, signals.volts, ("a", "b"), Asked(3.0))
+    assert found.angle_deg == pytest.approx(-signals.angle_deg, abs=0.08)
+    assert any("first excursion is called positive" in warning for warning in found.warnings)
+
+
+def test_what_does_not_repeat_is_refused() -> None:
+    time_s = np.arange(0.0, 20.0, 0.005)
+    noise = np.random.default_rng(4).standard_normal((time_s.size, 2))
+    with pytest.raises(DataError, match="does not repeat itself"):
+        unseen(time_s, noise, ("left", "right"), Asked(3.0))
+    with pytest.raises(DataError, match="less than one and a half cycles"):
+        unseen(time_s[:400], noise[:400], ("left", "right"), Asked(3.0))

@@ -1,0 +1,250 @@
+"""The driver of PI stages: by a written conversation, against a simulated controller, with every fault of a wire."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from solen.bench.clock import Still, Wall
+from solen.bench.gcs2 import Gcs2Stage
+from solen.bench.link import open_link
+from solen.bench.roles import LinearStage, RotationStage
+from solen.bench.simulated.gcs2 import Gcs2Controller
+from solen.bench.simulated.motion import Axis, Move
+from solen.bench.simulated.wire import Faults, Served, Wire
+from solen.errors import BenchError
+
+HELLO = [
+    (b"ERR?\n", b"0\n"),
+    (b"*IDN?\n", b"(c)2015 Physik Instrumente (PI) GmbH & Co. KG, C-863.12, 0145500123, 1.2.1.0\n"),
+    (b"CST? 1\n", b"1=M-060.DG\n"),
+    (b"SVO 1 1\n", b""),
+    (b"ERR?\n", b"0\n"),
+    (b"TMN? 1\n", b"1=-360.0000000\n"),
+    (b"TMX? 1\n", b"1=360.0000000\n"),
+]
+"""What is said when a stage is taken into use."""
+
+
+@dataclass
+class Written:
+    """A conversation that was written down: what must be sent, in this order, and what is answered."""
+
+    turns: list[tuple[bytes, bytes]]
+    name: str = "written"
+    coming: bytes = b""
+    sent: list[bytes] = field(default_factory=list)
+
+    def write(self, data: bytes) -> None:
+        expected, answer = self.turns.pop(0)
+        assert data == expected
+        self.coming += answer
+
+    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002
+        data, self.coming = self.coming[:most], self.coming[most:]
+        return data
+
+    def close(self) -> None:
+        assert not self.turns
+
+
+def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
+    more = [
+        (b"FRF? 1\n", b"1=0\n"),
+        (b"FRF 1\n", b""),
+        (b"ERR?\n", b"0\n"),
+        (b"\x07", b"\xb0\n"),
+        (b"\x07", b"\xb1\n"),
+        (b"ERR?\n", b"0\n"),
+        (b"FRF? 1\n", b"1=1\n"),
+        (b"VEL 1 15.000000\n", b""),
+        (b"ERR?\n", b"0\n"),
+        (b"MOV 1 -3.000000\n", b""),
+        (b"ERR?\n", b"0\n"),
+        (b"ONT? 1\n", b"1=0\n"),
+        (b"\x05", b"1\n"),
+        (b"POS? 1\n", b"1=-1.2345678\n"),
+        (b"ONT? 1\n", b"1=1\n"),
+        (b"MOV 1 3.000000\n", b""),
+        (b"ERR?\n", b"7\n"),
+        (b"\x18", b""),
+        (b"ERR?\n", b"10\n"),
+    ]
+    link = Written(HELLO + more)
+    stage = Gcs2Stage(link, Still(), stage="M-060.DG")
+    stage.reference()
+    stage.begin_move(-3.0, 15.0)
+    assert not stage.on_target()
+    assert stage.position() == -1.2345678
+    assert stage.on_target()
+    with pytest.raises(BenchError, match=r"MOV 1 3.000000: error 7, the position is out of limits; see the"):
+        stage.begin_move(3.0, 15.0)
+    stage.close()
+    assert not recwarn.list
+
+
+def test_answers_of_several_lines_and_addresses() -> None:
+    link = Written(
+        [*((b"3 " + sent, b"0 3 " + got if got else got) for sent, got in HELLO), (b"3 HLP?\n", b"0 3 a \nb \nc\n")]
+    )
+    stage = Gcs2Stage(link, Still(), stage="M-060.DG", address=3)
+    assert stage.ask("HLP?") == ["a", "b", "c"]
+
+
+def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, Still]:
+    clock = Still()
+    controller = Gcs2Controller(clock, **more)  # type: ignore[arg-type]
+    wire = Wire(controller, clock)
+    return Gcs2Stage(wire, clock, stage="M-060.DG"), controller, wire, clock
+
+
+def arrive(stage: Gcs2Stage, clock: Still) -> float:
+    begun = clock.now_s()
+    while not stage.on_target():
+        clock.sleep(0.01)
+    return clock.now_s() - begun
+
+
+def test_a_stage_is_referenced_moved_and_stopped() -> None:
+    stage, controller, _, clock = driven()
+    with pytest.raises(BenchError, match="error 5, a move without a reference"):
+        stage.begin_move(3.0, 15.0)
+    stage.reference()
+    assert (stage.referenced, stage.position()) == (True, 0.0)
+    stage.begin_move(3.0, 15.0)
+    assert arrive(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 100.0 + 0.05, abs=0.02)
+    assert stage.position() == 3.0
+    stage.begin_move(-3.0, 15.0)
+    clock.sleep(0.2)
+    stage.stop()
+    here = stage.position()
+    clock.sleep(1.0)
+    assert stage.position() == here
+    assert controller.axis.at(clock.now_s()) == pytest.approx(here, abs=1e-7)
+    assert -3.0 < here < 3.0
+
+
+def test_roles_are_played() -> None:
+    stage, _, _, _ = driven()
+    turning: RotationStage = stage  # type: ignore[assignment]  # the unit is told at run time
+    assert turning.unit == "deg"
+    clock = Still()
+    linear = Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-111.1DG")
+    shifting: LinearStage = linear  # type: ignore[assignment]
+    assert shifting.unit == "mm"
+
+
+def test_what_the_controller_refuses_is_told() -> None:
+    stage, controller, _, clock = driven(low=-5.0, high=5.0)
+    stage.reference()
+    with pytest.raises(BenchError, match=r"9 deg is out of its limits -5 to 5; move less far"):
+        stage.begin_move(9.0, 15.0)
+    with pytest.raises(BenchError, match="error 8, the velocity is out of limits"):
+        stage.begin_move(1.0, 500.0)
+    stage.begin_move(4.0, 5.0)
+    clock.sleep(0.1)
+    controller.stall()
+    with pytest.raises(BenchError, match="error 1024, motion error: the axis did not follow"):
+        arrive(stage, clock)
+
+
+def test_another_stage_another_instrument_and_an_unknown_one() -> None:
+    clock = Still()
+    with pytest.raises(BenchError, match=r"set up for M-111\.1DG, not M-060\.DG"):
+        Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-060.DG")
+    with pytest.raises(BenchError, match=r"^stage = 'M-1'; must be one of M-060.DG, M-111.1DG$"):
+        Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
+    link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
+    with pytest.raises(BenchError, match="answered 'ACME, 1, 2' as its name; this is no controller of PI"):
+        Gcs2Stage(link, Still(), stage="M-060.DG")
+
+
+def test_silence_garbage_and_a_pulled_plug_are_told_in_one_line() -> None:
+    stage, _, wire, clock = driven()
+    wire.faults.deaf = True
+    begun = clock.now_s()
+    with pytest.raises(BenchError, match=r"no answer within 1 s \(nothing came\); check cable, power and baud rate"):
+        stage.position()
+    assert clock.now_s() - begun == pytest.approx(1.0)
+    wire.faults.deaf = False
+    wire.faults.garbage = b"\xff\xfe"
+    with pytest.raises(BenchError, match="which is no text; check the baud rate"):
+        stage.position()
+    wire.faults.garbage = b"%&$\n"
+    with pytest.raises(BenchError, match=r"answered '%&\$' to POS\?"):
+        stage.position()
+    wire.faults.gone = True
+    with pytest.raises(BenchError, match="the line is gone"):
+        stage.position()
+
+
+def test_a_reference_that_is_never_found_is_given_up() -> None:
+    stage, _, _, clock = driven(reference_s=1e9)
+    with pytest.raises(BenchError, match="no reference found within 60 s; is the stage free to move"):
+        stage.reference()
+    assert clock.now_s() == pytest.approx(60.0, abs=0.2)
+
+
+def test_over_a_socket_as_over_a_port() -> None:
+    clock = Wall()
+    faults = Faults()
+    with Served(Gcs2Controller(clock, reference_s=0.05), faults) as served:
+        link = open_link(served.url)
+        stage = Gcs2Stage(link, clock, stage="M-060.DG", answer_s=0.5)
+        stage.reference()
+        stage.begin_move(0.5, 15.0)
+        while not stage.on_target():
+            clock.sleep(0.01)
+        assert stage.position() == 0.5
+        faults.deaf = True
+        with pytest.raises(BenchError, match=r"no answer within 0\.5 s"):
+            stage.position()
+        faults.deaf = False
+        assert stage.position() == 0.5
+        faults.gone = True
+        clock.sleep(0.1)
+        with pytest.raises(BenchError, match=r"the line is gone|no answer"):
+            stage.position()
+        link.close()
+
+
+def test_an_answer_that_comes_late_is_not_taken_for_another_s() -> None:
+    stage, _, wire, _ = driven()
+    stage.reference()
+    wire.faults.deaf = True
+    with pytest.raises(BenchError, match="no answer"):
+        stage.position()
+    wire.faults.deaf = False
+    wire.write(b"POS? 1\n")  # what was asked is answered now
+    assert stage.on_target()
+
+
+def test_a_port_that_is_not_there() -> None:
+    with pytest.raises(BenchError, match="cannot be opened") as refusal:
+        open_link("/dev/no-such-port")
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("target", [0.001, 1.0, 3.0, -3.0])
+def test_a_move_is_the_integral_of_its_velocity(target: float) -> None:
+    move = Move(0.5, 0.0, target, 15.0, 100.0)
+    time = np.linspace(0.0, 2.0, 200_001)
+    positions = move.at(time)
+    velocity = np.gradient(positions, time)
+    assert np.abs(velocity).max() <= 15.0 * (1 + 1e-9)
+    assert np.abs(np.gradient(velocity, time)).max() <= 100.0 * 1.001
+    assert positions[0] == 0.0
+    assert positions[time >= move.end_s] == pytest.approx(target)
+    if abs(target) >= 15.0**2 / 100.0:
+        assert move.end_s == pytest.approx(0.5 + abs(target) / 15.0 + 0.15)
+
+
+def test_many_positions_are_those_of_each_time() -> None:
+    axis = Axis(100.0)
+    axis.send(0.1, 3.0, 15.0)
+    axis.send(0.2, -3.0, 15.0)
+    axis.halt(0.3)
+    axis.send(0.9, 1.0, 5.0)
+    times = np.linspace(0.0, 2.0, 301)
+    assert axis.positions(times) == pytest.approx([axis.at(float(time)) for time in times])
+    assert axis.at(2.0) == pytest.approx(1.0)

@@ -1,0 +1,295 @@
+"""Runs on a simulated rig: what is sampled, what a stop or a kill leaves, what is refused."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+import pytest
+
+from solen.bench.clock import Still
+from solen.bench.clocks import FloatArray, on_run
+from solen.bench.frames import Layout, Losses, Periods
+from solen.bench.journal import read_journal
+from solen.bench.protocol import load_protocol
+from solen.bench.rig import load_rig
+from solen.bench.run import Instruments, Tick, begin, cycles_done, run
+from solen.bench.simulated.prints import prints_of
+from solen.bench.simulated.stage import SimulatedStage
+from solen.errors import BenchError, OutputError, SpecError
+from solen.pipeline import bench as pipeline
+from solen.sensor import Sensor
+from solen.spec import load
+
+
+def asked(folder: Path, **more: Any) -> pipeline.Asked:
+    return pipeline.Asked(folder / "protocol.toml", folder / "rig.toml", folder / "out", **more)
+
+
+def group(path: Path, name: str) -> dict[str, np.ndarray]:
+    with h5netcdf.File(path, "r") as file:
+        return {key: variable[...] for key, variable in file.groups[name].variables.items()}
+
+
+def test_a_run_is_what_the_traced_sensor_would_give(bench: Path) -> None:
+    found = pipeline.run(asked(bench))
+    assert (found["outcome"], found["cycles"], found["simulated"]) == ("done", 3, True)
+    assert not list((bench / "out").glob("*.journal"))
+    path = bench / "out" / "protocol.nc"
+    read = group(path, "A")
+    # light as the tracer has it, made volts by the sensor's own circuit, without the room's light
+    (one, _) = prints_of(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng([5, 0]))
+    traced = Sensor.of(load(bench / "sensor.toml")).integrate(-3.0)
+    assert one.at(np.array([-3.0]))[0] == pytest.approx(
+        [traced.detectors["right"].power, traced.detectors["left"].power], abs=2e-3
+    )
+    held = np.abs(read["angle_deg"] + 3.0) < 1e-6
+    circuit, lit = one.circuit, one.at(np.array([-3.0]))
+    from solen.readout import volts
+
+    expected = volts(lit, circuit, 0.05) - volts(np.zeros((1, 2)), circuit, 0.05)
+    got = np.array([read["right"][held].mean(), read["left"][held].mean()])
+    assert got == pytest.approx(expected[0], abs=0.02)  # the room's light drifts, and bends the knee a little
+    right, left = read["right"][held].mean(), read["left"][held].mean()
+    assert right < -1.0 < left  # brighter is lower: -3 degrees brighten the right receiver
+
+
+def test_the_control_hardly_answers_and_wires_are_kept_apart(bench: Path) -> None:
+    pipeline.run(asked(bench))
+    read = group(bench / "out" / "protocol.nc", "B")
+    ends = [np.abs(read["angle_deg"] - angle) < 0.01 for angle in (-3.0, 3.0)]
+    swing = {side: np.ptp([read[side][end].mean() for end in ends]) for side in ("right", "left")}
+    lens = group(bench / "out" / "protocol.nc", "A")
+    ends = [np.abs(lens["angle_deg"] - angle) < 0.01 for angle in (-3.0, 3.0)]
+    assert max(swing.values()) < 0.1 * np.ptp([lens["right"][end].mean() for end in ends])
+
+
+def test_a_seed_gives_the_same_recording_and_another_another(bench: Path) -> None:
+    for name, seed in (("a", None), ("b", None), ("c", 6)):
+        pipeline.run(asked(bench, name=name, seed=seed))
+    a, b, c = (group(bench / "out" / f"{name}.nc", "A") for name in "abc")
+    assert all(np.array_equal(a[key], b[key]) for key in a)
+    assert not np.array_equal(a["right"], c["right"])
+
+
+def test_everything_that_made_it_is_in_the_file(bench: Path) -> None:
+    pipeline.run(asked(bench))
+    with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
+        header, events = json.loads(file.attrs["header"]), json.loads(file.attrs["events"])
+        assert file.attrs["simulated"] == "yes"
+        assert file.attrs["control"] == "B"
+        raw = file.variables["voltage"]
+        assert raw.shape == (file.dimensions["period"].size, 2, 2, 4)
+        assert raw.attrs["scale_factor"] == pytest.approx(5.0 / 65536)
+    assert header["designs"]["sensor.toml"] == (bench / "sensor.toml").read_text(encoding="utf-8")
+    assert header["protocol"]["cycles"] == 3
+    assert [event["what"] for event in events].count("cycle done") == 3
+
+
+def test_it_opens_in_xarray(bench: Path) -> None:
+    import xarray as xr
+
+    pipeline.run(asked(bench))
+    with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf") as data:
+        assert float(data["voltage"].max()) < 5.0
+    with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf", group="A") as data:
+        assert data["right"].attrs["units"] == "V"
+
+
+def stopping(after: int, how: BaseException) -> Any:
+    def watch(tick: Tick) -> None:
+        if tick.cycle > after:
+            raise how
+
+    return watch
+
+
+@pytest.mark.parametrize(
+    ("how", "outcome"), [(KeyboardInterrupt(), "stopped"), (BenchError("stage", limit="is on fire"), "fault")]
+)
+def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
+    bench: Path, how: BaseException, outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    with pytest.raises(type(how)):
+        pipeline.run(asked(bench), watch=stopping(1, how))
+    left = bench / "out" / "protocol.journal"
+    before = read_journal(left)
+    assert cycles_done(before) == 1
+    assert [event["what"] for event in before.events][-1] == outcome
+    found = pipeline.run(asked(bench, resume=True))
+    assert (found["outcome"], found["cycles"]) == ("done", 3)
+    with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
+        time, part = file.variables["time_s"][...], file.variables["part"][...]
+    assert (np.diff(time) > 0.0).all()
+    assert set(part) == {0, 1}
+
+
+def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    with pytest.raises(KeyboardInterrupt):
+        pipeline.run(asked(bench), watch=stopping(2, KeyboardInterrupt()))
+    with pytest.raises(BenchError, match=r"exists already: a run that was not closed; solen bench recover"):
+        pipeline.run(asked(bench))
+    periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
+    found = pipeline.recover(bench / "out" / "protocol.journal")
+    assert (found["outcome"], found["cycles"], found["periods"]) == ("stopped", 2, periods)
+    (row,) = pipeline.recordings(bench / "out")["recordings"]
+    assert (row["outcome"], row["sensors"], row["there"]) == ("stopped", ["A", "B"], True)
+
+
+def test_a_changed_protocol_is_not_taken_up(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    with pytest.raises(KeyboardInterrupt):
+        pipeline.run(asked(bench), watch=stopping(1, KeyboardInterrupt()))
+    text = (bench / "protocol.toml").read_text(encoding="utf-8")
+    (bench / "protocol.toml").write_text(text.replace("hold_s = 0.1", "hold_s = 0.2"), encoding="utf-8")
+    with pytest.raises(BenchError, match="is not what the run was begun with; change it back"):
+        pipeline.run(asked(bench, resume=True))
+
+
+def killed(bench: Path, after_s: float) -> tuple[float, Any]:
+    """Kill a run in real time; time of the run at the kill, by the wall's clock, and what is in the journal."""
+    command = [sys.executable, "-m", "solen", "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out"]
+    with subprocess.Popen([*command, "--real-time"], cwd=bench, env=os.environ | {"PYTHONUNBUFFERED": "1"}) as child:
+        journal = bench / "out" / "protocol.journal"
+        while not (journal.exists() and journal.stat().st_size > 4000):
+            assert child.poll() is None
+            time.sleep(0.01)
+        begun = time.time() - journal.stat().st_mtime  # at most one reading late
+        time.sleep(after_s)
+        child.kill()
+    return after_s - begun, read_journal(journal)
+
+
+def test_a_killed_run_loses_less_than_half_a_second(bench: Path) -> None:
+    lasted, found = killed(bench, 1.1)
+    board = found.streams["board"]
+    assert board["number"].tolist() == list(range(len(board)))
+    assert len(board) * 0.005 >= lasted - 0.5
+    done = pipeline.recover(bench / "out" / "protocol.journal")
+    assert (done["outcome"], done["periods"]) == ("killed", len(board))
+
+
+class Silent:
+    """A board that says nothing."""
+
+    name, layout, period_s, volts_per_count = "silent", Layout(1, 1), 0.005, 1.0
+    losses = Losses()
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+
+    def start(self) -> None:
+        self.calls.append("start")
+
+    def read(self) -> Periods:
+        return Periods.joined([], self.layout)
+
+    def stop(self) -> None:
+        self.calls.append("stop")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+
+class Stuck(SimulatedStage):
+    """A stage that does not move."""
+
+    def on_target(self) -> bool:
+        return False
+
+
+@pytest.mark.parametrize("stage", [SimulatedStage, Stuck])
+def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage: type[SimulatedStage]) -> None:
+    clock, board = Still(), Silent()
+    on = Instruments(stage(clock), board, clock)
+    with (
+        begin(bench / "a.journal", on, {}) as journal,
+        pytest.raises(BenchError, match=r"said nothing for 2\.|not arrived"),
+    ):
+        run(load_protocol(bench / "protocol.toml"), on, journal)
+    assert board.calls == ["start", "stop"]
+    assert read_journal(bench / "a.journal").events[-1]["what"] == "fault"
+
+
+def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
+    rng = np.random.default_rng(2)
+    board_s: FloatArray = np.asarray(np.arange(1, 3000) * 0.1, dtype=np.float64)
+    delay: FloatArray = np.asarray(rng.exponential(0.01, len(board_s)), dtype=np.float64)
+    came: FloatArray = np.asarray(7.0 + board_s * (1 - 50e-6) + delay, dtype=np.float64)
+    line = on_run(board_s, came)
+    assert line.rate == pytest.approx(1 - 50e-6, abs=2e-6)
+    assert line.at(board_s) == pytest.approx(7.0 + board_s * (1 - 50e-6), abs=1e-3)
+    assert on_run(board_s[:3], came[:3]).rate == 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (
+            ("cycles = 3", "cycles = 0"),
+            r"protocol\.toml: cycles = 0; must be greater than or equal to 1|must be at least 1",
+        ),
+        (("to_deg = 0.0", "to_mm = 0.0"), r"step\[2\]; must say where to and how fast, in one unit"),
+        (("velocity_deg_per_s = 15.0", "speed = 15.0"), r"step\[0\]\.speed; unknown key"),
+        (
+            ("to_deg = 3.0", "to_deg = 300.0"),
+            r"the protocol's reach in deg = 300.0; a simulated sensor is traced up to 80 deg",
+        ),
+    ],
+)
+def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+    text = (bench / "protocol.toml").read_text(encoding="utf-8")
+    (bench / "protocol.toml").write_text(text.replace(*change, 1), encoding="utf-8")
+    with pytest.raises((BenchError, SpecError), match=told) as refusal:
+        pipeline.run(asked(bench))
+    assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (('name = "B"', 'name = "A"'), "name A is used twice"),
+        (("right = 4", "right = 1"), "input 1 is used twice"),
+        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "must be one of M-060.DG, M-111.1DG"),
+        (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
+        (("[board]", '[board]\nport = "COM1"'), "port = 'COM1'; is for a real board"),
+        (("trim_v = 1.0", "trim_v = 9.0"), "must be below the supply, 5 V"),
+        (('design = "sensor.toml"', 'design = "none.toml"'), "no such file"),
+    ],
+)
+def test_bad_rigs_are_told_in_one_line(bench: Path, change: tuple[str, str], told: str) -> None:
+    text = (bench / "rig.toml").read_text(encoding="utf-8")
+    (bench / "rig.toml").write_text(text.replace(*change, 1), encoding="utf-8")
+    with pytest.raises((BenchError, SpecError, OutputError), match=told) as refusal:
+        pipeline.run(asked(bench))
+    assert len(str(refusal.value).splitlines()) == 1
+    assert not (bench / "out").exists()
+
+
+def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
+    pipeline.new(tmp_path / "bench")
+    for name in ("rotation", "bending"):
+        assert load_protocol(tmp_path / "bench" / f"{name}.toml").cycles == 6
+    assert load_rig(tmp_path / "bench" / "rig.toml").inputs == 8
+    with pytest.raises(OutputError, match="exists already"):
+        pipeline.new(tmp_path / "bench")
+
+
+def test_a_catalogue_takes_in_what_was_put_there_and_tells_what_is_missing(bench: Path) -> None:
+    pipeline.run(asked(bench))
+    out = bench / "out"
+    (out / "protocol.nc").rename(out / "moved.nc")
+    (out / "strange.nc").write_bytes(b"no netCDF")
+    found = pipeline.recordings(out, look=True)
+    assert {row["file"]: row["there"] for row in found["recordings"]} == {"protocol.nc": False, "moved.nc": True}
+    assert found["strange"] == ["strange.nc"]
+    (out / "recordings.sqlite").write_bytes(b"no database, but long enough to be looked at as one" * 30)
+    with pytest.raises(OutputError, match="cannot be used"):
+        pipeline.recordings(out)

@@ -1,0 +1,122 @@
+"""Dose of the print model: Jacobs' slab, direct sums, and the fast field that must meet them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError
+from solen.fabricate.process import Images, dose_map, straight_edge_um, terms_at
+from solen.fabricate.process.field import fineness
+from solen.fabricate.process.growth import growth_um, with_growth
+from solen.fabricate.process.reference import cured_um, dose_at
+from solen.material.cure import cure_depth_um, stack_dose, stack_print_through_um
+from tests.fabricate.print_support import settings
+
+SMALL = {"halo_um": 40.0, "halo_per_depth": 0.1}
+"""A halo that ends within a small image."""
+
+
+@pytest.mark.parametrize(("Dp", "Ec", "seconds"), [(100.0, 5.0, 2.0), (60.0, 11.0, 1.0), (250.0, 0.7, 5.0)])
+def test_a_flat_slab_cures_as_deep_as_jacobs_says(Dp: float, Ec: float, seconds: float) -> None:
+    one = settings(Dp_um=Dp, Ec_mJ_per_cm2=Ec, exposure_s=seconds, burn_in_layers=0)
+    assert cured_um(one) == pytest.approx(float(cure_depth_um(13.0 * seconds, Dp, Ec)), abs=1e-9)
+
+
+def test_many_flat_layers_print_through_as_their_doses_add_up() -> None:
+    one = settings(burn_in_layers=0)
+    # 400 layers of 25 um are 100 penetration depths: those beyond add 1e-44 of the dose
+    below_first_layer = cured_um(one, 400) - one.layer_um
+    assert below_first_layer == pytest.approx(stack_print_through_um(26.0, 25.0, 100.0, 5.0), abs=1e-9)
+
+
+def test_the_fast_dose_of_a_slab_is_that_of_the_stack_of_layers() -> None:
+    one = settings()
+    stack = stack_dose(one.Dp_um, one.layer_um, one.exposures(30))
+    images = Images.prism(np.ones((8, 12)), 30)
+    for height in (0.0, 3.0, 25.0, 140.0, 151.0, 500.0, 749.0):
+        dose = dose_map(images, one, height).dose
+        assert np.allclose(dose, stack.at(height), rtol=1e-8)  # layers fainter than 1e-9 are left out
+
+
+def test_the_fast_dose_is_that_of_direct_sums() -> None:
+    one = settings(**SMALL)
+    rng = np.random.default_rng(7)
+    images = np.zeros((5, 40, 36))
+    images[:, 14:24, 14:22] = rng.random((5, 10, 8))
+    for height in (10.0, 30.0, 112.5):
+        found = dose_map(Images.stack(list(images)), one, height)
+        rows, columns = rng.integers(50, 100, (2, 60))
+        places = np.column_stack([columns, rows]) * found.step_um + found.first_um
+        wanted = dose_at(images, one, places, height)
+        assert np.allclose(found.dose[rows, columns], wanted, rtol=1e-9)
+        # between the points of the grid a spline: 4e-4 of the dose is 0.005 of a blur of 15 um over 5
+        between = rng.uniform(14 * 27.0, 24 * 27.0, (60, 2))
+        wanted = np.log(dose_at(images, one, between, height) / one.Ec_mJ_per_cm2)
+        assert np.allclose(found.log_excess(between), wanted, atol=1e-3)
+
+
+def test_like_images_are_one_image() -> None:
+    one = settings(**SMALL)
+    image = np.zeros((32, 32))
+    image[10:20, 12:22] = 1.0
+    together = dose_map(Images.prism(image, 9), one, 60.0).dose
+    apart = dose_map(Images.stack([image] * 9), one, 60.0).dose
+    assert np.allclose(together, apart, rtol=1e-10, atol=1e-12)
+
+
+def test_the_grid_is_as_fine_as_a_sharp_projector_needs() -> None:
+    assert fineness(settings()) == 4
+    sharp = settings(sigma_um=5.0)
+    assert fineness(sharp) > 8
+    image = np.zeros((30, 30))
+    image[10:20, 10:20] = 1.0
+    found = dose_map(Images.prism(image, 2), sharp, 40.0)
+    places = np.array([[290.0, 400.0], [265.0, 400.0], [400.0, 545.0]])
+    wanted = np.log(dose_at(np.array([image, image]), sharp, places, 40.0) / sharp.Ec_mJ_per_cm2)
+    assert np.allclose(found.log_excess(places), wanted, atol=2e-2)
+    with pytest.raises(DataError, match=r"process\.sigma_um = 1\.0; must be at least .* for pixels of 27 um"):
+        fineness(settings(sigma_um=1.0))
+
+
+def test_a_straight_wall_stands_where_direct_sums_have_it() -> None:
+    one = settings(pixel_um=3.0, **SMALL)
+    images = np.zeros((12, 500, 300))
+    images[:, :, :150] = 1.0
+    edge = straight_edge_um(one, 12, 110.0)
+    place = np.array([[450.0 + edge, 750.0]])
+    # the wall is on the pixels' edge: of the two pixels' spreads in edge_um only one is there, 0.75 um² of 227
+    assert float(dose_at(images, one, place, 110.0)[0]) == pytest.approx(5.0, rel=0.01)
+
+
+def test_light_comes_from_later_layers_only() -> None:
+    one = settings()
+    assert set(terms_at(one, 20, 300.0).layer.tolist()) == set(range(12, 20))
+    assert terms_at(one, 20, 500.0).total == pytest.approx(26.0)
+    with pytest.raises(DataError, match="the part ends at 500 um"):
+        terms_at(one, 20, 501.0)
+
+
+def test_the_critical_dose_of_a_growth_makes_that_growth() -> None:
+    one = settings(wash_um=3.0)
+    for growth in (-10.0, 20.0, 60.0):
+        assert growth_um(with_growth(one, growth)) == pytest.approx(growth, abs=1e-6)
+    # on the window side of a layer far inside, as the growth is defined; the halo is in groups there: 0.2 um
+    exact = straight_edge_um(one, 200, 2525.0 * (1 - 1e-12)) + 3.0
+    assert growth_um(one) == pytest.approx(exact, abs=0.2)
+
+
+def test_more_light_and_more_blur_make_walls_grow() -> None:
+    base = growth_um(settings())
+    assert growth_um(settings(exposure_s=3.0)) > base
+    assert growth_um(settings(sigma_um=25.0)) > base
+    assert growth_um(settings(halo_fraction=0.2)) > base
+    assert growth_um(settings(Ec_mJ_per_cm2=10.0)) < base
+
+
+def test_the_halo_widens_with_depth() -> None:
+    terms = terms_at(settings(halo_per_depth=0.5), 20, 260.0)
+    halo = terms.sigma_um[len(terms.sigma_um) // 2 :]
+    depth = (terms.layer[len(terms.layer) // 2 :] + 1) * 25.0 - 260.0
+    assert np.allclose(halo, np.hypot(60.0, 0.5 * depth))
+    assert math.isclose(float(terms.dose[: len(halo)].sum() / terms.total), 0.95)

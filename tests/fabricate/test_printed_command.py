@@ -1,0 +1,285 @@
+"""`solen printed` and `solen calibrate-printer`: files in, files out, and every bad input in one line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError, OutputError, SolenError, SpecError
+from solen.fabricate.process import Feature, default_process, parsed_process, printed_mm, process_text, read_process
+from solen.lens.measured import read_profile
+from solen.pipeline.calibrateprinter import calibrate_printer
+from solen.pipeline.design import open_design
+from solen.pipeline.printed import Outputs, Print, printed, process_of
+from solen.sensor import Sensor
+from solen.spec import template
+from tests.fabricate.print_support import settings
+from tests.fabricate.solid_support import oval_z
+
+KNOWN = """schema = 1
+name = "test"
+
+[process]
+sigma_um = 14.0
+"""
+"""A process of which nothing but its own number is said."""
+
+
+@pytest.fixture
+def sensor(tmp_path: Path) -> Path:
+    path = tmp_path / "sensor.toml"
+    path.write_text(template(), encoding="utf-8")
+    return path
+
+
+def sure(folder: Path, **values: float) -> Path:
+    """Process file of numbers without uncertainty, so that one print is enough."""
+    path = folder / "process.toml"
+    none = default_process().model_copy(update={"uncertainty": {}, "process": settings(**values)})
+    path.write_text(process_text(none), encoding="utf-8")
+    return path
+
+
+def strict(text: str) -> Any:
+    return json.loads(text, parse_constant=pytest.fail)
+
+
+def test_a_print_is_told_with_its_profile_and_its_drawing(sensor: Path, tmp_path: Path) -> None:
+    outputs = Outputs(tmp_path / "lens.json", tmp_path / "drawn.toml", tmp_path / "print.svg")
+    told = printed(sensor, Print(sure(tmp_path)), outputs, response=False)
+    strict(json.dumps(told, allow_nan=False))
+    assert told["simulated"] is True
+    assert told["deviation_um"]["rms"] > 20.0
+    assert told["walls_um"]["layers"] == 160
+    assert told["response"] is None
+    assert told["sources"][0]["file"] == "process.toml"
+    compensation = told["compensation"]
+    assert compensation["before_um"]["rms"] == told["deviation_um"]["rms"]
+    assert compensation["after_um"]["rms"] < 5.0 < compensation["before_um"]["rms"]
+    assert "not the wanted shape" in compensation["label"]
+    profile = read_profile(tmp_path / "lens.json")
+    assert profile.simulated
+    assert profile.edge == "predicted"
+    off = 1e3 * (profile.z_mm - oval_z(np.abs(profile.x_mm)))
+    inner = np.abs(profile.x_mm) < 0.5
+    assert np.all(off[inner] < -20.0)  # more material: nearer to the emitter
+    assert "simulated" in (tmp_path / "print.svg").read_text(encoding="utf-8")
+    again = read_profile(tmp_path / "drawn-printed.json")
+    assert float(np.abs(1e3 * (again.z_mm - oval_z(np.abs(again.x_mm))))[20:-20].max()) < 5.0
+
+
+def test_the_drawing_is_a_design_that_can_be_exported(sensor: Path, tmp_path: Path) -> None:
+    from solen.pipeline.export import export
+
+    drawn = tmp_path / "drawn.toml"
+    printed(sensor, Print(sure(tmp_path)), Outputs(compensate=drawn), response=False)
+    assert "As drawn for the printer, not the wanted shape" in drawn.read_text(encoding="utf-8")
+    found = open_design(drawn)
+    assert found.name.endswith("as drawn for the printer, not the wanted shape")
+    body, wanted = Sensor.of(found).body(), Sensor.of(open_design(sensor)).body()
+    assert sorted(face.name for face in body.all_faces) == sorted(face.name for face in wanted.all_faces)
+    # walls some 32 um farther in, all of it 1 % larger
+    assert body.area_mm2() == pytest.approx(wanted.area_mm2() * 1.0203 - 0.033 * 138.0, rel=0.01)
+    made = export(drawn, tmp_path / "out", ("stl", "svg"))
+    assert Path(made["files"]["stl"]).stat().st_size > 10_000
+
+
+def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> None:
+    told = printed(sensor, Print(sure(tmp_path)), Outputs(), ["motion.step_deg=1.5"])
+    response = told["response"]
+    assert response["angle_deg"] == [-3.0, -1.5, 0.0, 1.5, 3.0]
+    designed, as_printed = (np.array(response["chip"]["contrast"][name]) for name in ("designed", "printed"))
+    # a mirror image of a symmetric sensor, within the step of a ray of 16384
+    assert np.allclose(designed, -designed[::-1], atol=5e-3)
+    assert np.allclose(as_printed, -as_printed[::-1], atol=5e-3)
+    # a chip of 0.2 mm: 0.90 at 3 deg as designed; the printed lens gives up some of it
+    assert designed[0] == pytest.approx(0.90, abs=0.01)
+    assert 0.0 < designed[0] - as_printed[0] < 0.15
+    assert 0.0 < response["chip"]["slope_lost_percent"] < 50.0
+
+
+def test_a_predicted_profile_goes_back_into_the_design(sensor: Path, tmp_path: Path) -> None:
+    printed(sensor, Print(sure(tmp_path)), Outputs(out=tmp_path / "lens.json"), response=False)
+    again = open_design(sensor, ['lens.shape="measured"', f'lens.profile="{(tmp_path / "lens.json").as_posix()}"'])
+    lens = Sensor.of(again).lens
+    x = np.array([0.0, 0.5, 1.0])
+    assert np.all(1e3 * (lens.z_mm(x) - oval_z(x)) < -20.0)  # type: ignore[attr-defined]  # a measured lens has it
+
+
+@pytest.mark.parametrize("orientation", ["upright", "on-edge"])
+def test_other_orientations_are_told_with_their_steps(sensor: Path, tmp_path: Path, orientation: str) -> None:
+    told = printed(
+        sensor, Print(sure(tmp_path), orientation=orientation), Outputs(figure=tmp_path / "a.svg"), response=False
+    )
+    assert told["walls_um"] is None
+    assert told["ripple_um"]["along"] == "profile"
+    assert 5.0 < told["ripple_um"]["peak_to_valley"] < 40.0
+    assert any("steps of the layers" in text for text in told["warnings"])
+
+
+def test_what_is_left_out_of_a_process_is_the_default(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(KNOWN, encoding="utf-8")
+    found = read_process(path)
+    assert found.process.sigma_um == 14.0
+    assert found.process.Dp_um == default_process().process.Dp_um
+    assert "sigma_um" not in found.uncertainty
+    assert found.uncertainty["wash_um"] == default_process().uncertainty["wash_um"]
+    assert parsed_process(process_text(found), "again") == found
+
+
+def test_the_default_says_where_each_number_comes_from() -> None:
+    found = default_process()
+    assert set(found.source) == set(type(found.process).model_fields)
+    published = {key for key, text in found.source.items() if text.startswith("published")}
+    assert published == {"layer_um", "irradiance_mW_per_cm2", "exposure_s", "burn_in_layers", "burn_in_s"}
+    assert any(text.startswith("assumed, not measured: Dp_um, Ec_mJ_per_cm2") for text in found.warnings())
+
+
+BAD_PROCESSES = {
+    "sigma_um = -3.0": r"process\.sigma_um = -3\.0; must be greater than 0",
+    "sigma_um = nan": r"process\.sigma_um = nan; must be a finite number",
+    "exposure_s = 0.1": r"process\.exposure_s = 0\.1; gives 1\.3 mJ/cm², and the resin sets from 5 mJ/cm² on: nothing "
+    r"cures; expose for more than 0\.385 s",
+    "burn_in_s = 0.1": r"process\.burn_in_s = 0\.1; gives 1\.3 mJ/cm²",
+    "halo_um = 3.0": r"process\.halo_um = 3\.0; must be at least sigma_um, 15",
+    "sigma_mm = 3.0": r"process\.sigma_mm; unknown key; did you mean process\.sigma_um",
+    "layer_um = 0.0": r"process\.layer_um = 0\.0; must be at least 1",
+    'Dp_um = "deep"': r"process\.Dp_um = 'deep'; must be a number",
+    "[uncertainty]\nwash_um = -1.0": r"uncertainty.* must be at least 0",
+    "[uncertainty]\nwosh_um = 1.0": r"uncertainty = 'wosh_um'; must be one of",
+    "[uncertainty]\npixel_um = 1.0": r"uncertainty = 'pixel_um'",
+}
+
+
+@pytest.mark.parametrize("line", BAD_PROCESSES)
+def test_bad_processes_are_refused_in_one_line(line: str) -> None:
+    with pytest.raises(DataError, match=BAD_PROCESSES[line]) as bad:
+        parsed_process(f'schema = 1\nname = "x"\n[process]\n{line}\n', "bad.toml")
+    assert "\n" not in str(bad.value)
+
+
+def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path: Path) -> None:
+    process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
+    told = printed(sensor, Print(process), Outputs(), response=False)
+    assert told["cure_depth_um"] < 100.0
+    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 um") for text in told["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("how", "outputs", "error", "match"),
+    [
+        (Print(orientation="tilted"), Outputs(), SpecError, "must be one of flat, upright"),
+        (Print(at="top"), Outputs(), SpecError, "must be middle, mean, or a height in mm from 0 to 4"),
+        (Print(at="4.1"), Outputs(), SpecError, "from 0 to 4"),
+        (Print(at="nan"), Outputs(), SpecError, "from 0 to 4"),
+        (Print(orientation="upright", at="mean"), Outputs(), SpecError, "is of a part printed flat"),
+        (
+            Print(orientation="on-edge"),
+            Outputs(compensate=Path("d.toml")),
+            SpecError,
+            "steps of layers cannot be drawn",
+        ),
+        (Print(), Outputs(compensate=Path("d.json")), OutputError, "a design ends in .toml"),
+        (Print(), Outputs(out=Path("lens.toml")), OutputError, "a result ends in .json"),
+        (Print(), Outputs(figure=Path("lens.gif")), OutputError, "a figure ends in"),
+        (Print(process=Path("nowhere.toml")), Outputs(), DataError, "no such file"),
+        (Print(printer="asiga-max-x72"), Outputs(), DataError, "not in the library"),
+    ],
+)
+def test_bad_demands_are_refused(
+    sensor: Path, how: Print, outputs: Outputs, error: type[SolenError], match: str
+) -> None:
+    with pytest.raises(error, match=match):
+        printed(sensor, how, outputs, response=False)
+
+
+def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
+    process, _ = process_of(Print(printer="asiga-max-x43"))
+    assert process.process.pixel_um == 43.0
+    assert process.source["pixel_um"].endswith("Asiga MAX X43")
+    assert process.uncertainty == default_process().uncertainty
+    with pytest.raises(DataError, match=r"process\.layer_um = 900\.0; Asiga MAX X43 prints layers of"):
+        process_of(Print(process=sure(tmp_path, layer_um=900.0, exposure_s=300.0), printer="asiga-max-x43"))
+    calibrated = tmp_path / "mine.toml"
+    calibrate_printer([features_file(tmp_path / "a.json")], out=calibrated)
+    assert process_of(Print(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
+    with pytest.raises(DataError, match="the process was calibrated with pixels of 27 um"):
+        process_of(Print(process=calibrated, printer="asiga-max-x43"))
+
+
+def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path) -> None:
+    coarse = sure(tmp_path, pixel_um=250.0, sigma_um=120.0, halo_um=200.0)
+    out = tmp_path / "lens.json"
+    with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 um"):
+        printed(sensor, Print(coarse), Outputs(out=out), response=False)
+    assert not out.exists()
+
+
+def features_file(path: Path, **changes: Any) -> Path:
+    """Simulated coupons of a blurred process."""
+    one = settings(sigma_um=20.0, Ec_mJ_per_cm2=3.0)
+    nominal = [("pillar", 0.06), ("pillar", 0.1), ("pillar", 0.3), ("pillar", 1.0), ("gap", 0.5), ("hole", 1.5)]
+    features = [Feature(kind, size, None, None, True) for kind, size in nominal]  # type: ignore[arg-type]
+    found = [
+        {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_mm": 0.003, "resolved": True} | changes
+        for (kind, size), made in zip(nominal, printed_mm(one, features), strict=True)
+    ]
+    path.write_text(json.dumps({"coupon": "A", "features": found, "simulated": True}), encoding="utf-8")
+    return path
+
+
+def test_a_calibration_is_written_as_a_process(tmp_path: Path) -> None:
+    coupons = features_file(tmp_path / "a.json")
+    out = tmp_path / "p.toml"
+    told = calibrate_printer([coupons], out=out, figure=tmp_path / "c.svg")
+    strict(json.dumps(told, allow_nan=False))
+    assert told["warnings"][0] == "the features are simulated, not measured"
+    assert told["sources"][0]["simulated"] is True
+    assert told["rms_um"] < 1.0
+    found = read_process(out)
+    assert found.keeps_growth
+    assert found.calibration is not None
+    assert found.calibration.simulated
+    assert any("simulated coupons" in text for text in found.warnings())
+    assert "simulated" in (tmp_path / "c.svg").read_text(encoding="utf-8")
+
+
+BAD_FEATURES: list[tuple[dict[str, Any], str]] = [
+    ({"kind": "cone"}, r"features\[0\]: kind = 'cone'; must be one of pillar, hole, gap, step"),
+    ({"nominal_mm": -1.0}, r"features\[0\]: nominal_mm = -1\.0; must be a number above 0"),
+    ({"nominal_mm": None}, r"features\[0\]: nominal_mm; missing"),
+    ({"measured_mm": "wide"}, r"features\[0\]: measured_mm = 'wide'"),
+    ({"measured_mm": 700.0}, r"at most 100 mm"),
+    ({"u_mm": None}, r"features\[0\]: u_mm; missing: a measured size without its uncertainty"),
+    ({"u_mm": 0}, r"features\[0\]: u_mm = 0; must be a number above 0"),
+    ({"resolved": "yes"}, r"features\[0\]: resolved = 'yes'; must be true or false"),
+    ({"resolved": False}, r"coupons = '0 of 6 features'; needs 3"),
+]
+
+
+@pytest.mark.parametrize(("changes", "match"), BAD_FEATURES)
+def test_bad_features_are_refused(tmp_path: Path, changes: dict[str, Any], match: str) -> None:
+    out = tmp_path / "p.toml"
+    with pytest.raises(DataError, match=match):
+        calibrate_printer([features_file(tmp_path / "a.json", **changes)], out=out)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[1]", '{"features": 3}', '{"features": [1]}', '{"simulated": 1, "features": []}']
+)
+def test_files_that_hold_no_features_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(DataError):
+        calibrate_printer([path])
+
+
+def test_bad_outputs_of_a_calibration_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"a process ends in \.toml"):
+        calibrate_printer([features_file(tmp_path / "a.json")], out=tmp_path / "p.json")
+    with pytest.raises(DataError, match="no file of features"):
+        calibrate_printer([])

@@ -1,0 +1,125 @@
+"""`solen fidelity` from a file to its numbers, its result file and its figure, and what it refuses."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image as Pillow
+from PIL import PngImagePlugin
+
+from solen.cli import _run
+from solen.geometry.coupons import Choices, layout
+from tests.metrology.coupon_support import Camera, Print
+
+Run = Callable[..., Any]
+UM = 14.0
+
+
+def png(path: Path, grey: Any) -> None:
+    about = PngImagePlugin.PngInfo()
+    about.add_text("Description", "simulated micrograph")
+    Pillow.fromarray(np.rint(255 * grey).astype(np.uint8)).save(path, pnginfo=about)
+
+
+@pytest.fixture
+def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> dict[str, Any]:
+        capfd.readouterr()
+        assert _run([*arguments, "--json"]) == 0, capfd.readouterr().err
+        printed = capfd.readouterr()
+        assert printed.err == ""
+        found = json.loads(printed.out)
+        assert isinstance(found, dict)
+        return found
+
+    return run
+
+
+def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> None:
+    coupon = layout("group-a")
+    part = Print(coupon, size_mm=lambda one: one.diameter_mm + 0.02, missing=frozenset({"d-0.06", "d-0.08"}))
+    png(Path("a.png"), Camera(UM, 3.0, blur_px=1.2).picture(part))
+    options = ("fidelity", "a.png", "--coupon", "group-a", "--um-per-px", "14")
+    found = told(*options, "--figure", "a.svg", "--out", "a.json")
+    assert found["minimum"]["positive_diameter"]["nominal_mm"] == 0.1
+    assert found["minimum"]["positive_diameter"]["next_mm"] == 0.08
+    assert found["simulated"] is True
+    assert [source["file"] for source in found["sources"]] == ["a.png"]
+    written = json.loads(Path("a.json").read_text(encoding="utf-8"))
+    assert written["kind"] == "fidelity"
+    assert written["coupon"] == "group-a"
+    for one in written["features"]:
+        assert one["kind"] == "pillar"
+        assert one["resolved"] is (one["measured_mm"] is not None)
+        if one["resolved"]:
+            assert one["measured_mm"] == pytest.approx(one["nominal_mm"] + 0.02, abs=5 * one["u_mm"])
+    assert "simulated: a.png" in Path("a.svg").read_text(encoding="utf-8")
+    assert _run([*options]) == 0
+    lines = capfd.readouterr().out
+    assert "smallest pillar that stands: 0.1 mm, printed 0.12" in lines
+    assert "0.08 mm is not" in lines
+
+
+def test_a_job_tells_the_layout(told: Run) -> None:
+    """A coupon of other measures is found by its job, and not without."""
+    told("coupons", "--out", "print", "--only", "group-b", "--set", "spacing_mm=1.6", "--gap-reading", "row")
+    coupon = layout("group-b", Choices(spacing_mm=1.6, gap_reading="row"))
+    png(Path("b.png"), Camera(8.0, blur_px=1.2).picture(Print(coupon)))
+    found = told("fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
+    assert found["coupon"] == "group-b"
+    assert {one["name"] for one in found["features"] if one["kind"] == "gap" and one["resolved"]} >= {"g-0.5", "g-0.1"}
+    assert _run(["fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
+
+
+def test_a_z_map_of_the_reference(told: Run) -> None:
+    z = Camera(20.0, 5.0).z_map(Print(layout("z-reference")))
+    tifffile.imwrite("z.tif", (1e3 * z).astype(np.float32))
+    found = told(
+        "fidelity", "z.tif", "--coupon", "z-reference", "--um-per-px", "20", "--z-um", "1", "--figure", "z.png"
+    )
+    assert found["image"] == "z map"
+    assert found["minimum"]["z_step"]["nominal_mm"] == pytest.approx(0.025)
+    assert [one["measured_mm"] for one in found["heights"]] == pytest.approx([1.0, 1.025, 0.025], abs=1e-3)
+    assert Path("z.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (["a.png", "--coupon", "group-a"], "says nowhere how large a pixel is"),
+        (["a.png", "--um-per-px", "14"], "--coupon; is missing"),
+        (["a.png", "--coupon", "group-x", "--um-per-px", "14"], "must be one of group-a"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "0"], "--um-per-px = 0.0"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14"], "shows no group-a"),
+        (["a.png", "--coupon", "group-c", "--um-per-px", "14"], "--z-um"),
+        (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that a picture shows"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is no z map"),
+        (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
+        (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
+        (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),
+        (["a.png", "--job", "job.json", "--um-per-px", "14"], "is no job of a coupon"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure ends in"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--out", "a.txt"], "a result ends in .json"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "did you mean spacing_mm?"),
+    ],
+)
+def test_bad_input_ends_in_one_line(
+    arguments: list[str], part: str, capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    png(Path("a.png"), 0.5 + 0.05 * np.random.default_rng(1).standard_normal((200, 300)))
+    Path("job.json").write_text("{}", encoding="utf-8")
+    Path("z.csv").write_text("1,2\n3,4\n", encoding="utf-8")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    assert _run(["fidelity", *arguments]) == 2
+    printed = capfd.readouterr()
+    assert part in printed.err
+    assert printed.err.count("\n") == 1
+    assert printed.out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == before

@@ -1,0 +1,146 @@
+"""Files of arrays: MATLAB, TDMS, HDF5 and netCDF give the recording that the same table as CSV gives."""
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from nptdms import ChannelObject, RootObject, TdmsWriter
+from scipy.io import netcdf_file, savemat
+
+from solen.errors import DataError
+from solen.recording import Recording, read
+
+TIME = np.arange(400) * 0.005
+ANGLE = np.sin(TIME)
+LEFT, RIGHT = 2.0 - 0.3 * ANGLE, 2.0 + 0.3 * ANGLE
+
+
+def write_matlab(path: Path) -> None:
+    table = {"time_s": TIME[:, None], "angle_deg": ANGLE, "V": np.column_stack([LEFT, RIGHT])}
+    savemat(path, {"run": table, "fs": 200.0, "operator": "nobody", "short": np.arange(7.0)}, do_compression=True)
+
+
+def write_matlab73(path: Path) -> None:
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in (("time_s", TIME), ("angle_deg", ANGLE)):
+            file.create_dataset(f"run/{name}", data=values[None, :])
+        file.create_dataset("run/V", data=np.vstack([LEFT, RIGHT]))
+        text = file.create_dataset("operator", data=np.array([[ord(letter)] for letter in "nobody"], dtype=np.uint16))
+        text.attrs["MATLAB_class"] = np.bytes_("char")
+        file.create_dataset("fs", data=[[200.0]])
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(128))
+
+
+def write_netcdf4(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs["operator"] = "nobody"
+        file.attrs["simulated"] = "yes"
+        stamps = file.create_dataset("time", data=1e3 * TIME)
+        stamps.attrs["units"] = "milliseconds since 2026-01-01"
+        stamps.make_scale("time")
+        file.create_dataset("angle", data=np.radians(ANGLE)).attrs["units"] = "rad"
+        names = file.create_dataset("receiver", data=np.array([b"left", b"right"], dtype="S5"))
+        names.make_scale("receiver")
+        volts = file.create_dataset("voltage", data=np.column_stack([LEFT, RIGHT]))
+        volts.attrs["units"] = "V"
+        volts.dims[0].attach_scale(stamps)
+        volts.dims[1].attach_scale(names)
+
+
+def write_netcdf3(path: Path) -> None:
+    opened: Any = netcdf_file(path, "w")
+    with opened as file:
+        file.operator = "nobody"
+        file.createDimension("time", TIME.size)
+        for name, values, unit in (("time", TIME, "s"), ("angle", ANGLE, "deg"), ("left", LEFT, "V")):
+            variable = file.createVariable(name, "d", ("time",))
+            variable[:] = values
+            variable.units = unit
+
+
+def write_tdms(path: Path) -> None:
+    wave = {"wf_increment": 0.005, "wf_start_offset": 0.0, "wf_samples": TIME.size}
+    with TdmsWriter(path) as writer:
+        channels = [
+            ChannelObject("daq", name, values, {"unit_string": unit} | wave)
+            for name, values, unit in (("angle", ANGLE, "deg"), ("left", LEFT, "V"), ("right", RIGHT, "V"))
+        ]
+        writer.write_segment([RootObject({"operator": "nobody"}), *channels])
+
+
+def values(found: Recording, name: str, unit: str) -> Any:
+    return found.need(name).to(unit)
+
+
+@pytest.mark.parametrize(
+    ("write", "kind", "left"),
+    [
+        (write_matlab, "matlab", "V 1"),
+        (write_matlab73, "matlab-7.3", "V 1"),
+        (write_netcdf4, "hdf5", "left"),
+        (write_netcdf3, "netcdf", "left"),
+        (write_tdms, "tdms", "left"),
+    ],
+)
+def test_arrays_become_channels(tmp_path: Path, write: Callable[[Path], None], kind: str, left: str) -> None:
+    path = tmp_path / "recording.bin"  # the name does not tell
+    write(path)
+    found = read(path)
+    assert found.provenance.format == kind
+    assert found.provenance.metadata["operator"] == "nobody"
+    assert found.provenance.simulated is (kind == "hdf5")
+    assert values(found, "time", "s") == pytest.approx(TIME, abs=1e-12)
+    assert values(found, "angle", "deg") == pytest.approx(ANGLE, abs=1e-12)
+    assert found.need(left).values == pytest.approx(LEFT)
+
+
+def test_what_has_another_length_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "one.mat"
+    write_matlab(path)
+    found = read(path)
+    assert found.provenance.metadata["fs"] == "200"
+    assert any("another length are left out: short" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize("write", [write_matlab, write_matlab73, write_netcdf4, write_netcdf3, write_tdms])
+def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    path = tmp_path / "damaged"
+    write(path)
+    data = path.read_bytes()
+    draw = np.random.default_rng(5)
+    for length in (600, len(data) // 2):
+        path.write_bytes(data[:length])
+        try:
+            found = read(path)
+        except DataError as bad:
+            assert "\n" not in str(bad)  # noqa: PT017
+        else:  # what is still whole may be read, but not as if nothing were missing
+            assert len(found.channels[0].values) < TIME.size or found.warnings
+    for _ in range(20):
+        noisy = bytearray(data)
+        for place in draw.integers(8, len(data), 30):
+            noisy[place] ^= 0xFF
+        path.write_bytes(noisy)
+        try:
+            read(path)
+        except DataError as bad:
+            assert "\n" not in str(bad)  # noqa: PT017  damage in a number is still a number
+
+
+@pytest.mark.parametrize(
+    ("write", "module", "extra"), [(write_netcdf4, "h5py", "solen[netcdf]"), (write_tdms, "nptdms", "solen[tdms]")]
+)
+def test_without_the_extra_a_line_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None], module: str, extra: str
+) -> None:
+    path = tmp_path / "one"
+    write(path)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(DataError) as refused:
+        read(path)
+    assert f'pip install "{extra}"' in str(refused.value)
