@@ -10,6 +10,7 @@ from solen.errors import DataError
 from solen.fabricate.process import (
     Calibration,
     Feature,
+    Fit,
     Process,
     Settings,
     calibrated,
@@ -87,10 +88,15 @@ def test_small_things_vanish_and_close(true: Settings) -> None:
     assert np.isnan(printed_mm(true, features)).all()
 
 
-def test_calibration_finds_the_process_that_printed_the_coupons(true: Settings) -> None:
+@pytest.fixture(scope="module")
+def found(true: Settings) -> Fit:
     features = drawn(steps=True)
-    sizes = printed_mm(true, features)
-    found = calibrated(default_process(), measured(features, sizes, np.random.default_rng(3)), "test")
+    return calibrated(
+        default_process(), measured(features, printed_mm(true, features), np.random.default_rng(3)), "test"
+    )
+
+
+def test_calibration_finds_the_process_that_printed_the_coupons(true: Settings, found: Fit) -> None:
     wanted = [22.0, growth_um(true), 0.4, 2.0]
     assert found.keys == ("sigma_um", "growth_um", "shrinkage_percent", "shrinkage_z_percent")
     off = (found.value - wanted) / found.u
@@ -117,12 +123,9 @@ def test_calibrated_intervals_hold_what_they_say(true: Settings) -> None:
     assert np.all((spread > 0.75) & (spread < 1.2))
 
 
-def test_what_is_calibrated_is_kept_when_other_numbers_vary(true: Settings) -> None:
+def test_what_is_calibrated_is_kept_when_other_numbers_vary(found: Fit) -> None:
     """The growth of walls is known: what washing or exposure may be no longer moves the lens."""
-    features = drawn()
-    sizes = printed_mm(true, features)
-    before = default_process()
-    after = calibrated(before, measured(features, sizes, np.random.default_rng(5)), "test").process
+    before, after = default_process(), found.process
     assert after.keeps_growth
     target = round_target(0.4)
     told = {

@@ -10,9 +10,9 @@ import pytest
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.fabricate.process import Feature, default_process, parsed_process, printed_mm, process_text, read_process
 from solen.lens.measured import read_profile
-from solen.pipeline.calibrateprinter import calibrate_printer
+from solen.pipeline.calibrateprinter import calibrate_printer, read_features
 from solen.pipeline.design import open_design
-from solen.pipeline.printed import Outputs, Print, printed, process_of
+from solen.pipeline.printed import Outputs, Print, printed, process_of, with_resin
 from solen.sensor import Sensor
 from solen.spec import template
 from tests.fabricate.print_support import settings
@@ -46,9 +46,18 @@ def strict(text: str) -> Any:
     return json.loads(text, parse_constant=pytest.fail)
 
 
-def test_a_print_is_told_with_its_profile_and_its_drawing(sensor: Path, tmp_path: Path) -> None:
-    outputs = Outputs(tmp_path / "lens.json", tmp_path / "drawn.toml", tmp_path / "print.svg")
-    told = printed(sensor, Print(sure(tmp_path)), outputs, response=False)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """One print with all of its files, and what it told."""
+    folder = tmp_path_factory.mktemp("print")
+    sensor = folder / "sensor.toml"
+    sensor.write_text(template(), encoding="utf-8")
+    outputs = Outputs(folder / "lens.json", folder / "drawn.toml", folder / "print.svg")
+    return folder, printed(sensor, Print(sure(folder)), outputs, response=False)
+
+
+def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, dict[str, Any]]) -> None:
+    folder, told = made
     strict(json.dumps(told, allow_nan=False))
     assert told["simulated"] is True
     assert told["deviation_um"]["rms"] > 20.0
@@ -59,37 +68,45 @@ def test_a_print_is_told_with_its_profile_and_its_drawing(sensor: Path, tmp_path
     assert compensation["before_um"]["rms"] == told["deviation_um"]["rms"]
     assert compensation["after_um"]["rms"] < 5.0 < compensation["before_um"]["rms"]
     assert "not the wanted shape" in compensation["label"]
-    profile = read_profile(tmp_path / "lens.json")
+    profile = read_profile(folder / "lens.json")
     assert profile.simulated
     assert profile.edge == "predicted"
     off = 1e3 * (profile.z_mm - oval_z(np.abs(profile.x_mm)))
     inner = np.abs(profile.x_mm) < 0.5
     assert np.all(off[inner] < -20.0)  # more material: nearer to the emitter
-    assert "simulated" in (tmp_path / "print.svg").read_text(encoding="utf-8")
-    again = read_profile(tmp_path / "drawn-printed.json")
+    assert "simulated" in (folder / "print.svg").read_text(encoding="utf-8")
+    again = read_profile(folder / "drawn-printed.json")
     assert float(np.abs(1e3 * (again.z_mm - oval_z(np.abs(again.x_mm))))[20:-20].max()) < 5.0
 
 
-def test_the_drawing_is_a_design_that_can_be_exported(sensor: Path, tmp_path: Path) -> None:
+def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, dict[str, Any]]) -> None:
     from solen.pipeline.export import export
 
-    drawn = tmp_path / "drawn.toml"
-    printed(sensor, Print(sure(tmp_path)), Outputs(compensate=drawn), response=False)
+    folder, _ = made
+    drawn = folder / "drawn.toml"
     assert "As drawn for the printer, not the wanted shape" in drawn.read_text(encoding="utf-8")
     found = open_design(drawn)
     assert found.name.endswith("as drawn for the printer, not the wanted shape")
-    body, wanted = Sensor.of(found).body(), Sensor.of(open_design(sensor)).body()
+    body, wanted = Sensor.of(found).body(), Sensor.of(open_design(folder / "sensor.toml")).body()
     assert sorted(face.name for face in body.all_faces) == sorted(face.name for face in wanted.all_faces)
     # walls some 32 um farther in, all of it 1 % larger
     assert body.area_mm2() == pytest.approx(wanted.area_mm2() * 1.0203 - 0.033 * 138.0, rel=0.01)
-    made = export(drawn, tmp_path / "out", ("stl", "svg"))
-    assert Path(made["files"]["stl"]).stat().st_size > 10_000
+    files = export(drawn, folder / "out", ("stl", "svg"))["files"]
+    assert Path(files["stl"]).stat().st_size > 10_000
+
+
+def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, dict[str, Any]]) -> None:
+    profile = (made[0] / "lens.json").as_posix()
+    again = open_design(made[0] / "sensor.toml", ['lens.shape="measured"', f'lens.profile="{profile}"'])
+    lens = Sensor.of(again).lens
+    x = np.array([0.0, 0.5, 1.0])
+    assert np.all(1e3 * (lens.z_mm(x) - oval_z(x)) < -20.0)  # type: ignore[attr-defined]  # a measured lens has it
 
 
 def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> None:
-    told = printed(sensor, Print(sure(tmp_path)), Outputs(), ["motion.step_deg=1.5"])
+    told = printed(sensor, Print(sure(tmp_path)), Outputs(), ["motion.step_deg=3.0"])
     response = told["response"]
-    assert response["angle_deg"] == [-3.0, -1.5, 0.0, 1.5, 3.0]
+    assert response["angle_deg"] == [-3.0, 0.0, 3.0]
     designed, as_printed = (np.array(response["chip"]["contrast"][name]) for name in ("designed", "printed"))
     # a mirror image of a symmetric sensor, within the step of a ray of 16384
     assert np.allclose(designed, -designed[::-1], atol=5e-3)
@@ -98,14 +115,6 @@ def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> 
     assert designed[0] == pytest.approx(0.90, abs=0.01)
     assert 0.0 < designed[0] - as_printed[0] < 0.15
     assert 0.0 < response["chip"]["slope_lost_percent"] < 50.0
-
-
-def test_a_predicted_profile_goes_back_into_the_design(sensor: Path, tmp_path: Path) -> None:
-    printed(sensor, Print(sure(tmp_path)), Outputs(out=tmp_path / "lens.json"), response=False)
-    again = open_design(sensor, ['lens.shape="measured"', f'lens.profile="{(tmp_path / "lens.json").as_posix()}"'])
-    lens = Sensor.of(again).lens
-    x = np.array([0.0, 0.5, 1.0])
-    assert np.all(1e3 * (lens.z_mm(x) - oval_z(x)) < -20.0)  # type: ignore[attr-defined]  # a measured lens has it
 
 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
@@ -203,8 +212,8 @@ def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
     assert process.uncertainty == default_process().uncertainty
     with pytest.raises(DataError, match=r"process\.layer_um = 900\.0; Asiga MAX X43 prints layers of"):
         process_of(Print(process=sure(tmp_path, layer_um=900.0, exposure_s=300.0), printer="asiga-max-x43"))
-    calibrated = tmp_path / "mine.toml"
-    calibrate_printer([features_file(tmp_path / "a.json")], out=calibrated)
+    calibration = "[calibration]\nkeys = ['growth_um']\ncovariance = [[0.04]]\nfeatures = 9\n"
+    calibrated = _written(tmp_path / "mine.toml", KNOWN + calibration)
     assert process_of(Print(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
     with pytest.raises(DataError, match="the process was calibrated with pixels of 27 um"):
         process_of(Print(process=calibrated, printer="asiga-max-x43"))
@@ -243,8 +252,42 @@ def test_a_calibration_is_written_as_a_process(tmp_path: Path) -> None:
     assert found.keeps_growth
     assert found.calibration is not None
     assert found.calibration.simulated
-    assert any("simulated coupons" in text for text in found.warnings())
+    assert any("rest on simulated coupons" in text for text in found.warnings())
     assert "simulated" in (tmp_path / "c.svg").read_text(encoding="utf-8")
+
+
+def test_what_is_not_resolved_needs_no_size(tmp_path: Path) -> None:
+    """As a program that measures writes it: names, reasons, and a step that is none."""
+    path = features_file(tmp_path / "a.json")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    step = {"name": "s1", "kind": "step", "nominal_mm": 0.01, "measured_mm": -0.002, "u_mm": 0.0, "reason": "no rise"}
+    data["features"].append(step | {"resolved": False})
+    data["undecided"] = [step | {"resolved": None}]
+    path.write_text(json.dumps(data), encoding="utf-8")
+    features, _ = read_features(path)
+    assert [one.measured_mm is not None for one in features] == [True] * 6 + [False]
+    assert features[6].u_mm is None
+
+
+def test_a_resin_with_a_working_curve_gives_it(sensor: Path, tmp_path: Path) -> None:
+    resin = tmp_path / "resin.toml"
+    cure = "[cure]\nDp_um = 80.0\nEc_mJ_per_cm2 = 4.0\ncovariance = [[9.0, 0.5], [0.5, 0.04]]\n"
+    text = f'schema = 1\nname = "clear"\n[index]\nkind = "number"\nn = 1.44\n{cure}'
+    resin.write_text(text, encoding="utf-8")
+    design = open_design(sensor, [f'material.resin="{resin.as_posix()}"'])
+    found = with_resin(default_process(), design)
+    assert (found.process.Dp_um, found.process.Ec_mJ_per_cm2) == (80.0, 4.0)
+    assert found.source["Dp_um"] == "resin: clear"
+    keys, covariance = found.covariance()
+    assert keys[:2] == ("Dp_um", "Ec_mJ_per_cm2")
+    assert covariance[:2, :2].tolist() == [[9.0, 0.5], [0.5, 0.04]]
+    stated = read_process(_written(tmp_path / "p.toml", KNOWN + 'Dp_um = 60.0\n[source]\nDp_um = "measured"\n'))
+    assert with_resin(stated, design) is stated
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
 
 
 BAD_FEATURES: list[tuple[dict[str, Any], str]] = [

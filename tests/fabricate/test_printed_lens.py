@@ -29,6 +29,8 @@ from tests.fabricate.print_support import box, process, ring, round_target, sett
 from tests.fabricate.solid_support import body_of, design, oval_z
 
 NOTHING = {"shrinkage_percent": 0.0, "shrinkage_z_percent": 0.0}
+NARROW = {"halo_um": 20.0, "halo_per_depth": 0.0, **NOTHING}
+"""A halo that needs little room, where it is not what is looked at."""
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,7 @@ def test_a_printed_disc_is_that_of_the_radial_integral() -> None:
 def test_refining_the_pixels_converges() -> None:
     means, ripples = [], []
     for pixel in (24.0, 12.0, 6.0, 3.0):
-        one = settings(pixel_um=pixel, sigma_um=12.0, halo_fraction=0.0, **NOTHING)
+        one = settings(pixel_um=pixel, sigma_um=12.0, halo_fraction=0.0, **NARROW)
         found = FlatPrint.of([ring(0.3)], round_target(0.3), one, 1.0).offsets_um(500.0)
         means.append(float(found.mean()))
         ripples.append(float(found.std()))
@@ -73,7 +75,7 @@ def test_refining_the_layers_converges() -> None:
     """As much light for each micrometre in ever thinner layers: the ripple goes with the layer's thickness."""
     ripples, middles = [], []
     for layer in (40.0, 20.0, 10.0):
-        one = settings(layer_um=layer, exposure_s=2.0 * layer / 25.0, burn_in_layers=0, Ec_mJ_per_cm2=1.0, **NOTHING)
+        one = settings(layer_um=layer, exposure_s=2.0 * layer / 25.0, burn_in_layers=0, Ec_mJ_per_cm2=1.0, **NARROW)
         printed = FlatPrint.of([ring(0.3)], round_target(0.3), one, 2.0)
         ripples.append(printed.ripple_um(1000.0))
         middles.append(float(printed.profile_um(1000.0).mean()))
@@ -85,10 +87,12 @@ def test_refining_the_layers_converges() -> None:
 def test_shrinkage_and_washing_do_what_they_say() -> None:
     target = round_target(0.5)
     target = Target(target.points_mm, target.outward, target.along_mm, (0.0, 0.0))
-    base = FlatPrint.of([ring(0.5)], target, settings(pixel_um=9.0, **NOTHING), 1.0).offsets_um(500.0)
-    shrunk = FlatPrint.of([ring(0.5)], target, settings(pixel_um=9.0, shrinkage_percent=2.0), 1.0).offsets_um(500.0)
+    base = FlatPrint.of([ring(0.5)], target, settings(pixel_um=9.0, **NARROW), 1.0).offsets_um(500.0)
+    shrunk = FlatPrint.of(
+        [ring(0.5)], target, settings(pixel_um=9.0, **NARROW | {"shrinkage_percent": 2.0}), 1.0
+    ).offsets_um(500.0)
     assert np.allclose(shrunk, 0.98 * (500.0 + base) - 500.0, atol=0.05)
-    washed = settings(pixel_um=9.0, shrinkage_percent=0.0, wash_um=-4.0, taper_deg=1.0)
+    washed = settings(pixel_um=9.0, wash_um=-4.0, taper_deg=1.0, **NARROW)
     there = FlatPrint.of([ring(0.5)], target, washed, 1.0)
     assert np.allclose(there.offsets_um(500.0), base - 4.0, atol=1e-6)
     assert there.beyond_dose_um(1000.0) == pytest.approx(-4.0 + 500.0 * np.tan(np.radians(1.0)))
@@ -201,7 +205,7 @@ def test_uncertainty_is_what_the_numbers_of_the_process_leave_open(body: Body, l
 
 
 def test_the_mean_over_the_thickness_is_less_than_the_middle(body: Body, lens: Target) -> None:
-    printed = FlatPrint.of(rings_of(as_designed(body)), lens, settings(), 2.0)
+    printed = FlatPrint.of(rings_of(as_designed(body)), lens, settings(**NARROW), 2.0)
     assert float(printed.profile_um(None).mean()) < float(printed.profile_um(1000.0).mean())
     with pytest.raises(DataError, match="above the platform"):
         printed.layer_at(2001.0)
@@ -217,6 +221,16 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
         SidePrint.of(rings, lens, settings(pixel_um=300.0), "upright")
     with pytest.raises(DataError, match=r"process\.layer_um = 1000"):
         SidePrint.of(rings, lens, settings(layer_um=1000.0, exposure_s=100.0), "upright")
+
+
+def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -> None:
+    rings = rings_of(as_designed(body))
+    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the lens and 6 widths of the halo"):
+        FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
+    with pytest.raises(DataError, match="the part would have 400,000 layers, at most 10,000"):
+        FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)
+    with pytest.raises(DataError, match="are more than can be followed; slice thicker"):
+        SidePrint.of(rings, lens, settings(layer_um=1.0), "on-edge")
 
 
 def test_a_lens_that_does_not_set_is_refused(lens: Target) -> None:

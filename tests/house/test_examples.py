@@ -391,6 +391,14 @@ def test_the_lens_as_printed_focuses_where_snell_s_law_puts_it() -> None:
     assert found.response.null_shift_deg > 10.0 * found.response.u_null_deg
 
 
+def test_half_of_the_steps_below_a_layer_are_none() -> None:
+    """Of heights in whole layers of 50 µm every second step of 25 µm rises by a layer."""
+    found = result("coupon_steps")
+    assert (found["step_mm"], found["not_mm"]) == (0.05, 0.025)
+    assert found["printed_mm"] == pytest.approx(0.05, abs=3e-4)  # 2 µm over the 340 pixels of a top, over six steps
+    assert found["rises"] == 6
+
+
 def test_ambient_light_is_rejected_as_phasors_say() -> None:
     """A reading is on less off: the sum of what a turning phasor is at each of its slots; a ramp by its rise in one."""
     found, slot_s = result("ambient_light"), 0.0025

@@ -253,3 +253,64 @@ def test_a_file_of_several_sensors_by_groups(tmp_path: Path) -> None:
     assert found["simulated"] is True
     assert found["mean_of_sensors"]["n"] == 2
     assert len(found["sources"]) == 1
+
+
+def test_the_shipped_recording_answers_as_the_paper_says(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """At −3° the right receiver's voltage falls and the left's rises; without a lens a tenth of it is left."""
+    path = tmp_path / "recording.csv"
+    found = result(capsys, "--example", str(path))
+    assert path.stat().st_size < 150_000
+    assert found["simulated"] is True
+    assert list(found["sensors"]) == ["S1", "S2", "S3", "C"]
+    for label in ("S1", "S2", "S3"):
+        sensor = found["sensors"][label]
+        right, left = (np.array(sensor["receivers"][side]["mean_V"]) for side in ("right", "left"))
+        middle = right.size // 2
+        assert right[0] < right[middle] < right[-1]
+        assert left[0] > left[middle] > left[-1]
+        assert len(sensor["cycles"]) == 6
+    assert found["lens_beside_none"]["right"]["without_lens_percent"] < 10.0
+    assert not any("convention" in warning for warning in found["warnings"])
+    assert _run(["analyse", "--example", str(path)]) == 2  # it is never written over
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.evidence
+def test_the_shipped_recording_is_what_its_script_writes() -> None:
+    from tools.recording import TARGET, recording
+
+    text = TARGET.read_text(encoding="utf-8")
+    made = recording()
+    numbers = [np.loadtxt(lines.splitlines(), delimiter=",", skiprows=4) for lines in (text, made)]
+    assert text.split("\n")[:4] == made.split("\n")[:4]
+    assert numbers[1] == pytest.approx(numbers[0], abs=1e-3)  # other processors round otherwise
+
+
+def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
+    signals = made(TRUTH)
+
+    def warnings(angle_deg: Any, volts: Any) -> str:
+        path = tmp_path / "one.csv"
+        rows = np.column_stack([signals.time_s, angle_deg, volts])
+        np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
+        found = pipeline.analyse(pipeline.Request((path,)))
+        json.dumps(found, allow_nan=False)
+        return " | ".join(found["warnings"])
+
+    assert "--zero-deg 90 counts from there" in warnings(signals.angle_deg + 90.0, signals.volts)
+    told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
+    assert "does not answer to the angle" in told
+    assert "both move" not in told
+
+
+def test_one_thing_under_two_names_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    columns = Columns(channels=(("left", "left_V"), ("right", "left_V")))
+    with pytest.raises(SpecError, match="is named for two things"):
+        pipeline.analyse(pipeline.Request((path,), columns=columns))
+    with pytest.raises(SpecError, match="is named twice"):
+        pipeline.analyse(pipeline.Request((path, path)))
+    other = tmp_path / "other"
+    other.mkdir()
+    found = pipeline.analyse(pipeline.Request((path, write(other / "one.csv", replace(TRUTH, seed=2)))))
+    assert any("taken for one sensor" in warning for warning in found["warnings"])

@@ -16,6 +16,8 @@ from solen.analysis.numbers import Estimate, over_cycles, receiver_numbers
 from solen.analysis.response import Passes, curve
 from solen.recording.model import FloatArray
 
+_NOTHING_V = 1e-9  # a change below this is rounding
+
 
 def pair_numbers(
     found: Passes,
@@ -138,7 +140,7 @@ def sign_warnings(
     if sides is None:
         return []
     left, right = (Estimate(numbers[receivers[n]]["swing_V"], numbers[receivers[n]]["u_swing_V"]) for n in sides)
-    if not (left.resolved and right.resolved):
+    if not (left.resolved and right.resolved) or min(abs(left.value), abs(right.value)) < _NOTHING_V:
         return []
     told = f"from the lowest to the highest angle {receivers[sides[0]]} changes by {left.value:+.3g} V and "
     told += f"{receivers[sides[1]]} by {right.value:+.3g} V"

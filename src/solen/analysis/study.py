@@ -27,6 +27,8 @@ from solen.recording.model import FloatArray
 _SETTLE = 0.2
 """Share of a hold at its beginning that its noise is not taken from."""
 _LEAST_HOLD = 8
+_TENTH = 0.1
+_ROUNDING_V = 1e-9
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ def analysed(recordings: Sequence[Signals], settings: Settings, motions: dict[in
     sides = pair(first.receivers)
     both = None if sides is None else pair_numbers(found, sides, noise, settings.dark_V)
     told = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    told += sign_warnings(numbers, sides, first.receivers) + _cautions(first.receivers, numbers, found)
+    told += sign_warnings(numbers, sides, first.receivers) + _cautions(first.receivers, numbers, found, runs)
     return Analysed(first.label, first.lens, first.receivers, runs, found, numbers, both, tuple(told))
 
 
@@ -231,15 +233,34 @@ def _intervals(angle_deg: FloatArray, hidden: NDArray[np.bool_]) -> list[list[fl
     return [[float(angle_deg[a]), float(angle_deg[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _cautions(receivers: tuple[str, ...], numbers: dict[str, dict[str, Any]], found: Passes) -> list[str]:
+def _rest_words(runs: Sequence[Run]) -> list[str]:
+    """Whether the angle rests elsewhere than at 0, where numbers near zero are not what they are called."""
+    for run in runs:
+        motion = run.motion
+        if (
+            abs(motion.rest_deg) > _TENTH * (motion.high_deg - motion.low_deg)
+            and not motion.low_deg < 0 < motion.high_deg
+        ):
+            return [
+                f"the angle rests at {motion.rest_deg:.4g}° and never passes 0, so there are no numbers near zero; "
+                f"--zero-deg {motion.rest_deg:.4g} counts from there"
+            ]
+    return []
+
+
+def _cautions(
+    receivers: tuple[str, ...], numbers: dict[str, dict[str, Any]], found: Passes, runs: Sequence[Run]
+) -> list[str]:
     """What the numbers of a sensor cannot say."""
-    told = []
+    told = _rest_words(runs)
     if found.cycles < 3:
         count = "one cycle is" if found.cycles == 1 else "two cycles are"
         told.append(f"{count} used: how well they repeat, and how they drift, cannot be told")
     for name in receivers:
         own = numbers[name]
         size, u = own["hysteresis_V"], own["u_hysteresis_V"]
+        if abs(own["swing_V"]) <= max(3.0 * own["u_swing_V"], _ROUNDING_V):
+            told.append(f"{name}: does not answer to the angle beyond its noise (swing {own['swing_V']:.2g} V)")
         if math.isfinite(u) and 1e-9 * own["range_V"] < size <= 3.0 * u:
             told.append(f"{name}: the hysteresis of {size:.2g} V is within its noise ({u:.2g} V); it is a bound")
         if not np.isfinite(found.of(receivers.index(name)).volts).any():

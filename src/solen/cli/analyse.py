@@ -1,5 +1,6 @@
 """The command of recordings: `solen analyse`."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -38,6 +39,7 @@ def analyse(
     dark_v: float | None = None,
     smooth_ms: float | None = None,
     columns: _Texts = None,
+    example: Annotated[Path | None, Parameter(negative=())] = None,
     sheet: str | None = None,
     traces: Path | None = None,
     figure: FigureFile = None,
@@ -98,6 +100,8 @@ def analyse(
         Moving mean over this time before anything else; none by default.
     columns
         Names of the columns of tables without a header, such as time_s angle_deg left_mV right_mV.
+    example
+        Write the simulated recording that solen ships to this .csv, and analyse it as well.
     sheet
         Sheet of a workbook.
     traces
@@ -124,6 +128,8 @@ def analyse(
         names=None if columns is None else tuple(columns),
         sheet=sheet,
     )
+    if example is not None:
+        asked = pipeline.with_example(asked, example)
     found = pipeline.analyse(asked, out=out, figure=figure, traces=traces)
     show(found, as_json, lambda: list(_told(found)))
 
@@ -172,7 +178,10 @@ def _pm(values: dict[str, Any], name: str, unit: str) -> str:
     value, u = values[name], values[f"u_{name}"]
     if value is None:
         return "not known"
-    return f"{value:.4g}{unit}" if u is None else f"{value:.4g} ± {u:.1g}{unit}"
+    if not u:
+        return f"{value:.4g}{unit}"
+    digits = max(0, 1 - math.floor(math.log10(u)))
+    return f"{value:.{digits}f} ± {u:.{digits}f}{unit}" if digits < 9 else f"{value:.9g} ± {u:.1e}{unit}"
 
 
 def _percent(value: float | None) -> str:

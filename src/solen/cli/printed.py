@@ -135,7 +135,7 @@ def calibrate_printer(
     Parameters
     ----------
     files
-        Files of measured features (JSON), as solen inspect writes them of a coupon.
+        Files of measured features (JSON), as solen fidelity --out writes them of a coupon.
     process
         Process that the coupons were printed with, as far as it is known; by default the published settings.
     """

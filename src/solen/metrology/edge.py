@@ -28,7 +28,7 @@ LINES = 5
 BLURS = 5.0
 """Half the length of a fitted line, in blurs."""
 LEAST_HALF_PX = 5.0
-SOME, WIDER = 200, 1.25
+SOME, WIDER = 120, 1.25
 """The blur is found from so many places; lines are long enough where it grows by less than this factor."""
 FEWEST = 20
 """Good fits from which what is usual can be told."""

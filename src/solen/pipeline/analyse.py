@@ -4,12 +4,14 @@ Each file is one recording of one sensor, or of several by the names of their co
 pooled; sensors are compared.
 """
 
+import importlib.resources
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from solen import files
 from solen.analysis import Analysed, Group, Motion, Settings, Signals, analysed, beside, smoothed
 from solen.analysis.unseen import Protocol, unseen
 from solen.errors import DataError, OutputError, SolenError, SpecError
@@ -20,6 +22,7 @@ from solen.pipeline.signals import NOWHERE, Columns, Sampled, demodulated, sampl
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.labels import has_lens, labels
 
+EXAMPLE = "rotation-simulated.csv"
 CONTROL = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
 
@@ -135,6 +138,9 @@ def check(asked: Request) -> None:
     """`SpecError` for options that cannot be."""
     if not asked.files:
         raise SpecError("analyse", limit="needs a file", remedy="name one or more recordings")
+    twice = next((path for path in asked.files if asked.files.count(path) > 1), None)
+    if twice is not None:
+        raise SpecError("analyse", value=str(twice), limit="is named twice", remedy="name each recording once")
     settings, columns = asked.settings, asked.columns
     if settings.drop_cycles < 0:
         raise SpecError("--drop", value=settings.drop_cycles, limit="must be at least 0")
@@ -155,6 +161,17 @@ def check(asked: Request) -> None:
         raise SpecError("--angle-file", value=len(asked.logs), limit=limit)
     if columns.rate_hz is not None and columns.time is not None:
         raise SpecError("--rate-hz", value=columns.rate_hz, limit="goes with no --time", remedy="leave one of them out")
+
+
+def with_example(asked: Request, path: Path) -> Request:
+    """Also the simulated recording that solen ships, written to a file that is not there yet."""
+    if path.suffix.lower() != ".csv":
+        raise OutputError(str(path), limit="a recording ends in .csv", remedy="rename it")
+    if path.exists():
+        raise OutputError(str(path), limit="exists already", remedy="name another file or remove it")
+    shipped = importlib.resources.files("solen.analysis") / "examples" / EXAMPLE
+    files.write_bytes(path, shipped.read_bytes())
+    return replace(asked, files=(*asked.files, path))
 
 
 def _check_protocol(asked: Request, protocol: Protocol) -> None:
@@ -184,6 +201,7 @@ def study(asked: Request) -> Study:
             for one in part.signals:
                 parts.setdefault(one.label, []).append(one)
     _check_controls(asked, parts)
+    warnings += _pooled(asked, parts)
     motions: dict[int, Motion] = {}
     sensors = tuple(_sensor(signals, asked.settings, motions) for signals in parts.values())
     several = len(sensors) > 1
@@ -193,6 +211,17 @@ def study(asked: Request) -> Study:
     control = [one for one in sensors if one.lens is False]
     groups = (beside(lens) if lens else None, beside(control) if control else None)
     return Study(sensors, *groups, tuple(provenances), tuple(alignments), tuple(dict.fromkeys(warnings)))
+
+
+def _pooled(asked: Request, parts: Mapping[str, Sequence[Signals]]) -> list[str]:
+    """What is taken for one sensor though no pattern says so."""
+    if asked.pattern is not None:
+        return []
+    return [
+        f"{label}: {len(found)} recordings of one name are taken for one sensor; --pattern tells them apart"
+        for label, found in parts.items()
+        if len(found) > 1
+    ]
 
 
 def _sensor(signals: Sequence[Signals], settings: Settings, motions: dict[int, Motion]) -> Analysed:

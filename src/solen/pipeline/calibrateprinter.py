@@ -2,7 +2,7 @@
 
 A file of features is JSON: ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step",
 "nominal_mm": …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
-Other keys, such as those that a measuring program adds, are left alone.
+Other keys, such as those that `solen fidelity --out` adds, are left alone.
 """
 
 import math
@@ -53,7 +53,7 @@ def calibrate_printer(
     if not paths:
         raise DataError("coupons", limit="no file of features", remedy="name one or more")
     before = default_process() if process is None else read_process(process)
-    read = [_read(path) for path in paths]
+    read = [read_features(path) for path in paths]
     features = [feature for found, _ in read for feature in found]
     simulated = any(source["simulated"] for _, source in read)
     name = ", ".join(dict.fromkeys(path.name for path in paths))
@@ -111,8 +111,8 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _read(path: Path) -> tuple[list[Feature], dict[str, Any]]:
-    """Features of a file, and its provenance."""
+def read_features(path: Path) -> tuple[list[Feature], dict[str, Any]]:
+    """Features of a file, and its provenance; `DataError` where it holds none, or one that is not possible."""
     source = load(path)
     data = parsed(source.text(), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
@@ -135,7 +135,9 @@ def _feature(data: Any, where: str) -> Feature:
     resolved = data.get("resolved")
     if not isinstance(resolved, bool):
         raise DataError(f"{where}: resolved", value=resolved, limit="must be true or false")
-    measured, u = (_length(data.get(key), f"{where}: {key}") for key in ("measured_mm", "u_mm"))
+    # of what is not resolved a picture may still tell a size, such as a step of no height: it is not used
+    sizes = (data.get("measured_mm"), data.get("u_mm")) if resolved else (None, None)
+    measured, u = (_length(size, f"{where}: {key}") for key, size in zip(("measured_mm", "u_mm"), sizes, strict=True))
     if resolved and measured is not None and u is None:
         limit = "missing: a measured size without its uncertainty cannot be weighed"
         raise DataError(f"{where}: u_mm", limit=limit, remedy="state it")

@@ -16,8 +16,9 @@ import numpy as np
 from solen import files
 from solen.errors import DataError, OutputError, SpecError
 from solen.fabricate import process as printing
-from solen.fabricate.process import Compensation, Deviation, Orientation, Prediction, Process, Target
+from solen.fabricate.process import Calibration, Compensation, Deviation, Orientation, Prediction, Process, Target
 from solen.lens.measured import MeasuredProfile, profile_of, profile_text
+from solen.material.resin import resin_of
 from solen.parts import printer_of
 from solen.pipeline import printedresponse, redrawn
 from solen.pipeline.design import open_design
@@ -129,6 +130,7 @@ def printed(
     _check_outputs(outputs, orientation)
     process, sources = process_of(how)
     sensor = Sensor.of(open_design(path, assignments))
+    process = with_resin(process, sensor.design)
     case = _case(sensor, process, sources, how, orientation, outputs.compensate is not None, progress)
     profile = profile_of_print(case, case.found.deviation)
     told = _told(case)
@@ -188,6 +190,24 @@ def with_printer(process: Process, name: str | None) -> Process:
     found = process.with_settings(pixel_um=pitch_um)
     source = f"{printer.pitch_um.basis}: {printer.name}"
     return found.model_copy(update={"source": found.source | {"pixel_um": source}})
+
+
+def with_resin(process: Process, design: Design) -> Process:
+    """Process with the working curve of the design's resin, where it has one and the process only assumes its own."""
+    resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
+    if resin is None or resin.cure is None or process.calibration is not None:
+        return process
+    if not {"Dp_um", "Ec_mJ_per_cm2"} <= set(process.assumptions):
+        return process
+    cure = resin.cure
+    found = process.with_settings(Dp_um=cure.Dp_um, Ec_mJ_per_cm2=cure.Ec_mJ_per_cm2)
+    told: dict[str, Any] = {"source": found.source | dict.fromkeys(("Dp_um", "Ec_mJ_per_cm2"), f"resin: {resin.name}")}
+    if cure.covariance is not None:
+        simulated = any(one.simulated for one in resin.sources if one.of == "cure")
+        told["calibration"] = Calibration(
+            keys=("Dp_um", "Ec_mJ_per_cm2"), covariance=cure.covariance, simulated=simulated
+        )
+    return found.model_copy(update=told)
 
 
 def profile_of_print(case: Case, deviation: Deviation) -> MeasuredProfile:

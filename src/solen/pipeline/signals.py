@@ -245,7 +245,9 @@ def _angle_deg(recording: Recording, asked: Columns, warnings: list[str], *, nee
 def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[str, Channel]:
     """Columns of the receivers, by the names that they are given."""
     if asked.channels:
-        return {name: column(recording, text, "--channel") for name, text in asked.channels}
+        named = {name: column(recording, text, "--channel") for name, text in asked.channels}
+        _check_once(recording, [one.name for one in named.values()], taken)
+        return named
     free = [one for one in recording.channels if one.name not in taken and not _BESIDE.search(one.name)]
     found = [one for one in free if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
     found = found or [one for one in free if not one.unit and (_ENDS.search(one.name) or side_of(one.name))]
@@ -254,6 +256,14 @@ def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[st
         remedy = f"name them with --channel NAME=COLUMN; {_there(recording)}"
         raise DataError(recording.provenance.file or "recording", limit=limit, remedy=remedy)
     return {one.name: one for one in found}
+
+
+def _check_once(recording: Recording, names: Sequence[str], taken: set[str]) -> None:
+    """`SpecError` where a column is to be two things."""
+    for name, count in Counter([*names, *taken]).items():
+        if count > 1:
+            limit = f"is named for two things in {recording.provenance.file}"
+            raise SpecError("--channel", value=name, limit=limit, remedy="give each its own column")
 
 
 def _volts(channel: Channel, warnings: list[str]) -> FloatArray:

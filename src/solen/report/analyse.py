@@ -82,5 +82,5 @@ def _draw_all(axes: Axes, sensors: Sequence[Analysed]) -> None:
             axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)
             axes.plot(angle, found.mean_V, dashes, color=colour, lw=1.4)
         axes.plot(np.nan, np.nan, color=colour, label=title_of(one))
-    axes.set_title("all: right whole, left dashed", fontsize=9, loc="left")
+    axes.set_title("all: right solid, left dashed", fontsize=9, loc="left")
     axes.legend(fontsize=8, loc="best")

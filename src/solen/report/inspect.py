@@ -20,6 +20,8 @@ MOST_PX = 1400
 """Longer side of the picture as it is drawn."""
 MARGIN = 0.18
 MAP = "coolwarm"
+PICTURE, BELOW = 5.2, 2.4
+"""Width of the picture and height of what is below it, in inches."""
 
 
 def inspect_figure(image: Image, outline: Outline, ideal: Ideal, rivals: Sequence[Rival]) -> Figure:
@@ -28,11 +30,13 @@ def inspect_figure(image: Image, outline: Outline, ideal: Ideal, rivals: Sequenc
     most = max(float(np.abs(laid.off_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 6.6), layout="constrained")
-        above, below = figure.subplots(2, 1, height_ratios=[2.3, 1.0])
+        x0, x1, y0, y1 = _window(laid.pose.to_px(ideal.front_mm), image.shape)
+        tall = float(np.clip(PICTURE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
+        figure = Figure(figsize=(6.4, tall + BELOW), layout="constrained")
+        above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
         _picture(above, image, outline, ideal)
         edge = _coloured(above, outline, norm)
-        figure.colorbar(edge, ax=above, label="out of the design (µm)", shrink=0.9)
+        figure.colorbar(edge, ax=above, label="out of the design (µm)", shrink=0.95)
         _deviations(below, outline, rivals, norm)
         said = "simulated: " if image.provenance.simulated else ""
         title = f"{said}{image.provenance.file}, {image.um_per_px:.4g} µm per pixel"
@@ -105,17 +109,19 @@ def _deviations(axes: Axes, outline: Outline, rivals: Sequence[Rival], norm: Two
     x, off = laid.points_mm[:, 0], laid.off_um
     for number, rival in enumerate(rivals):
         other = rival.registration
+        if abs(other.rms_um - laid.rms_um) < 1e-6 * laid.rms_um:  # the design itself
+            continue
         axes.plot(
             other.points_mm[:, 0],
             other.off_um,
             "-",
             lw=0.9,
-            color=(LOST, *SERIES[4:])[number % 4],
+            color=(*SERIES[4:6], LOST)[number % 3],
             label=f"from {rival.name} ({rival.registration.rms_um:.3g} µm rms)",
         )
     axes.fill_between(x, off - 1.96 * laid.u_um, off + 1.96 * laid.u_um, color=SERIES[0], alpha=0.2, lw=0)
     axes.scatter(x, off, c=off, cmap=MAP, norm=norm, s=4, lw=0, zorder=3)
     axes.axhline(0.0, color=INK, lw=0.7)
     most = float(np.abs(off).max())
-    axes.set(xlabel="x (mm)", ylabel="out of the design (µm)", ylim=(-1.6 * most, 1.6 * most))
+    axes.set(xlabel="x (mm)", ylabel="out of the design (µm)", ylim=(-1.4 * most, 2.1 * most))
     axes.legend(fontsize=7, loc="upper center", ncols=2, frameon=True, framealpha=0.85, edgecolor="none")

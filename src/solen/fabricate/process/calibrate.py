@@ -129,7 +129,9 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
         bounds=problem.bounds,
         x_scale=problem.before,
         diff_step=np.full(len(problem.keys), 1e-4),
-        xtol=1e-6,
+        xtol=1e-5,
+        ftol=1e-7,
+        max_nfev=50,
     )
     jacobian, count = np.asarray(found.jac), len(used)
     chi2 = float(np.sum(found.fun[:count] ** 2))

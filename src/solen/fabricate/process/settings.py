@@ -235,7 +235,9 @@ class Process(Strict):
                 f"assumed, not measured: {', '.join(assumed)}; solen calibrate-printer finds what coupons can tell"
             )
         if self.calibration is not None and self.calibration.simulated:
-            found.append("the process was calibrated on simulated coupons")
+            found.append(
+                "numbers of the process rest on simulated coupons or a simulated working curve, not on measured ones"
+            )
         return found
 
 

@@ -1,0 +1,86 @@
+"""The recording that solen ships for `solen analyse --example`: three simulated prints with a lens and one without.
+
+Each print is the shipped 860 nm design with an index and an emitter that are a little off, traced angle by angle; its
+light goes through the readout of the design (parts, load, converter, noise), and what the stage does is the paper's
+test. Nothing in it was measured, and its first line says so.
+
+    python tools/recording.py        # writes the file again; the same seed gives the same bytes
+"""
+
+import io
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from solen.readout import circuit_of, face_areas_mm2, volts
+from solen.sensor import Sensor
+from solen.spec import loads, template, with_values
+
+FloatArray = NDArray[np.float64]
+
+TARGET = Path(__file__).resolve().parents[1] / "src" / "solen" / "analysis" / "examples" / "rotation-simulated.csv"
+SEED = 20
+RATE_HZ, SPEED_DEG_PER_S, HOLD_S, REACH_DEG, CYCLES, REST_S = 100.0, 15.0, 0.8, 3.0, 6, 0.5
+PRINTS = {"S1": (0.0, 0.004), "S2": (0.003, -0.003), "S3": (-0.003, 0.001), "C": (0.0, 0.004)}
+"""How far each print's index and its emitter (mm) are off; C has no lens."""
+CHIP_MM, TRACED, ANGLE_NOISE_DEG, DRIFT = 0.2, 41, 0.002, -0.002
+"""Width of the chip, angles that are traced, noise of the encoder, and the emitter's loss of light in the run."""
+REMARK = """\
+# simulated: yes
+# control: C
+# design: solen-860, three prints with a lens (S1, S2, S3) and one without (C), traced; tools/recording.py made it
+"""
+
+
+def angle_of(time_s: FloatArray) -> FloatArray:
+    """The paper's test: to one side, hold, back, the other side."""
+    ramp = REACH_DEG / SPEED_DEG_PER_S
+    took = np.tile([ramp, HOLD_S, ramp, ramp, HOLD_S, ramp], CYCLES)
+    corners = np.tile([1.0, 1.0, 0.0, -1.0, -1.0, 0.0], CYCLES) * REACH_DEG
+    return np.asarray(np.interp(time_s, REST_S + np.cumsum([0.0, *took]), [0.0, *corners]))
+
+
+def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Volts of the left and the right receiver of a print, (n, 2)."""
+    index, offset_mm = PRINTS[name]
+    design = loads(template("solen-860"))
+    end = 1.02 * REACH_DEG
+    values = {"emitter.width_mm": CHIP_MM, "emitter.offset_mm": offset_mm, "material.index": 1.44 + index}
+    sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (TRACED - 1)}
+    sensor = Sensor.of(with_values(design, {**values, **sweep}))
+    sensor = sensor.without_lens if name == "C" else sensor
+    response = sensor.power()
+    areas = face_areas_mm2(sensor.design, sensor.body())
+    circuit = circuit_of(sensor.design, {side: areas[side] for side in ("left", "right")})
+    traced = PchipInterpolator(response.angle_deg, np.column_stack([response.left, response.right]))
+    fading = 1.0 + DRIFT * np.linspace(0.0, 1.0, angle_deg.size)[:, None]
+    return volts(traced(angle_deg) * fading, circuit, rng=rng)
+
+
+def recording() -> str:
+    """The file."""
+    rng = np.random.default_rng(SEED)
+    end = 2.0 * REST_S + CYCLES * (4.0 * REACH_DEG / SPEED_DEG_PER_S + 2.0 * HOLD_S)
+    time_s = np.arange(0.0, end, 1.0 / RATE_HZ)
+    angle = angle_of(time_s)
+    columns = np.column_stack([readings(name, angle, rng) for name in PRINTS])
+    shown = angle + ANGLE_NOISE_DEG * rng.standard_normal(angle.size)
+    text = io.StringIO()
+    names = [f"{name}.{side} (V)" for name in PRINTS for side in ("left", "right")]
+    form = ["%.2f", "%.3f", *["%.4f"] * len(names)]
+    rows = np.column_stack([time_s, shown, columns])
+    np.savetxt(text, rows, fmt=form, delimiter=",", header=",".join(["time_s", "angle_deg", *names]), comments="")
+    return REMARK + text.getvalue().replace("-0.000,", "0.000,")
+
+
+def main() -> None:
+    """Write the file."""
+    TARGET.parent.mkdir(exist_ok=True)
+    TARGET.write_text(recording(), encoding="utf-8", newline="\n")
+    print(f"{TARGET.name}: {TARGET.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    main()
