@@ -203,6 +203,12 @@ def test_the_command_writes_what_it_tells(told: Run) -> None:
     assert first == {path.name: path.read_bytes() for path in Path("print").iterdir()}, "no date, no chance"
 
 
+def test_a_printer_gives_its_pixel(told: Run) -> None:
+    found = told("--out", "print", "--only", "group-b", "--printer", "asiga-max-uv")
+    assert found["choices"]["pitch_um"] == 62.0
+    assert any("gaps below a pixel of 62 µm" in line for line in found["coupons"][0]["warnings"])
+
+
 def test_the_list_says_what_was_read_into_the_source(told: Run) -> None:
     found = told("--list", "--hole-reading", "tenths")
     assert [one["name"] for one in found["coupons"]] == list(COUPONS)
@@ -236,6 +242,8 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
         (["--out", "p", "--hole-reading", "fifths"], "must be one of repeats, even, tenths"),
         (["--out", "p", "--plate-mm", "24", "50"], "does not fit on a plate of 24 x 50 mm"),
         (["--out", "p", "--plate-mm", "0", "50"], "--plate-mm"),
+        (["--out", "p", "--only", "cubes", "--printer", "asiga-pico2-hd-27"], "does not fit on a plate of"),
+        (["--out", "p", "--printer", "asiga-none"], "asiga"),
         (["--out", "p", "--tolerance-mm", "5"], "--tolerance-mm = 5.0"),
         (["--out", "p", "--figure", "p.bmp"], "a figure ends in .svg, .png, .pdf"),
         (["--out", "p", "--only", "holes", "--figure", "p/holes.svg"], "is a file of the coupons too"),

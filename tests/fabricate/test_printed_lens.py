@@ -223,6 +223,16 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
         SidePrint.of(rings, lens, settings(layer_um=1000.0, exposure_s=100.0), "upright")
 
 
+def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -> None:
+    rings = rings_of(as_designed(body))
+    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the lens and 6 widths of the halo"):
+        FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
+    with pytest.raises(DataError, match="the part would have 400,000 layers, at most 10,000"):
+        FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)
+    with pytest.raises(DataError, match="are more than can be followed; slice thicker"):
+        SidePrint.of(rings, lens, settings(layer_um=1.0), "on-edge")
+
+
 def test_a_lens_that_does_not_set_is_refused(lens: Target) -> None:
     with pytest.raises(DataError, match="no wall near"):
         exits_um(lambda places: np.full(places.shape[:-1], -1.0), lens, 50.0)

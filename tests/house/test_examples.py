@@ -370,6 +370,35 @@ def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_
     assert 0.85 * largest < found["moved"] < largest + 1e-3
 
 
+def test_the_lens_as_printed_focuses_where_snell_s_law_puts_it() -> None:
+    """Rays through the wave itself, without points, noise or smoothing; its uncertainty is that of the points."""
+    found = result("as_printed")
+    x = np.linspace(-HALF_WIDTH_MM, HALF_WIDTH_MM, 2001)
+    oval = np.array([oval_z(float(one), 1.44) for one in x])
+    steep = np.hypot(1.0, np.gradient(oval, x))
+    wave = np.sin(2.5 * x + 0.4)
+    wave *= 0.020 / math.sqrt(np.average(wave**2, weights=steep))
+    z = oval - wave * steep
+    normal, aim = -np.arctan(np.gradient(z, x)), np.arctan2(x, z + DISTANCE_MM)
+    slope = np.tan(normal + np.arcsin(np.sin(aim - normal) / 1.44))
+    start, even = x - slope * z, np.gradient(aim)  # evenly over the angle of the emitter's rays
+    a, t = (one - np.average(one, weights=even) for one in (start, slope))
+    best = -float(np.average(a * t, weights=even) / np.average(t * t, weights=even))
+    u = found.lens.u_best_focus_mm(1.44)
+    assert 0.0 < u < 0.2
+    assert found.lens.best_focus_mm(1.44) == pytest.approx(best, abs=2.0 * u)
+    assert found.lens.fit.deviation.rms_um == pytest.approx(20.0, abs=0.2)
+    assert found.response.null_shift_deg > 10.0 * found.response.u_null_deg
+
+
+def test_half_of_the_steps_below_a_layer_are_none() -> None:
+    """Of heights in whole layers of 50 µm every second step of 25 µm rises by a layer."""
+    found = result("coupon_steps")
+    assert (found["step_mm"], found["not_mm"]) == (0.05, 0.025)
+    assert found["printed_mm"] == pytest.approx(0.05, abs=3e-4)  # 2 µm over the 340 pixels of a top, over six steps
+    assert found["rises"] == 6
+
+
 def test_ambient_light_is_rejected_as_phasors_say() -> None:
     """A reading is on less off: the sum of what a turning phasor is at each of its slots; a ramp by its rise in one."""
     found, slot_s = result("ambient_light"), 0.0025

@@ -152,6 +152,20 @@ def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
         demodulate(path, Options())
 
 
+def test_the_angle_goes_along(tmp_path: Path) -> None:
+    """What else was recorded stands beside the readings at their times, for the analysis of the response."""
+    time, values, state = stream(40, np.zeros_like)
+    path = written(
+        tmp_path / "a.csv", "time_s,angle_deg,right (V),state", time, 3.0 * time - 1.0, values[:, 0], state.tolist()
+    )
+    demodulate(path, Options(), out=tmp_path / "r.csv")
+    again = read(tmp_path / "r.csv")
+    angle = again.need("angle")
+    assert angle.unit == "deg"
+    assert angle.values == pytest.approx(3.0 * again.channel("time").values - 1.0, abs=1e-6)
+    assert "state" not in again.names
+
+
 @pytest.mark.parametrize("on", ["low", "high"])
 def test_swapped_phases_are_told(tmp_path: Path, on: str) -> None:
     """The emitter's light follows the motion, the room hardly moves: what varies must be the on phase."""

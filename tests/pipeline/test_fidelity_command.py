@@ -73,6 +73,7 @@ def test_a_job_tells_the_layout(told: Run) -> None:
     png(Path("b.png"), Camera(8.0, blur_px=1.2).picture(Print(coupon)))
     found = told("fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
     assert found["coupon"] == "group-b"
+    assert {one["diameter_mm"] for one in found["features"] if one["kind"] == "gap"} == {0.3}
     assert {one["name"] for one in found["features"] if one["kind"] == "gap" and one["resolved"]} >= {"g-0.5", "g-0.1"}
     assert _run(["fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
 

@@ -28,6 +28,7 @@ def coupons(
     gap_reading: str | None = None,
     set_: Choose = None,
     plate_mm: tuple[float, float] | None = None,
+    printer: str | None = None,
     step: Flag = False,
     tolerance_mm: float = 1e-3,
     figure: FigureFile = None,
@@ -57,6 +58,8 @@ def coupons(
         Gaps of group B: pairs, or row.
     plate_mm
         Width and depth of the build plate, which each coupon must fit on.
+    printer
+        A printer of solen printers, or a printer file: its plate and its pixel.
     step
         Write exact solids for CAD programs, too (needs the extra cad).
     tolerance_mm
@@ -75,7 +78,9 @@ def coupons(
         return
     if out is None:
         raise SpecError("--out", limit="is missing", remedy="name a folder, or --list the coupons")
-    found = pipeline.coupons(out, only, choices, step=step, plate_mm=plate_mm, tolerance_mm=tolerance_mm, figure=figure)
+    found = pipeline.coupons(
+        out, only, choices, step=step, plate_mm=plate_mm, printer=printer, tolerance_mm=tolerance_mm, figure=figure
+    )
     show(found, as_json, lambda: _written(found))
 
 

@@ -1,6 +1,6 @@
 """The lens: a Cartesian oval that takes the emitter to one focus, one that was measured, or a flat face without one."""
 
-from solen.lens.build import lens_of
+from solen.lens.build import lens_of, measured_lens
 from solen.lens.deviation import Deviation, FittedProfile
 from solen.lens.measured import MeasuredProfile, profile_of, profile_text, read_profile
 from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
@@ -16,6 +16,7 @@ __all__ = [
     "OvalLens",
     "Spot",
     "lens_of",
+    "measured_lens",
     "nearest_focus_mm",
     "profile_of",
     "profile_text",

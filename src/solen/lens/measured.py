@@ -52,7 +52,8 @@ class MeasuredProfile:
     x_mm, z_mm
         Places (N,), x strictly ascending; z grows into the body.
     u_mm
-        Standard uncertainty of each along the profile's normal, (N,); 0 for what is exact by its making.
+        Standard uncertainty of each along the profile's normal, (N,), without what all of them share (scale, place);
+        0 for what is exact by its making.
     simulated
         Whether it was computed, as by a print model or from a rendered picture, rather than measured.
     name

@@ -68,7 +68,7 @@ class MeasuredLens(Lens):
 
     @cached_property
     def front(self) -> Spline:
-        """See :attr:`Lens.front`: a spline within `CURVE_TOLERANCE_MM` of the smoothed profile."""
+        """See :attr:`solen.lens.optics.Lens.front`: a spline within `CURVE_TOLERANCE_MM` of the smoothed profile."""
 
         def place(x: Floats) -> Floats:
             return np.column_stack([x, self.z_mm(x)])
@@ -93,7 +93,7 @@ class MeasuredLens(Lens):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`Lens.warnings`."""
+        """See :attr:`solen.lens.optics.Lens.warnings`."""
         return self.fit.warnings
 
     def drawn_within(self, number: int) -> "MeasuredLens":

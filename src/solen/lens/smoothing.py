@@ -10,14 +10,11 @@ discrepancy principle), where that is smoother.
 The interface: `smoothed` returns a `Smooth`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from scipy.interpolate import BSpline
 
 Floats = NDArray[np.float64]
 
@@ -35,22 +32,24 @@ class Smooth:
     Attributes
     ----------
     spline
-        Value at a place between the first and the last one.
+        Values at places between the first and the last one, or with an order as second argument their derivatives.
+    length
+        From the first place to the last one.
     parameters
         Effective number of parameters: the trace of the matrix that takes values to smoothed values.
     residual
         Root of the mean square of the residuals, each in units of its standard uncertainty.
     """
 
-    spline: "BSpline"
+    spline: Callable[..., Floats]
+    length: float
     parameters: float
     residual: float
 
     @property
     def resolution(self) -> float:
         """Length over which values are averaged: the whole length per parameter."""
-        first, last = self.spline.t[[DEGREE, -DEGREE - 1]]
-        return float((last - first) / self.parameters)
+        return self.length / self.parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +106,8 @@ def smoothed(place: Floats, value: Floats, u: Floats) -> Smooth:
     found = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), place.size)
     strength = max(_likeliest(found), _matching(found))
     residual = float(np.sqrt(found.residuals(strength) / place.size))
-    return Smooth(BSpline(knots, found.coefficients(strength), DEGREE), found.parameters(strength), residual)
+    spline = BSpline(knots, found.coefficients(strength), DEGREE)
+    return Smooth(spline, float(place[-1] - place[0]), found.parameters(strength), residual)
 
 
 def _penalised(normal: Floats, right: Floats, squares: float, count: int) -> _Penalised:

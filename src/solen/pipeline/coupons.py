@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from solen.errors import OutputError, SpecError
 from solen.fabricate import Label, Mesh, Part
 from solen.fabricate.coupons import as_job, as_plan, cautions, check_plate, coupon_parts, job_sha256
 from solen.geometry.coupons import COUPONS, Choices, Coupon, chosen, layout
+from solen.parts import printer_of
 from solen.pipeline.outputs import check_figure
 from solen.spec.toml import parse_assignment
 
@@ -47,6 +48,7 @@ def coupons(
     *,
     step: bool = False,
     plate_mm: tuple[float, float] | None = None,
+    printer: str | None = None,
     tolerance_mm: float = 1e-3,
     figure: Path | None = None,
 ) -> dict[str, Any]:
@@ -64,6 +66,8 @@ def coupons(
         Whether to write STEP as well.
     plate_mm
         Build plate that each coupon must fit on.
+    printer
+        Name or file of a printer, whose plate and pixel are taken where they are not given.
     tolerance_mm
         How far a mesh may leave the exact walls.
     figure
@@ -78,6 +82,10 @@ def coupons(
     if step:
         fabricate.check_kernel()
     choices = choices or Choices()
+    if printer is not None:
+        made_by = printer_of(printer)
+        plate_mm = plate_mm or made_by.size_mm[:2]
+        choices = replace(choices, pitch_um=choices.pitch_um or made_by.pitch_um.usual)
     chosen_ones = [layout(name, choices) for name in names_of(only)]
     if plate_mm is not None:
         if not all(0.0 < side < math.inf for side in plate_mm):

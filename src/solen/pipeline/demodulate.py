@@ -25,7 +25,7 @@ from solen.analysis.demodulation import (
 from solen.analysis.demodulation.average import Averaged
 from solen.analysis.demodulation.rejection import KERNELS, mean_gain
 from solen.errors import OutputError
-from solen.pipeline.demodulate_data import Options, limits_of, samples_of
+from solen.pipeline.demodulate_data import Options, beside, limits_of, samples_of
 from solen.pipeline.outputs import check_figure
 from solen.recording import Recording, read
 
@@ -225,6 +225,9 @@ def _table(samples: Samples, kept: Demodulated | Averaged, options: Options, rec
         name, unit = _plain(*channel)
         heads += [f"{name}{unit}", f"u_{name}{unit}", f"ambient_{name}{unit}", f"clipped_{name}"]
         lists += [part[:, place].tolist() for part in (kept.signal, kept.u, kept.ambient, kept.clipped)]
+    for head, values in beside(recording, options, kept.time_s).items():
+        heads.append(head.replace(",", " ").replace('"', " "))
+        lists.append(values.tolist())
     formats = [_form(head) for head in heads]
     rows = [",".join(form(value) for form, value in zip(formats, row, strict=True)) for row in zip(*lists, strict=True)]
     remarks = [f"# readings of {recording.provenance.file}: on less off, {options.kernel}"]

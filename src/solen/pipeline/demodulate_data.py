@@ -59,7 +59,7 @@ class Options:
 
 def samples_of(recording: Recording, options: Options) -> Samples:
     """Samples of a recording with the state of each, as a column says or as the waveform shows."""
-    time = recording.channel(options.time) if options.time else recording.need(*TIMES)
+    time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
     state = _state_column(recording, options)
     channels = _channels(recording, options, time)
@@ -80,6 +80,34 @@ def samples_of(recording: Recording, options: Options) -> Samples:
         limit = f"leaves nothing of the shorter phase, which lasts {shorter_us:.0f} µs"
         raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
     return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
+
+
+def beside(recording: Recording, options: Options, at_s: FloatArray) -> dict[str, FloatArray]:
+    """Other columns of numbers, as the angle of a stage, at the times of readings, straight between samples, by head.
+
+    Times (M,) lie within those of the samples; a column without numbers is left out.
+    """
+    time = _time(recording, options)
+    time_s = time.to("s") if time.unit else time.values
+    used = {time.name, *_names(_channels(recording, options, time))}
+    state = recording.find(*((options.state,) if options.state else STATES))
+    used |= {state.name} if state is not None and options.rate_hz is None else set()
+    found = {}
+    for channel in recording.channels:
+        there = np.isfinite(time_s) & np.isfinite(channel.values)
+        if channel.name not in used and there.any():
+            name, unit = named_unit(channel)
+            head = f"{name} ({unit})" if unit else name
+            found[head] = np.interp(at_s, time_s[there], channel.values[there])
+    return found
+
+
+def _time(recording: Recording, options: Options) -> Channel:
+    return recording.channel(options.time) if options.time else recording.need(*TIMES)
+
+
+def _names(channels: tuple[Channel, ...]) -> set[str]:
+    return {channel.name for channel in channels}
 
 
 def _channels(recording: Recording, options: Options, time: Channel) -> tuple[Channel, ...]:

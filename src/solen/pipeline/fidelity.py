@@ -74,9 +74,11 @@ def fidelity(
         "um_per_px": scale.um_per_px,
         "scale": scale.as_dict(),
         "minimum": {limit.kind: _limit(limit) for limit in found.limits},
-        "features": [_told(one) for one in found.measured if one.kind in CALIBRATES and one.resolved is not None],
-        "undecided": [_told(one) for one in found.measured if one.kind in CALIBRATES and one.resolved is None],
-        "marks": [_told(one) for one in found.measured if one.kind == "mark"],
+        "features": [
+            _told(one, chosen) for one in found.measured if one.kind in CALIBRATES and one.resolved is not None
+        ],
+        "undecided": [_told(one, chosen) for one in found.measured if one.kind in CALIBRATES and one.resolved is None],
+        "marks": [_told(one, chosen) for one in found.measured if one.kind == "mark"],
         "heights": _heights(chosen, found),
         "placement": _placement(found),
         "blur_um": found.blur_um,
@@ -108,8 +110,10 @@ def _chosen(name: str | None, job: Path | None, assignments: Sequence[str]) -> C
     return coupon
 
 
-def _told(one: Measured) -> dict[str, Any]:
-    return asdict(one)
+def _told(one: Measured, coupon: Coupon) -> dict[str, Any]:
+    """A feature as plain data; of a gap also the nominal diameter of its pillars."""
+    beside = {gap.name: coupon.feature(gap.between[0]).diameter_mm for gap in coupon.gaps}
+    return asdict(one) | ({"diameter_mm": beside[one.name]} if one.kind == "gap" else {})
 
 
 def _limit(limit: Limit) -> dict[str, Any]:

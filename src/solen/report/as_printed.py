@@ -21,7 +21,7 @@ def measured_numbers(lens: MeasuredLens, index: float) -> dict[str, Any]:
     fit, spot = lens.fit, lens.best_spot(index)
     deviation, smooth, (low, high) = fit.deviation, fit.smooth, fit.reach_mm
     return {
-        "profile": fit.profile.name,
+        "profile_name": fit.profile.name,
         "edge": fit.profile.edge,
         "simulated": fit.profile.simulated,
         "points": int(fit.points[0].size),

@@ -18,7 +18,7 @@ MOST_DOTS = 400
 def printed_figure(found: Printed) -> Figure:
     """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.2, 3.5), layout="constrained")
+        figure = Figure(figsize=(10.2, 3.8), layout="constrained")
         shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
         draw_deviation(shape_axes, found.lens)
         shape_axes.set_title(f"lens {found.told}", fontsize=9)
@@ -27,10 +27,10 @@ def printed_figure(found: Printed) -> Figure:
                 _draw_responses(contrast_axes, one, colour)
                 _draw_difference(difference_axes, one, colour)
         contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-        contrast_axes.legend(fontsize=7, loc="lower left")
+        _legend(contrast_axes)
         difference_axes.axhline(0.0, color=INK, lw=0.8)
         difference_axes.set(xlabel="angle (deg)", ylabel="contrast, printed less designed")
-        difference_axes.legend(fontsize=7)
+        _legend(difference_axes)
     return figure
 
 
@@ -48,7 +48,12 @@ def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
     axes.plot(x, more, color=RIGHT, lw=1.6, label="smoothed, as traced")
     axes.axhline(0.0, color=INK, lw=0.8, ls=":")
     axes.set(xlabel="x (mm)", ylabel="deviation from the design (µm)")
-    axes.legend(fontsize=7)
+    _legend(axes)
+
+
+def _legend(axes: Axes) -> None:
+    """Names below the axes, where no curve runs."""
+    axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _name(one: Comparison) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import fft
 
 from solen.errors import DataError
-from solen.fabricate.process.field import DoseMap, Images, dose_map
+from solen.fabricate.process.field import DoseMap, Images, dose_map, fineness
 from solen.fabricate.process.light import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
@@ -28,6 +28,8 @@ from solen.fabricate.raster import coverage
 from solen.recording.model import FloatArray
 
 STEP_UM = 2.0
+MOST_POINTS = 20_000_000
+MOST_LAYERS = 10_000
 FEWEST_PIXELS = 20
 """Pixels over a lens's width below which it is refused."""
 _FAR = 6.0  # widths of the halo that are kept free round the lens
@@ -88,6 +90,7 @@ class FlatPrint:
             remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} um"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
         origin, shape = _window(low, high, target.centre, settings, phase)
+        _check_size(shape, layers, settings)
         shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
         corner_um = (1e3 * origin[0], 1e3 * origin[1])
         return cls(settings, Images.prism(shares, layers, corner_um), target)
@@ -158,6 +161,20 @@ def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
     lean = math.tan(math.radians(settings.taper_deg))
     beyond = settings.wash_um + lean * (heights - 0.5 * layers * settings.layer_um)
     return heights, np.array([straight_edge_um(settings, layers, float(at)) for at in heights]) + beyond
+
+
+def _check_size(shape: tuple[int, int], layers: int, settings: Settings) -> None:
+    """`DataError` where a print would take more than a laptop's memory, or minutes for each height."""
+    points = shape[0] * shape[1] * fineness(settings) ** 2
+    if points > MOST_POINTS:
+        limit = (
+            f"the lens and {_FAR:g} widths of the halo about it would be {points:.2g} points, at most {MOST_POINTS:.1g}"
+        )
+        remedy = "take larger pixels, a narrower halo or a smaller lens"
+        raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
+    if layers > MOST_LAYERS:
+        limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
 def _window(

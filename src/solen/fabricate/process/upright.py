@@ -32,6 +32,8 @@ from solen.recording.model import FloatArray
 Side = Literal["upright", "upright-lens-first", "on-edge"]
 SIDES: tuple[Side, ...] = ("upright", "upright-lens-first", "on-edge")
 STEP_UM = 1.0
+MOST_WORK = 2e10
+"""Products that a side view may take: a minute's."""
 SUBLAYERS = 5
 """Heights within a layer at which its dose is held; between them its logarithm is a straight line."""
 _DEPTHS = -math.log(FAINT)
@@ -90,6 +92,7 @@ class SidePrint:
         first = max(0, math.floor((low[1] - platform - _MARGIN_UM) / h))
         last = min(layers, math.ceil((high[1] - platform + settings.Dp_um * _DEPTHS) / h) + 1)
         start = pitch * math.floor((low[0] - _MARGIN_UM) / pitch)
+        _check_work(last - first, (high[0] - start + _MARGIN_UM) / pitch, settings)
         columns = fft.next_fast_len(math.ceil((high[0] + _MARGIN_UM - start) / pitch), real=True)
         heights = platform + (np.arange(first, last) + 0.5) * h
         rows = np.array([_row(turned, float(v), start, pitch, columns) for v in heights])
@@ -170,6 +173,17 @@ def _check_fine(wanted: FloatArray, settings: Settings) -> None:
     if size[1] < 2.0 * settings.layer_um:
         limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must have two of them at least"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thinner")
+
+
+def _check_work(layers: int, columns: float, settings: Settings) -> None:
+    """`DataError` where the sums over later layers would take minutes."""
+    later = min(layers, settings.Dp_um * _DEPTHS / settings.layer_um)
+    work = layers * later * columns * fineness(settings) * SUBLAYERS
+    if work > MOST_WORK:
+        limit = (
+            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, are more than can be followed"
+        )
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
 def _turned(places: FloatArray, side: Side) -> FloatArray:

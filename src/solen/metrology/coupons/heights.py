@@ -1,8 +1,8 @@
 """Heights of columns from a z map, and which steps between them are rises.
 
-A column's height is the median of its top, away from its edge, above the plane of the ground around it, so that a
-tilted or bent slab does no harm. The top is cut into twelve pieces of equal angle; the scatter of their means, which
-holds the roughness of the print over distances that matter, gives the uncertainty. So it is for the ground.
+A column's top, away from its edge, is cut into twelve pieces of equal angle. Its height is the mean of their medians
+above the plane of the ground around it, so that dust and a tilted or bent slab do no harm. The medians' scatter, which
+holds the roughness of the print over distances that matter, gives the uncertainty; so does that of the ground.
 """
 
 import math
@@ -64,7 +64,7 @@ def height_of(z_mm: Floats, coupon: Coupon, feature: Feature, placement: Placeme
     if len(pieces) < FEWEST_PIECES:
         return "too few heights on its top"
     u_top = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces))
-    return Height(float(np.median(over[top & valid])), math.hypot(u_top, u_ground))
+    return Height(float(np.mean(pieces)), math.hypot(u_top, u_ground))
 
 
 def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[Measured]:
@@ -145,8 +145,7 @@ def _plane(dx: Floats, dy: Floats, z: Floats) -> tuple[Floats, float]:
 
 
 def _pieces(dx: Floats, dy: Floats, values: Floats) -> Floats:
-    """Means over pieces of equal angle that hold something."""
+    """Medians over pieces of equal angle that hold something."""
     number = np.floor((np.arctan2(dy, dx) / math.tau + 0.5) * PIECES).astype(int) % PIECES
-    count = np.bincount(number, minlength=PIECES)
-    sums = np.bincount(number, values, minlength=PIECES)
-    return np.asarray(sums[count > 2] / count[count > 2])
+    parts = (values[number == piece] for piece in range(PIECES))
+    return np.array([np.median(part) for part in parts if len(part) > 2])

@@ -4,16 +4,15 @@ The paper's fidelity parts are "used to extract: (i) the minimum resolvable XY f
 the minimum XY separation required to avoid feature merging, (iii) the minimum resolvable diameter variation for
 recessed features, and (iv) the minimum reproducible Z step". Here each becomes a rule that needs no judgement:
 
-(i)   the smallest nominal diameter at which a pillar stands, all larger ones standing too. The printed diameter of that
-      pillar is beside it: it is what the paper calls the resolvable size, and no nominal one.
-(ii)  the smallest nominal gap that is open, all larger ones being open too.
-(hole) the smallest nominal hole that is open, all larger ones being open too.
-(iii) the smallest nominal difference of diameter at which any two holes so far or farther apart come out in their
-      order, each by more than chance lets equal holes differ: the scatter of the printed diameters about a straight
-      line of the nominal ones, or the uncertainty of measuring where that is more, by Student's t, 5 % shared among the
-      pairs (Bonferroni). Two holes of one nominal size belong to the scatter.
-(iv)  the smallest nominal step at which every step of that size, and of all larger ones, is a rise that is not chance,
-      one-sided by Welch's t, 5 % shared among the steps of that size.
+- (i) the smallest nominal diameter at which a pillar stands, all larger ones standing too. The printed diameter of that
+  pillar is beside it: it is what the paper calls the resolvable size, and no nominal one.
+- (ii) the smallest nominal gap that is open, all larger ones being open too; and so for holes.
+- (iii) the smallest nominal difference of diameter at which any two holes so far or farther apart come out in their
+  order, each by more than chance lets equal holes differ: the scatter of the printed diameters about a straight line of
+  the nominal ones, or the uncertainty of measuring where that is more, by Student's t, 5 % shared among the pairs
+  (Bonferroni). Two holes of one nominal size belong to the scatter.
+- (iv) the smallest nominal step at which every step of that size, and of all larger ones, is a rise that is not chance,
+  one-sided by Welch's t, 5 % shared among the steps of that size.
 
 A limit is a bound where the coupon's smallest feature is resolved, and is none where its largest is not. The next
 smaller feature, which is not resolved, stands beside: the truth lies between.
