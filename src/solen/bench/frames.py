@@ -207,10 +207,10 @@ class FrameReader:
     """
 
     layout: Layout
-    losses: Losses = field(default_factory=Losses)
-    answers: list[bytes] = field(default_factory=list)
     every_kind: bool = False
-    others: list[Other] = field(default_factory=list)
+    losses: Losses = field(default_factory=Losses, init=False)
+    answers: list[bytes] = field(default_factory=list, init=False)
+    others: list[Other] = field(default_factory=list, init=False)
     _waiting: bytearray = field(default_factory=bytearray, init=False)
     _next: int | None = field(default=None, init=False)
     _shift: int = field(default=0, init=False)

@@ -18,6 +18,7 @@ def printed(
     orientation: str = "flat",
     at: str = "middle",
     compensate: Path | None = None,
+    solid: Path | None = None,
     response: Annotated[bool, Parameter(negative="--no-response")] = True,
     set_: Set = None,
     out: Annotated[Path | None, Parameter(name="--out", help="Write the printed lens's profile to this .json.")] = None,
@@ -40,12 +41,14 @@ def printed(
         Of a flat part, whose profile is meant: middle of the thickness, mean over it, or a height in mm.
     compensate
         Write a design to this .toml whose outline prints as the wanted lens (flat parts).
+    solid
+        Write the whole part as it is printed flat to this .stl, .3mf or .glb.
     response
         Trace the sensor with both lenses.
     """
     from solen.pipeline import printed as pipeline
 
-    how, outputs = pipeline.Print(process, printer, orientation, at), pipeline.Outputs(out, compensate, figure)
+    how, outputs = pipeline.Print(process, printer, orientation, at), pipeline.Outputs(out, compensate, figure, solid)
     with progress_bar("printing") as progress:
         found = pipeline.printed(file, how, outputs, set_ or (), response=response, progress=progress)
     show(found, as_json, lambda: _lines(found))
@@ -67,9 +70,17 @@ def _lines(found: dict[str, Any]) -> list[str]:
         *_walls(found["walls_um"]),
         *_response(found["response"]),
         *_compensation(found["compensation"]),
+        *_volume(found.get("solid_mm3")),
         *(f"warning: {warning}" for warning in found["warnings"]),
-        *(f"{name}: {found[name]}" for name in ("out", "compensated", "figure") if name in found),
+        *(f"{name}: {found[name]}" for name in ("out", "compensated", "figure", "solid") if name in found),
     ]
+
+
+def _volume(solid: dict[str, Any] | None) -> list[str]:
+    if solid is None:
+        return []
+    more = 100.0 * (solid["printed"] / solid["designed"] - 1.0)
+    return [f"solid: {solid['printed']:.2f} mm3, {more:+.2g} % of the designed {solid['designed']:.2f} mm3"]
 
 
 def _ripple(ripple: dict[str, Any]) -> str:

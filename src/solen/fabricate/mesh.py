@@ -85,10 +85,15 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
     solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
     for cut in part.cuts:
         solid -= _manifold(cut.tool, tolerance_mm, weld_mm)
-    found = solid.simplify(weld_mm).to_mesh64()
+    return closed_mesh(solid.simplify(weld_mm), tolerance_mm, part.name)
+
+
+def closed_mesh(solid: "Manifold", tolerance_mm: float, name: str) -> Mesh:
+    """Mesh of a solid of manifold3d; `DesignError` where it is empty or, in the 32 bits of an STL, not closed."""
+    found = solid.to_mesh64()
     mesh = Mesh(np.array(found.vert_properties[:, :3]), np.array(found.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
-        raise DesignError(part.name, value="its mesh is not closed", limit=f"within {tolerance_mm:g} mm")
+        raise DesignError(name, value="its mesh is not closed", limit=f"within {tolerance_mm:g} mm")
     return mesh
 
 

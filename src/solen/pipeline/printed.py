@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solen import files
+from solen import fabricate, files
 from solen.errors import DataError, OutputError, SpecError
 from solen.fabricate import process as printing
 from solen.fabricate.process import Calibration, Compensation, Deviation, Orientation, Prediction, Process, Target
@@ -22,6 +22,7 @@ from solen.material.resin import resin_of
 from solen.parts import printer_of
 from solen.pipeline import printedresponse, redrawn
 from solen.pipeline.design import open_design
+from solen.pipeline.export import MESHES
 from solen.pipeline.outputs import check_choice, check_figure, check_out
 from solen.recording import Provenance
 from solen.recording.model import FloatArray
@@ -65,11 +66,12 @@ class Print:
 
 @dataclass(frozen=True)
 class Outputs:
-    """Files that are asked for: the printed lens's profile, the drawing that prints as wanted, a figure."""
+    """Files that are asked for: the printed lens's profile, the drawing that prints as wanted, a figure, the solid."""
 
     out: Path | None = None
     compensate: Path | None = None
     figure: Path | None = None
+    solid: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +152,15 @@ def printed(
         from solen.report import canvas
 
         contents[outputs.figure] = canvas.encoded(_drawn(case, told), outputs.figure.suffix.lower(), "printed")
+    if outputs.solid is not None:
+        contents[outputs.solid], told["solid_mm3"] = _solid(case, outputs.solid)
     files.write_all(contents)
-    named = {"out": outputs.out, "compensated": outputs.compensate, "figure": outputs.figure}
+    named = {
+        "out": outputs.out,
+        "compensated": outputs.compensate,
+        "figure": outputs.figure,
+        "solid": outputs.solid,
+    }
     return told | {"design": str(path)} | {key: str(file) for key, file in named.items() if file is not None}
 
 
@@ -262,6 +271,21 @@ def _case(
     return Case(sensor, process, orientation, height_um, found, made, sources)
 
 
+def _solid(case: Case, target: Path) -> tuple[bytes, dict[str, float | int]]:
+    """File of the whole part as it is printed flat, and its volume beside the designed one's."""
+    design, body = case.design, case.sensor.body()
+    rings = printing.rings_of(printing.as_designed(body))
+    lens = Target.of(printing.lens_face(body).curve, printing.points_for("flat"))
+    mesh, slabs = printing.printed_solid(
+        rings, case.process.process, design.body.thickness_mm, lens.centre, design.name
+    )
+    label = fabricate.label_of(design, f"simulated: as printed by the model, {case.process.name}")
+    label = replace(label, name=f"simulated print of {label.name}")  # all that an STL has room for
+    designed = fabricate.area_mm2(body.outlines) * design.body.thickness_mm
+    told = {"printed": mesh.volume_mm3, "designed": designed, "triangles": len(mesh.triangles), "slabs": len(slabs)}
+    return MESHES[target.suffix.lower()[1:]](mesh, label), told
+
+
 def _orientation(how: Print) -> Orientation:
     check_choice("--orientation", how.orientation, printing.ORIENTATIONS)
     found = next(one for one in printing.ORIENTATIONS if one == how.orientation)
@@ -273,6 +297,7 @@ def _orientation(how: Print) -> Orientation:
 def _check_outputs(outputs: Outputs, orientation: Orientation) -> None:
     check_figure(outputs.figure)
     check_out(outputs.out)
+    _check_solid(outputs.solid, orientation)
     if outputs.compensate is None:
         return
     if orientation != "flat":
@@ -280,6 +305,16 @@ def _check_outputs(outputs: Outputs, orientation: Orientation) -> None:
         raise SpecError("--compensate", value=orientation, limit=limit, remedy="print it flat, or in thinner layers")
     if outputs.compensate.suffix.lower() != ".toml":
         raise OutputError(str(outputs.compensate), limit="a design ends in .toml", remedy="rename it")
+
+
+def _check_solid(solid: Path | None, orientation: Orientation) -> None:
+    if solid is None:
+        return
+    if orientation != "flat":
+        raise SpecError("--solid", value=orientation, limit="is of a part printed flat", remedy="leave it out")
+    if solid.suffix.lower()[1:] not in MESHES:
+        kinds = ", ".join(f".{kind}" for kind in MESHES)
+        raise OutputError(str(solid), limit=f"a solid ends in {kinds}", remedy="rename it")
 
 
 def _height_um(how: Print, thickness_mm: float, layer_um: float) -> float | None:

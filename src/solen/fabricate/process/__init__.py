@@ -2,7 +2,8 @@
 
 `solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.reference` is the dose by direct
 sums and the truth for `solen.fabricate.process.field`, which is fast; `solen.fabricate.process.flat` and
-`solen.fabricate.process.upright` follow a lens's wall in each orientation, `solen.fabricate.process.predict` says how
+`solen.fabricate.process.upright` follow a lens's wall in each orientation, `solen.fabricate.process.solid` makes the
+whole part that comes out, `solen.fabricate.process.predict` says how
 well it is known, `solen.fabricate.process.compensate` draws so that it prints as wanted, and
 `solen.fabricate.process.calibrate` finds the process's numbers from measured coupons.
 """
@@ -24,6 +25,7 @@ from solen.fabricate.process.settings import (
     process_text,
     read_process,
 )
+from solen.fabricate.process.solid import Slab, printed_solid
 from solen.fabricate.process.target import Deviation, Target, exits_um
 from solen.fabricate.process.upright import SidePrint
 
@@ -43,6 +45,7 @@ __all__ = [
     "Process",
     "Settings",
     "SidePrint",
+    "Slab",
     "Target",
     "Terms",
     "as_designed",
@@ -57,6 +60,7 @@ __all__ = [
     "points_for",
     "predicted",
     "printed_mm",
+    "printed_solid",
     "process_text",
     "read_process",
     "redrawn",

@@ -9,7 +9,8 @@ asked for.
 Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
 of the lens, and washing and taper move a wall along its normal.
 
-The interface: `FlatPrint.of` images; `offsets_um` and `profile` at a height, `ripple_um`, `walls_um` over the heights.
+The interface: `FlatPrint.of` images; `offsets_um` and `profile` at a height, `ripple_um`, `walls_um` over the heights;
+`window` and `check_size` are the pixels about what is printed.
 """
 
 import math
@@ -89,8 +90,8 @@ class FlatPrint:
             limit = f"the lens, {high[0] - low[0]:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
             remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} um"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
-        origin, shape = _window(low, high, target.centre, settings, phase)
-        _check_size(shape, layers, settings)
+        origin, shape = window(low, high, target.centre, settings, phase)
+        check_size(shape, layers, settings)
         shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
         corner_um = (1e3 * origin[0], 1e3 * origin[1])
         return cls(settings, Images.prism(shares, layers, corner_um), target)
@@ -122,8 +123,13 @@ class FlatPrint:
 
     def beyond_dose_um(self, height_um: float) -> float:
         """What washing and the taper that is not the dose's move a wall by at a height."""
-        lean = math.tan(math.radians(self.settings.taper_deg))
-        return self.settings.wash_um + lean * (height_um - 0.5 * self.thickness_um)
+        return self.beyond(self.settings, height_um, self.thickness_um)
+
+    @staticmethod
+    def beyond(settings: Settings, height_um: float, thickness_um: float) -> float:
+        """The same of a part of some thickness."""
+        lean = math.tan(math.radians(settings.taper_deg))
+        return settings.wash_um + lean * (height_um - 0.5 * thickness_um)
 
     def profile_um(self, height_um: float | None = None) -> FloatArray:
         """Offsets (N,) at a height, mean over its layer; without a height, mean over the whole thickness."""
@@ -163,21 +169,21 @@ def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
     return heights, np.array([straight_edge_um(settings, layers, float(at)) for at in heights]) + beyond
 
 
-def _check_size(shape: tuple[int, int], layers: int, settings: Settings) -> None:
+def check_size(shape: tuple[int, int], layers: int, settings: Settings) -> None:
     """`DataError` where a print would take more than a laptop's memory, or minutes for each height."""
     points = shape[0] * shape[1] * fineness(settings) ** 2
     if points > MOST_POINTS:
         limit = (
-            f"the lens and {_FAR:g} widths of the halo about it would be {points:.2g} points, at most {MOST_POINTS:.1g}"
+            f"what is printed and {_FAR:g} widths of the halo would be {points:.2g} points, at most {MOST_POINTS:.1g}"
         )
-        remedy = "take larger pixels, a narrower halo or a smaller lens"
+        remedy = "take larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MOST_LAYERS:
         limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
-def _window(
+def window(
     low: FloatArray, high: FloatArray, centre: tuple[float, float], settings: Settings, phase: tuple[float, float]
 ) -> tuple[tuple[float, float], tuple[int, int]]:
     """Corner in mm, and rows and columns, of the pixels about a lens: a pixel's corner is at the lens's middle."""

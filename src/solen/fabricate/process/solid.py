@@ -1,0 +1,151 @@
+"""The solid that the printer makes of a part printed flat: its outline, height by height.
+
+The idea: all layers show one image, and how far a wall stands out changes with the height only near the first layers
+and the last. So the part is cut into slabs within which a straight wall moves by less than a tolerance; each slab gets
+the outline of its middle, where the dose is critical, shrunk and washed as a lens is, and all are put together. The
+ripple within a layer is left out: slabs are taken at the middle of a layer.
+
+The interface: `slabs` over the heights, `outlines` at one, `printed_solid` of drawn rings.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.errors import DataError
+from solen.fabricate.mesh import Mesh, closed_mesh
+from solen.fabricate.process.field import Images, dose_map
+from solen.fabricate.process.flat import FlatPrint, check_size, window
+from solen.fabricate.process.light import straight_edge_um, terms_at
+from solen.fabricate.process.settings import Settings
+from solen.fabricate.raster import coverage
+from solen.recording.model import FloatArray
+
+SLAB_UM = 1.0
+"""How far a straight wall may move within a slab."""
+WITHIN_UM = 1.0
+"""How far outlines may leave the place of the critical dose: by the fine grid's straight pieces, and by thinning."""
+OVERLAP_MM = 1e-4
+"""So far a slab reaches into the one below, so that both are one."""
+_THIN_UM = 0.2
+_GREYS = 255
+
+
+@dataclass(frozen=True)
+class Slab:
+    """Layers ``first`` to ``last``, both included, whose walls stand alike, by ``edge_um`` in their middle."""
+
+    first: int
+    last: int
+    edge_um: float
+
+    @property
+    def middle(self) -> int:
+        """Layer in its middle."""
+        return (self.first + self.last) // 2
+
+
+def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
+    """Slabs of a part from the first layer up.
+
+    Raises
+    ------
+    DataError
+        Where nothing sets in the middle of a layer.
+    """
+    edges = [straight_edge_um(settings, layers, _middle_um(settings, layer)) for layer in range(layers)]
+    found, first = [], 0
+    for layer in range(1, layers + 1):
+        if layer == layers or np.ptp(edges[first : layer + 1]) > SLAB_UM:
+            found.append(Slab(first, layer - 1, edges[(first + layer - 1) // 2]))
+            first = layer
+    return tuple(found)
+
+
+def outlines(
+    rings: Sequence[FloatArray], settings: Settings, layers: int, layer: int, centre: FloatArray
+) -> list[FloatArray]:
+    """Outlines (N, 2) in mm where the resin sets in the middle of a layer, shrunk, washed and with its taper.
+
+    Outer ones and holes are told apart by what lies within what (even and odd).
+    """
+    pitch = 1e-3 * settings.pixel_um
+    points = np.vstack(rings)
+    origin, shape = window(
+        points.min(axis=0), points.max(axis=0), (float(centre[0]), float(centre[1])), settings, (0.0, 0.0)
+    )
+    check_size(shape, layers, settings)
+    shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
+    images = Images.prism(shares, layers, (1e3 * origin[0], 1e3 * origin[1]))
+    height_um = _middle_um(settings, layer)
+    if terms_at(settings, layers, height_um).total <= settings.Ec_mJ_per_cm2:
+        raise DataError(
+            "process.exposure_s", value=settings.exposure_s, limit="nothing sets", remedy="expose for longer"
+        )
+    set_at = _critical(images, settings, height_um)
+    beyond_mm = 1e-3 * FlatPrint.beyond(settings, height_um, layers * settings.layer_um)
+    return _grown([centre + (line - centre) * (1.0 - 0.01 * settings.shrinkage_percent) for line in set_at], beyond_mm)
+
+
+def printed_solid(
+    rings: Sequence[FloatArray], settings: Settings, thickness_mm: float, centre_mm: tuple[float, float], name: str
+) -> tuple[Mesh, tuple[Slab, ...]]:
+    """Solid of drawn closed polylines (N, 2) in mm, with X and Y as drawn and Z the height above the platform.
+
+    Parameters
+    ----------
+    rings
+        What is drawn: outer outlines counter-clockwise, holes clockwise.
+    settings
+        The process.
+    thickness_mm
+        Of the part; it is made of the nearest whole number of layers.
+    centre_mm
+        What all shrinks about: the middle of the lens.
+    name
+        Of the part, for refusals.
+
+    Raises
+    ------
+    DataError, DesignError
+        Where nothing sets, the pixels are too many, or what sets is no closed solid.
+    """
+    from manifold3d import CrossSection, FillRule, Manifold, OpType
+
+    layers = max(1, round(1e3 * thickness_mm / settings.layer_um))
+    cut, centre = slabs(settings, layers), np.asarray(centre_mm)
+    layer_mm = 1e-3 * settings.layer_um * (1.0 - 0.01 * settings.shrinkage_z_percent)
+    made = []
+    for slab in cut:
+        lines = outlines(rings, settings, layers, slab.middle, centre)
+        section = CrossSection([line.tolist() for line in lines], FillRule.EvenOdd).simplify(1e-3 * _THIN_UM)
+        low = slab.first * layer_mm - (OVERLAP_MM if slab.first else 0.0)
+        made.append(section.extrude((slab.last + 1) * layer_mm - low).translate((0.0, 0.0, low)))
+    return closed_mesh(Manifold.batch_boolean(made, OpType.Add), 1e-3 * WITHIN_UM, name), cut
+
+
+def _middle_um(settings: Settings, layer: int) -> float:
+    return (layer + 0.5) * settings.layer_um
+
+
+def _critical(images: Images, settings: Settings, height_um: float) -> list[FloatArray]:
+    """Closed lines of the critical dose, in mm."""
+    from contourpy import contour_generator
+
+    found = dose_map(images, settings, height_um)
+    floor = 1e-12 * float(found.dose.max())
+    excess = np.log(np.maximum(found.dose, floor) / settings.Ec_mJ_per_cm2)
+    lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]
+    return [1e-3 * (np.asarray(found.first_um) + found.step_um * line[:-1]) for line in lines if len(line) > 3]
+
+
+def _grown(lines: list[FloatArray], by_mm: float) -> list[FloatArray]:
+    """Lines after every wall has moved along its normal, outwards for positive."""
+    if by_mm == 0.0:
+        return lines
+    from manifold3d import CrossSection, FillRule, JoinType
+
+    section = CrossSection([line.tolist() for line in lines], FillRule.EvenOdd)
+    return [np.asarray(line) for line in section.offset(by_mm, JoinType.Miter, 2.0).to_polygons()]
