@@ -83,4 +83,5 @@ def _draw_all(axes: Axes, sensors: Sequence[Analysed]) -> None:
             axes.plot(angle, found.mean_V, dashes, color=colour, lw=1.4)
         axes.plot(np.nan, np.nan, color=colour, label=title_of(one))
     axes.set_title("all: right solid, left dashed", fontsize=9, loc="left")
-    axes.legend(fontsize=8, loc="best")
+    # Below the axes: curves of several sensors leave no room among them.
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
