@@ -1,10 +1,15 @@
 """Draw the pictures of the documentation that no command draws: ``python tools/pictures.py``."""
 
+import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from PIL import Image as Pillow
+from skimage import data
 
+from examples.coins import circle
+from examples.coins import edges as found_coins
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.analysis.demodulation import Samples, averaged, find_clock, slots_of, subtract
@@ -98,6 +103,25 @@ def two_indices() -> Figure:
     return figure
 
 
+def coins() -> Figure:
+    """The outlines that ``examples/coins.py`` measures, on the photograph, coloured by their distance from a circle."""
+    figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    photograph = data.coins()
+    axes.imshow(photograph, cmap="gray")
+    shown = None
+    for edge in found_coins(photograph / 255.0):
+        x, y, diameter, _ = circle(edge)
+        at = edge.points_px[edge.kept]
+        off = np.hypot(at[:, 0] - x, at[:, 1] - y) - 0.5 * diameter
+        shown = axes.scatter(at[:, 0], at[:, 1], c=off, s=1.5, cmap="coolwarm", vmin=-2.0, vmax=2.0)
+        axes.text(x, y, f"{diameter:.2f}", color="white", fontsize=6, ha="center", va="center")
+    if shown is not None:
+        figure.colorbar(shown, ax=axes, label="out of the circle (px)", shrink=0.8)
+    axes.set_axis_off()
+    return figure
+
+
 READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readout.load_ohm": 1500.0}
 
 
@@ -127,6 +151,8 @@ def ambient_light() -> Figure:
 
 def main() -> None:
     """Draw them all."""
+    with Pillow.open(io.BytesIO(encoded(coins(), ".png", "coins"))) as drawn:  # a photograph: a PNG would have 700 kB
+        drawn.convert("RGB").save(IMAGES / "coins.jpg", quality=80)
     (IMAGES / "two-indices.svg").write_bytes(encoded(two_indices(), ".svg", "two indices"))
     (IMAGES / "index-routes.svg").write_bytes(encoded(index_routes(), ".svg", "index routes"))
     (IMAGES / "index-figure.svg").write_bytes(encoded(index_command(), ".svg", "index figure"))

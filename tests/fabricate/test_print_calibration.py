@@ -111,16 +111,16 @@ def test_calibration_finds_the_process_that_printed_the_coupons(true: Settings, 
 
 @pytest.mark.evidence
 def test_calibrated_intervals_hold_what_they_say(true: Settings) -> None:
-    """Errors of 200 calibrations have a spread of one uncertainty; by chance they leave the bounds once in 1000."""
+    """Errors of 60 calibrations have a spread of one uncertainty; by chance 60 leave the bounds once in 100."""
     features, rng = drawn(), np.random.default_rng(11)
     sizes, wanted = printed_mm(true, features), np.array([22.0, growth_um(true), 0.4])
     off = []
-    for _ in range(200):
+    for _ in range(60):
         found = calibrated(default_process(), measured(features, sizes, rng), "test")
         off.append((found.value - wanted) / found.u)
     spread = np.std(off, axis=0)
     print("spread of standardised errors", spread, "mean", np.mean(off, axis=0))
-    assert np.all((spread > 0.75) & (spread < 1.2))
+    assert np.all((spread > 0.75) & (spread < 1.25))
 
 
 def test_what_is_calibrated_is_kept_when_other_numbers_vary(found: Fit) -> None:

@@ -5,6 +5,7 @@ normal is a finite difference, Snell's and Fresnel's laws are written with angle
 tracer, with fewer rays.
 """
 
+import io
 import math
 import re
 import runpy
@@ -15,13 +16,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tifffile
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.integrate import quad
 from scipy.optimize import brentq, minimize
+from skimage import data, filters, segmentation
 
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 from solen.trace import trace_reference
+from tools.micrograph import NAME, micrograph
 from tools.tables import TABLES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -344,6 +349,28 @@ def test_working_curve_is_that_of_the_likeliest_scatter_and_its_dose_is_a_sum() 
     assert found["alone_mJ_per_cm2"] == pytest.approx(np.mean(26.0 * np.exp(-places / dp)), rel=1e-6)
     bound = brentq(lambda ec: dp * math.log(39.0 / ec) - 200.0, 1e-6, 39.0)
     assert found["largest_Ec_mJ_per_cm2"] == pytest.approx(bound, rel=1e-9)
+
+
+def test_coins_have_the_size_that_counting_pixels_gives_and_keep_it() -> None:
+    """Counted is what a watershed of the gradients floods, between what is surely ground and surely coin."""
+    found, grey = result("coins"), data.coins()
+    assert len(found["taken"]) == 24
+    assert np.median(np.abs(found["turned"] - found["taken"])) < 0.05
+    sure = np.where(grey < 30, 1, np.where(grey > 150, 2, 0))
+    labels, count = ndimage.label(ndimage.binary_fill_holes(segmentation.watershed(filters.sobel(grey), sure) == 2))
+    areas = np.sort(ndimage.sum_labels(np.ones(grey.shape), labels, np.arange(1, count + 1)))[-24:]
+    counted = np.sqrt(4.0 * areas / np.pi)
+    assert np.median(np.abs(np.sort(found["taken"]) - counted)) < 1.0  # px; a coin's rim is a px or two of shade
+
+
+def test_the_simulated_micrograph_is_that_of_its_script() -> None:
+    with tifffile.TiffFile(ROOT / "examples" / NAME) as file:
+        levels, about = file.asarray().astype(int), file.ome_metadata or ""
+    with tifffile.TiffFile(io.BytesIO(micrograph())) as file:
+        off = np.abs(levels - file.asarray())
+    assert off.max() <= 2  # the last bit that is kept: a Fourier transform rounds otherwise elsewhere
+    assert np.mean(off > 0) < 1e-3
+    assert "simulated" in about
 
 
 def test_simulated_tables_are_those_of_their_script() -> None:

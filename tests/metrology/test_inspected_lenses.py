@@ -46,12 +46,13 @@ def random_shot(name: str, seed: int, um_per_px: float) -> Shot:
         angle_deg=rng.uniform(-12, 12),
         optics=optics,
         scenery=scenery,
-        vertex_um=(2300.0 + rng.uniform(-60, 60), 2350.0 + rng.uniform(-60, 60)),
+        vertex_um=(2200.0 + rng.uniform(-60, 60), 2250.0 + rng.uniform(-60, 60)),
+        size_um=(4400.0, 2500.0),
         step=-0.2 if look == "dark" else 0.55,
     )
 
 
-@pytest.mark.parametrize(("name", "seed"), [("solen-860", 1), ("solen-500", 3), ("solen-450", 4)])
+@pytest.mark.parametrize(("name", "seed"), [("solen-500", 3), ("solen-450", 4)])
 def test_the_design_is_told_from_the_other_two(name: str, seed: int, tmp_path: Path) -> None:
     found = inspected(tmp_path, random_shot(name, seed, 5.0), seed, design=name)
     assert found["nearest"] == INDICES[name]
@@ -195,6 +196,7 @@ def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capsys
     assert isinstance(found["warnings"], list)
 
 
+@pytest.mark.evidence
 def test_a_sharp_picture_of_much_noise_and_many_bits_is_measured_as_well(tmp_path: Path) -> None:
     shot = replace(PLAIN, optics=sharp(), camera=Camera(noise=0.08, bits=16))
     off = inspected(tmp_path, shot, 10)["deviation_um"]

@@ -21,7 +21,16 @@ from solen.metrology.step import MOST_BLUR_PX, Steps, Usual, fit_steps
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-REASONS = ("outside the picture", "saturated", "low contrast", "no fit", "odd blur", "odd shape", "off its neighbours")
+REASONS = (
+    "outside the picture",
+    "saturated",
+    "low contrast",
+    "no fit",
+    "odd blur",
+    "odd shape",
+    "off its neighbours",
+    "alone",
+)
 """Why a place on a contour has no edge, in the order in which they are asked."""
 LINES = 5
 """Neighbouring lines, one pixel apart, whose grey values are averaged."""
@@ -49,6 +58,7 @@ ODD_SHARE = 0.02
 BESIDE = 2
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
+ALONE_PLACES, ALONE_SHARE = 9, 0.4
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
 """How many neighbours tell the noise of a place, and how much more that counts than its own residuals."""
 LEAST_TRIPLES = 40
@@ -289,6 +299,8 @@ class _View:
         bad = {"off its neighbours": kept & _off(points, self.contour_px, self.normals, kept, self.closed)}
         still, more = _counted(bad, len(at))
         kept &= still
+        still, last = _counted({"alone": kept & _alone(kept, inside)}, len(at))
+        kept, more = kept & still, more | last
         u = u * _steadied(steps.noise)
         u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
         return Edge(points, self.normals, u, blur, rise, inside, kept, rejected | more)
@@ -350,6 +362,13 @@ def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
         rejected[reason] = int(np.sum(kept & flags))
         kept &= ~flags
     return kept, rejected
+
+
+def _alone(kept: Flags, inside: Flags) -> Flags:
+    """Places of which most neighbours in the picture are no edges: one among many that were spoilt is spoilt too."""
+    shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
+    own, all_of_them = shares
+    return np.asarray(own < ALONE_SHARE * all_of_them)
 
 
 def _beside(odd: Flags) -> Flags:
