@@ -41,7 +41,8 @@ def output_folder(path: Path) -> Iterator[Path]:
     """
     made: list[Path] = []
     if path.is_file():
-        raise OutputError(str(path), limit="cannot be written: it is a file, not a folder", remedy="name another output folder")
+        limit = "cannot be written: it is a file, not a folder"
+        raise OutputError(str(path), limit=limit, remedy="name another output folder")
     try:
         made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
