@@ -1,6 +1,8 @@
 """`solen analyse` on files in the conventions of others."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from solen.cli import _run
 from solen.errors import DataError, SpecError
 from solen.pipeline import analyse as pipeline
 from solen.pipeline.signals import Columns, named_channels
-from tests.analysis.made_support import Truth, made
+from tests.analysis.made_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.01)
 
@@ -222,7 +224,10 @@ def test_ambient_light_is_taken_out_of_raw_waveforms(tmp_path: Path) -> None:
     rows = np.column_stack([time_s, angle, volts])
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
     asked = pipeline.Request((path,), switching=pipeline.Switching(200.0))
-    sensor = pipeline.analyse(asked)["sensors"]["raw"]
+    found = pipeline.analyse(asked)
+    sensor = found["sensors"]["raw"]
+    assert found["settings"]["dark_V"] == 0.0
+    assert sensor["left_minus_right"]["contrast"]["at_low"] > 0.1
     right = sensor["receivers"]["right_V"]
     expected = truth.response_V(np.array(right["angle_deg"]))[:, 1] - 4.5
     apart = np.array(right["mean_V"]) - expected
@@ -251,6 +256,7 @@ def test_a_file_of_several_sensors_by_groups(tmp_path: Path) -> None:
     assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
     assert found["sensors"]["S1"]["receivers"]["right"]["clipped_samples"] == 1
     assert found["simulated"] is True
+    assert found["settings"]["dark_V"] is None  # only one of both receivers has its ambient light beside it
     assert found["mean_of_sensors"]["n"] == 2
     assert len(found["sources"]) == 1
 
@@ -314,3 +320,41 @@ def test_one_thing_under_two_names_is_refused(tmp_path: Path) -> None:
     other.mkdir()
     found = pipeline.analyse(pipeline.Request((path, write(other / "one.csv", replace(TRUTH, seed=2)))))
     assert any("taken for one sensor" in warning for warning in found["warnings"])
+
+
+@pytest.mark.evidence
+def test_an_hour_of_eight_receivers_at_200_hz(tmp_path: Path) -> None:
+    """Analysed with both figures in less than a minute of one processor and 500 MB, from a table and from arrays."""
+    resource = pytest.importorskip("resource")
+    del resource
+    signals = made(replace(TRUTH, protocol=Protocol(cycles=1499)))
+    table, arrays = tmp_path / "hour.csv", tmp_path / "hour.nc"
+    names = [f"S{n}.{side}_V" for n in range(1, 5) for side in ("left", "right")]
+    rows = np.column_stack([signals.time_s, signals.angle_deg, *4 * [signals.volts]])
+    np.savetxt(table, rows, delimiter=",", header=",".join(["time_s", "angle_deg", *names]), comments="", fmt="%.5f")
+    with h5py.File(arrays, "w") as file:
+        for n in range(1, 5):
+            columns = {"time_s": signals.time_s, "angle_deg": signals.angle_deg}
+            for key, values in (columns | {"left_V": signals.volts[:, 0], "right_V": signals.volts[:, 1]}).items():
+                file.create_dataset(f"S{n}/{key}", data=values)
+    del rows
+    for path in (table, arrays):
+        done = subprocess.run(
+            [sys.executable, "-c", HOUR, str(path), str(tmp_path)], capture_output=True, text=True, check=True
+        )
+        cpu_s, most_mb = map(float, done.stdout.split())
+        print(f"{path.name}: {cpu_s:.1f} s of processor, {most_mb:.0f} MB")
+        assert cpu_s < 60.0
+        assert most_mb < 500.0
+
+
+HOUR = """
+import resource, sys, time
+from pathlib import Path
+from solen.pipeline import analyse as pipeline
+file, folder = map(Path, sys.argv[1:])
+found = pipeline.analyse(pipeline.Request((file,)), figure=folder / "a.png", traces=folder / "b.png")
+assert [len(one["cycles"]) for one in found["sensors"].values()] == 4 * [1499]
+used = resource.getrusage(resource.RUSAGE_SELF)
+print(time.process_time(), used.ru_maxrss / (1024.0 if sys.platform == "linux" else 1024.0**2))
+"""

@@ -82,6 +82,7 @@ class Request:
 class Study:
     """What was found: sensors in the order of the files, with a lens and without, and where they come from."""
 
+    settings: Settings
     sensors: tuple[Analysed, ...]
     lens: Group | None
     control: Group | None
@@ -193,24 +194,29 @@ def study(asked: Request) -> Study:
     provenances: list[Provenance] = []
     alignments: list[dict[str, Any]] = []
     warnings: list[str] = []
+    bare: list[bool] = []
     for number, path in enumerate(asked.files):
         for part in _parts(path, asked, number):
             provenances += part.provenances
             alignments += part.alignments
+            bare.append(part.subtracted)
             warnings += [f"{path.name}: {line}" if len(asked.files) > 1 else line for line in part.warnings]
             for one in part.signals:
                 parts.setdefault(one.label, []).append(one)
     _check_controls(asked, parts)
     warnings += _pooled(asked, parts)
+    settings = asked.settings
+    if settings.dark_V is None and all(bare):  # without ambient light, no light is no voltage
+        settings = replace(settings, dark_V=0.0)
     motions: dict[int, Motion] = {}
-    sensors = tuple(_sensor(signals, asked.settings, motions) for signals in parts.values())
+    sensors = tuple(_sensor(signals, settings, motions) for signals in parts.values())
     several = len(sensors) > 1
     for sensor in sensors:
         warnings += [f"{sensor.label}: {line}" if several else line for line in sensor.warnings]
     lens = [one for one in sensors if one.lens is not False]
     control = [one for one in sensors if one.lens is False]
     groups = (beside(lens) if lens else None, beside(control) if control else None)
-    return Study(sensors, *groups, tuple(provenances), tuple(alignments), tuple(dict.fromkeys(warnings)))
+    return Study(settings, sensors, *groups, tuple(provenances), tuple(alignments), tuple(dict.fromkeys(warnings)))
 
 
 def _pooled(asked: Request, parts: Mapping[str, Sequence[Signals]]) -> list[str]:
@@ -243,6 +249,7 @@ class _Part:
     provenances: list[Provenance]
     alignments: list[dict[str, Any]]
     warnings: list[str]
+    subtracted: bool
 
 
 def _parts(path: Path, asked: Request, number: int) -> Iterator[_Part]:
@@ -292,7 +299,7 @@ def _part(
         replace(each, lens=_lens(each, has, without))
         for each in signals_of(one, one.angle_deg, label, path, len(asked.files) == 1)
     ]
-    return _Part(found, provenances, aligned, [*one.warnings, *told])
+    return _Part(found, provenances, aligned, [*one.warnings, *told], one.subtracted)
 
 
 def _without(recording: Recording, asked: Request) -> set[str]:

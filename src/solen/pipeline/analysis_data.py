@@ -22,7 +22,7 @@ def result(found: "Study", asked: "Request") -> dict[str, Any]:
         "mean_of_controls": _group(found.control),
         "lens_beside_none": _beside(found.lens, found.control),
         "alignment": list(found.alignments),
-        "settings": _settings(asked),
+        "settings": _settings(found, asked),
         "simulated": found.simulated,
         "sources": sources,
         "warnings": [*found.warnings, *_of_all(found)],
@@ -51,8 +51,8 @@ def remark(asked: "Request") -> str:
     return "" if asked.smooth_ms is None else f"moving mean over {asked.smooth_ms:g} ms"
 
 
-def _settings(asked: "Request") -> dict[str, Any]:
-    found = asdict(asked.settings)
+def _settings(study: "Study", asked: "Request") -> dict[str, Any]:
+    found = asdict(study.settings)
     found |= {"smooth_ms": asked.smooth_ms, "zero_deg": asked.columns.zero_deg, "angle_flipped": asked.columns.flip}
     return found | {"near_zero_deg": NEAR_ZERO_DEG}
 

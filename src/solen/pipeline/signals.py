@@ -64,7 +64,10 @@ class Columns:
 
 @dataclass(frozen=True)
 class Sampled:
-    """Columns of one recording on its own clock: ``angle_deg`` is None where there is none."""
+    """Columns of one recording on its own clock: ``angle_deg`` is None where there is none.
+
+    ``subtracted`` says that ambient light was taken out, so that no light is 0 V.
+    """
 
     base: TimeBase
     angle_deg: FloatArray | None
@@ -72,6 +75,7 @@ class Sampled:
     volts: FloatArray
     warnings: tuple[str, ...]
     clipped: NDArray[np.bool_] | None = None
+    subtracted: bool = False
 
 
 def named_channels(texts: Sequence[str]) -> tuple[tuple[str, str], ...]:
@@ -107,7 +111,8 @@ def sampled(recording: Recording, asked: Columns, *, need_angle: bool = False) -
     flags = [_flags(recording, channel) for channel in channels.values()]
     clipped = np.column_stack(flags)[base.order] if any(one.any() for one in flags) else None
     angle = None if angle is None else angle[base.order]
-    one = Sampled(base, angle, names, volts[base.order], (*base.warnings, *warnings), clipped)
+    bare = all(recording.find(*_ambient(channel)) is not None for channel in channels.values())
+    one = Sampled(base, angle, names, volts[base.order], (*base.warnings, *warnings), clipped, bare)
     return _whole(recording, one)
 
 
@@ -132,6 +137,12 @@ def part(one: Sampled, kept: NDArray[np.bool_]) -> Sampled:
     angle = None if one.angle_deg is None else one.angle_deg[kept]
     clipped = None if one.clipped is None else one.clipped[kept]
     return replace(one, base=base, angle_deg=angle, volts=one.volts[kept], clipped=clipped)
+
+
+def _ambient(channel: Channel) -> tuple[str, str]:
+    """Names of a column beside a receiver's that holds what was subtracted from it."""
+    name = _ENDS.sub("", channel.name)
+    return f"ambient_{name}", f"{name}_ambient"
 
 
 def _flags(recording: Recording, channel: Channel) -> NDArray[np.bool_]:
@@ -358,7 +369,7 @@ def demodulated(one: Sampled, rate_hz: float, emitters: int, settle_us: float) -
         said = [*one.warnings, *base.warnings, *_switching(found, rate_hz, clock.rate_hz)]
         volts, clipped = found.signal[here][base.order], found.clipped[here][base.order]
         name = "" if emitters == 1 else f"E{emitter}"
-        made[name] = Sampled(base, angle, one.receivers, volts, tuple(said), clipped if clipped.any() else None)
+        made[name] = Sampled(base, angle, one.receivers, volts, tuple(said), clipped if clipped.any() else None, True)
     return made
 
 

@@ -36,7 +36,7 @@ def response_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str
         for one, panel in zip(sensors, axes, strict=False):
             _draw_sensor(panel, one)
         if len(sensors) > 1:
-            _draw_all(axes[len(sensors)], sensors)
+            _draw_all(axes[len(sensors)], sensors, beside=panels % across > 0)
         for empty in axes[panels:]:
             empty.set_visible(False)
         for number, panel in enumerate(axes[:panels]):
@@ -69,8 +69,8 @@ def _draw_sensor(axes: Axes, one: Analysed) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
-def _draw_all(axes: Axes, sensors: Sequence[Analysed]) -> None:
-    """Means of all sensors with their bands; sensors without a lens are grey."""
+def _draw_all(axes: Axes, sensors: Sequence[Analysed], *, beside: bool) -> None:
+    """Means of all sensors with their bands, grey without a lens; the legend beside it where that place is empty."""
     with_lens = [one for one in sensors if one.lens is not False]
     for one in sensors:
         plain = one.lens is False
@@ -83,5 +83,7 @@ def _draw_all(axes: Axes, sensors: Sequence[Analysed]) -> None:
             axes.plot(angle, found.mean_V, dashes, color=colour, lw=1.4)
         axes.plot(np.nan, np.nan, color=colour, label=title_of(one))
     axes.set_title("all: right solid, left dashed", fontsize=9, loc="left")
-    # Below the axes: curves of several sensors leave no room among them.
-    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+    if beside:
+        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0)).set_in_layout(False)
+    else:
+        axes.legend(fontsize=8, loc="best")
