@@ -40,6 +40,9 @@ def output_folder(path: Path) -> Iterator[Path]:
     Leaving with an exception removes again what was made here and is still empty.
     """
     made: list[Path] = []
+    if path.is_file():
+        limit = "cannot be written: it is a file, not a folder"
+        raise OutputError(str(path), limit=limit, remedy="name another output folder")
     try:
         made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)

@@ -154,6 +154,7 @@ def test_a_file_in_the_place_of_a_folder_is_told(tmp_path: Path, below: tuple[st
     ):
         pytest.fail("entered")
     told(refusal.value)
+    assert below or "is a file, not a folder" in str(refusal.value)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="another limit on names")

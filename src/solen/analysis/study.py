@@ -262,7 +262,9 @@ def _cautions(
         if abs(own["swing_V"]) <= max(3.0 * own["u_swing_V"], _ROUNDING_V):
             told.append(f"{name}: does not answer to the angle beyond its noise (swing {own['swing_V']:.2g} V)")
         if math.isfinite(u) and 1e-9 * own["range_V"] < size <= 3.0 * u:
-            told.append(f"{name}: the hysteresis of {size:.2g} V is within its noise ({u:.2g} V); it is a bound")
+            told.append(
+                f"{name}: the hysteresis of {size:.2g} V is within 3 of its uncertainties ({u:.2g} V); it is a bound"
+            )
         if not np.isfinite(found.of(receivers.index(name)).volts).any():
             told.append(f"{name}: has no reading in the cycles that are used")
     return told

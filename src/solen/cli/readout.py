@@ -1,14 +1,18 @@
 """The command that turns a design's light into volts."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from solen.cli.app import DESIGN, FigureFile, Json, Out, Set, app, progress_bar, show, text
+from cyclopts import Parameter
+
+from solen.cli.app import DESIGN, FigureFile, Json, Set, app, progress_bar, show, text
+
+_Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json.")]
 
 
 @app.command(group=DESIGN, sort_key=9)
 def readout(
-    file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: Out = None, as_json: Json = False
+    file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: _Out = None, as_json: Json = False
 ) -> None:
     """Show what the receivers of a design read in volts over its motion, with noise, and which load suits them.
 

@@ -174,7 +174,7 @@ def _deviations(axes: Axes, kind: str, some: Sequence[Measured]) -> None:
         [one.nominal_mm for one in lost], [bottom] * len(lost), "x", color=LEFT, clip_on=False, label="not resolved"
     )
     if lost:
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     sizes = {one.nominal_mm for one in some}
     if len(sizes) > MANY and min(sizes) < WIDE * max(sizes):
         axes.set_xscale("log")

@@ -155,7 +155,7 @@ def limits_of(measured: Sequence[Measured]) -> tuple[Limit, ...]:
 def _check_kind(coupon: Coupon, z_mm: Floats | None, what: str) -> None:
     kinds = coupon.measured_kinds
     if not kinds:
-        limit = f"a {coupon.name} has no features that a picture shows"
+        limit = f"coupon {coupon.name} has no features that a picture shows"
         raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
     if (
         z_mm is None
