@@ -301,8 +301,8 @@ def _check_outputs(outputs: Outputs, orientation: Orientation) -> None:
     if outputs.compensate is None:
         return
     if orientation != "flat":
-        limit = "is of a part printed flat: steps of layers cannot be drawn away"
-        raise SpecError("--compensate", value=orientation, limit=limit, remedy="print it flat, or in thinner layers")
+        limit = "--compensate is of a part printed flat: steps of layers cannot be drawn away"
+        raise SpecError("--orientation", value=orientation, limit=limit, remedy="print it flat, or in thinner layers")
     if outputs.compensate.suffix.lower() != ".toml":
         raise OutputError(str(outputs.compensate), limit="a design ends in .toml", remedy="rename it")
 
@@ -311,7 +311,9 @@ def _check_solid(solid: Path | None, orientation: Orientation) -> None:
     if solid is None:
         return
     if orientation != "flat":
-        raise SpecError("--solid", value=orientation, limit="is of a part printed flat", remedy="leave it out")
+        raise SpecError(
+            "--orientation", value=orientation, limit="--solid is of a part printed flat", remedy="leave it out"
+        )
     if solid.suffix.lower()[1:] not in MESHES:
         kinds = ", ".join(f".{kind}" for kind in MESHES)
         raise OutputError(str(solid), limit=f"a solid ends in {kinds}", remedy="rename it")
