@@ -5,6 +5,7 @@ new one, never a part of it.
 """
 
 import contextlib
+import errno
 import os
 import secrets
 import shutil
@@ -40,10 +41,9 @@ def output_folder(path: Path) -> Iterator[Path]:
     Leaving with an exception removes again what was made here and is still empty.
     """
     made: list[Path] = []
-    if path.is_file():
-        limit = "cannot be written: it is a file, not a folder"
-        raise OutputError(str(path), limit=limit, remedy="name another output folder")
     try:
+        if path.is_file():
+            raise OSError(errno.ENOTDIR, "it is a file, not a folder")
         made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
