@@ -8,7 +8,7 @@ of an STL can tell apart are made one beforehand, so every format holds the same
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +88,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
     return closed_mesh(solid.simplify(weld_mm), tolerance_mm, part.name)
 
 
-def closed_mesh(solid: "Manifold", tolerance_mm: float, name: str) -> Mesh:
+def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
     """Mesh of a solid of manifold3d; `DesignError` where it is empty or, in the 32 bits of an STL, not closed."""
     found = solid.to_mesh64()
     mesh = Mesh(np.array(found.vert_properties[:, :3]), np.array(found.tri_verts, dtype=np.int64), tolerance_mm)
