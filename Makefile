@@ -11,7 +11,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check -q
 DEMO = src/solen/spec/examples/solen-860.toml
 DEMO_OUT = demo-out
 
-.PHONY: help demo test lint types contracts docs pins check evidence setup clean distclean
+.PHONY: help demo test kernels lint types contracts docs pins check evidence setup clean distclean
 
 help:
 	@echo "make demo       design, trace and report the example sensor: $(DEMO_OUT)/report.html"
@@ -26,6 +26,11 @@ demo: $(VENV)/.run-ready
 
 test: $(VENV)/.dev-ready
 	$(BIN)/python -m pytest -n auto $(PYTEST_ARGS)
+
+# Tests side by side in a fresh clone would each compile the tracer's kernels; these few do it beforehand, once.
+KERNELS = tests/agreement/test_colours_and_histograms.py tests/agreement/test_space.py tests/trace/test_many.py
+kernels: $(VENV)/.dev-ready
+	@$(BIN)/python -m pytest -q --no-header -p no:cacheprovider $(KERNELS) > /dev/null
 
 evidence: $(VENV)/.dev-ready
 	$(BIN)/python -m pytest -m evidence -s $(PYTEST_ARGS)

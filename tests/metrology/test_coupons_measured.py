@@ -111,7 +111,9 @@ def test_an_oval_has_its_mean_diameter() -> None:
     assert found.roundness_px == pytest.approx(1 / math.sqrt(2), rel=0.1), "radii by ± 1 px as a cosine"
 
 
-@pytest.mark.parametrize(("angle_deg", "mirrored"), [(4.0, False), (-176.0, True)])
+@pytest.mark.parametrize(
+    ("angle_deg", "mirrored"), [(4.0, False), pytest.param(-176.0, True, marks=pytest.mark.evidence)]
+)
 def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored: bool) -> None:
     coupon = layout("group-a")
     part, true = printed(coupon, missing=frozenset({"d-0.06", "d-0.08", "d-0.1", "d-0.12", "d-0.18"}))
@@ -152,7 +154,7 @@ def test_dust_and_a_shrunk_print() -> None:
     assert len(near) >= 14, "of eighteen; some have dirt on their edge"
 
 
-@pytest.mark.parametrize("reading", ["pairs", "row"])
+@pytest.mark.parametrize("reading", ["pairs", pytest.param("row", marks=pytest.mark.evidence)])
 def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
     coupon = layout("group-b", Choices(gap_reading=reading))  # type: ignore[arg-type]
     merged = ("g-0.08", "g-0.06", "g-0.05", "g-0.04", "g-0.03", "g-0.02")

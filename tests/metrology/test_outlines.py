@@ -46,7 +46,9 @@ def test_a_pose_goes_to_the_picture_and_back() -> None:
     np.testing.assert_allclose(up, [[1.0, -2.0]])
 
 
-@pytest.mark.parametrize("rotation_deg", [48.0, 180.0, 271.0])
+@pytest.mark.parametrize(
+    "rotation_deg", [48.0, *(pytest.param(turn, marks=pytest.mark.evidence) for turn in (180.0, 271.0))]
+)
 def test_the_lens_is_found_at_any_rotation(rotation_deg: float) -> None:
     placing = replace(PLACING, origin_px=(500.0, 420.0), angle_deg=rotation_deg)
     found = find(plain(OUTLINE, placing).grey, UM_PER_PX, IDEAL)[0]

@@ -12,7 +12,7 @@ from solen.pipeline.cutback import cutback
 from solen.pipeline.exposures import exposures
 from solen.pipeline.penetration import Lamp, penetration
 
-QUICK = settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NUMBERS = st.one_of(
     st.sampled_from(["", "0", "1", "10", "20", "20", "30", "1e-9", "1e9", "-1", "1e-300", "1e300"]),
     st.floats(0.1, 100.0).map(lambda value: f"{value:.4g}"),

@@ -101,7 +101,7 @@ def test_a_known_uncertainty_of_the_index_is_what_it_is_off_by(tmp_path: Path) -
     assert [one.index for one in off] == pytest.approx([1.437, 1.443])
 
 
-@pytest.mark.parametrize("u_n", [0.003, 0.01, 0.04])
+@pytest.mark.parametrize("u_n", [0.01, *(pytest.param(u_n, marks=pytest.mark.evidence) for u_n in (0.003, 0.04))])
 def test_the_largest_change_is_that_of_the_whole_curve(u_n: float, tmp_path: Path) -> None:
     """Against sweeps every eighth of a degree, which find the largest change to within 5 %."""
     sensor = resin_of(tmp_path, u_n)

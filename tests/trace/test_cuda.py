@@ -172,6 +172,7 @@ def simulated() -> Any:
 
 
 @needs_numba_cuda
+@pytest.mark.evidence
 @pytest.mark.parametrize("name", CASES)
 def test_a_simulated_card_counts_what_the_processor_counts(name: str) -> None:
     here, there = traced(CASES[name], "cpu"), simulated()[name]
@@ -183,6 +184,7 @@ def test_a_simulated_card_counts_what_the_processor_counts(name: str) -> None:
 
 
 @needs_numba_cuda
+@pytest.mark.evidence
 def test_the_places_of_rays_that_ended_early_are_kept() -> None:
     here, there = traced(CASES["undefined and cut off"], "cpu"), simulated()["undefined and cut off"]["places"]
     assert here.undefined > 0
@@ -192,6 +194,7 @@ def test_the_places_of_rays_that_ended_early_are_kept() -> None:
 
 
 @needs_numba_cuda
+@pytest.mark.evidence
 def test_a_simulated_card_gives_the_same_bits_again() -> None:
     assert json.dumps(simulated()["again"]) == json.dumps(simulated()["power"])
 
