@@ -26,7 +26,7 @@ from tests.analysis.switching_support import PERIOD_S, FloatArray, stream
 
 
 def demodulated(readings: int, ambient: object, kernel: Kernel = "two-sided", emitters: int = 1) -> Demodulated:
-    return subtract(slots_of(*stream(readings, ambient, emitters)), kernel)  # type: ignore[arg-type]
+    return subtract(slots_of(*stream(readings, ambient, emitters)), kernel)  # type: ignore[arg-type]  # a name from the parameters
 
 
 def left(found: Demodulated) -> FloatArray:

@@ -28,7 +28,7 @@ def test_the_curve_is_the_response() -> None:
 
 @pytest.mark.parametrize("other", [{"irregular": 0.9}, {"rate_hz": 1000.0}, {"angle_step_deg": 0.05}])
 def test_the_curve_does_not_depend_on_how_it_was_sampled(other: dict[str, float]) -> None:
-    truth = replace(NOISY, **other)  # type: ignore[arg-type]
+    truth = replace(NOISY, **other)  # type: ignore[arg-type]  # its numbers
     found = found_of(truth)
     expected = truth.response_V(found.passes.angle_deg)
     # ten ways: 0.02/√10 of noise, four times that; 0.025° of an encoder's step at 0.5 V/° where it is steepest

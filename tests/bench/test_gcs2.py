@@ -40,7 +40,7 @@ class Written:
         assert data == expected
         self.coming += answer
 
-    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002
+    def read(self, most: int, timeout_s: float) -> bytes:  # noqa: ARG002  all is there at once
         data, self.coming = self.coming[:most], self.coming[most:]
         return data
 
@@ -93,7 +93,7 @@ def test_answers_of_several_lines_and_addresses() -> None:
 
 def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, Still]:
     clock = Still()
-    controller = Gcs2Controller(clock, **more)  # type: ignore[arg-type]
+    controller = Gcs2Controller(clock, **more)  # type: ignore[arg-type]  # its numbers
     wire = Wire(controller, clock)
     return Gcs2Stage(wire, clock, stage="M-060.DG"), controller, wire, clock
 

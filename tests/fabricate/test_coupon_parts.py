@@ -18,6 +18,7 @@ from solen.errors import DataError
 from solen.fabricate import Label, as_step, as_stl, mesh_of
 from solen.fabricate.coupons import as_job, as_plan, cautions, coupon_parts, read_job
 from solen.geometry.coupons import COUPONS, Choices, Coupon, Feature, as_data, coupon_of, layout
+from tests.command_support import answered
 
 HAS_KERNEL = importlib.util.find_spec("OCP") is not None
 TOLERANCE_MM = 1e-3
@@ -175,13 +176,7 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> dict[str, Any]:
-        capfd.readouterr()
-        assert _run(["coupons", *arguments, "--json"]) == 0, capfd.readouterr().err
-        printed = capfd.readouterr()
-        assert printed.err == ""
-        found = json.loads(printed.out)
-        assert isinstance(found, dict)
-        return found
+        return answered(capfd, "coupons", *arguments)
 
     return run
 

@@ -12,6 +12,7 @@ import pytest
 
 from solen.cli import _run
 from solen.spec import template
+from tests.command_support import answered
 
 HAS_KERNEL = importlib.util.find_spec("OCP") is not None
 HAS_DXF = importlib.util.find_spec("ezdxf") is not None
@@ -48,13 +49,7 @@ Run = Callable[..., Any]
 @pytest.fixture
 def told(capfd: pytest.CaptureFixture[str]) -> Run:
     def run(*arguments: str) -> dict[str, Any]:
-        capfd.readouterr()
-        assert _run(["export", *arguments, "--json"]) == 0, capfd.readouterr().err
-        printed = capfd.readouterr()
-        assert printed.err == ""
-        found = json.loads(printed.out)
-        assert isinstance(found, dict)
-        return found
+        return answered(capfd, "export", *arguments)
 
     return run
 

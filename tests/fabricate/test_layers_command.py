@@ -18,6 +18,7 @@ from PIL import Image
 from solen.cli import _run
 from solen.fabricate.layers import archive, as_png
 from solen.spec import template
+from tests.command_support import answered
 
 Run = Callable[..., Any]
 QUICK = ("--layer-um", "100", "--printer", "small.toml")
@@ -56,13 +57,7 @@ def snapshot(folder: Path) -> dict[str, bytes | None]:
 @pytest.fixture
 def told(capfd: pytest.CaptureFixture[str]) -> Run:
     def run(*arguments: str) -> dict[str, Any]:
-        capfd.readouterr()
-        assert _run([*arguments, "--json"]) == 0, capfd.readouterr().err
-        printed = capfd.readouterr()
-        assert printed.err == ""
-        found = json.loads(printed.out)
-        assert isinstance(found, dict)
-        return found
+        return answered(capfd, *arguments)
 
     return run
 

@@ -13,6 +13,7 @@ from PIL import PngImagePlugin
 
 from solen.cli import _run
 from solen.geometry.coupons import Choices, layout
+from tests.command_support import answered
 from tests.metrology.coupon_support import Camera, Print
 
 Run = Callable[..., Any]
@@ -30,13 +31,7 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> dict[str, Any]:
-        capfd.readouterr()
-        assert _run([*arguments, "--json"]) == 0, capfd.readouterr().err
-        printed = capfd.readouterr()
-        assert printed.err == ""
-        found = json.loads(printed.out)
-        assert isinstance(found, dict)
-        return found
+        return answered(capfd, *arguments)
 
     return run
 

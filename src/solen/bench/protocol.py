@@ -54,12 +54,12 @@ class Step(Strict):
     @property
     def target(self) -> float:
         """Where to, in its unit."""
-        return float(self.to_mm if self.to_deg is None else self.to_deg)  # type: ignore[arg-type]  # one of them is
+        return self.to_mm or self.to_deg or 0.0
 
     @property
     def velocity(self) -> float:
         """How fast, in its unit per s."""
-        return float(self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0)
+        return self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0
 
 
 class Protocol(Strict):

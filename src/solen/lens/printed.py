@@ -52,12 +52,12 @@ class MeasuredLens(Lens):
         return self.fit.designed
 
     @property
-    def distance_mm(self) -> float:  # type: ignore[override]
+    def distance_mm(self) -> float:  # type: ignore[override]  # a field there
         """From the emitter to the designed vertex."""
         return self.designed.distance_mm
 
     @property
-    def half_width_mm(self) -> float:  # type: ignore[override]
+    def half_width_mm(self) -> float:  # type: ignore[override]  # a field there
         """Half the designed width."""
         return self.designed.half_width_mm
 

@@ -70,7 +70,7 @@ def check_vision(what: str) -> None:
     try:
         import ome_types
         import skimage
-        import tifffile  # noqa: F401
+        import tifffile  # noqa: F401  only whether it is there
     except ModuleNotFoundError:
         limit = "needs scikit-image, tifffile and ome-types, which are not all installed"
         raise OutputError(what, limit=limit, remedy='pip install "solen[vision]"') from None

@@ -21,7 +21,7 @@ from solen.bench.journal import SUFFIX, Journal, Journaled, read_journal
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
 from solen.bench.roles import EmitterBoard, Stage
-from solen.bench.run import Instruments, Watch, begin, cycles_done
+from solen.bench.run import Instruments, Watch, begin, cycles_done, parts_of
 from solen.bench.run import run as run_protocol
 from solen.errors import BenchError, DataError, OutputError, SpecError
 from solen.spec import load, template, with_values
@@ -264,7 +264,7 @@ def _simulated(
     reach = float(np.abs(angle_deg(ends, wired)).max())
     # prints and noise are drawn apart, so that a run that is taken up has the same prints and other noise
     prints = prints_of(rig, asked.rig.parent, reach, np.random.default_rng([rig.seed, 0]), say)
-    part = 0 if before is None else 1 + sum(event["what"] == "begun" for event in before.events)
+    part = 0 if before is None else 1 + parts_of(before)
     noise = np.random.default_rng([rig.seed, 1, part])
     stage = SimulatedStage(clock, protocol.unit)
     board = SimulatedBoard(

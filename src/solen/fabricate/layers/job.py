@@ -244,7 +244,7 @@ def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) 
     x, y, z = size
     if _fits((y, x, z), room):
         return "turn it with --rotate-deg 0 0 90"
-    if _fits(tuple(sorted(size)), tuple(sorted(room))):  # type: ignore[arg-type]
+    if _fits(tuple(sorted(size)), tuple(sorted(room))):  # type: ignore[arg-type]  # three each
         return "print it in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     return f"choose a larger printer ({', '.join(larger)})" if larger else "make it smaller, or in pieces"

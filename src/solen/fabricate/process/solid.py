@@ -137,7 +137,7 @@ def _critical(images: Images, settings: Settings, height_um: float) -> list[Floa
     found = dose_map(images, settings, height_um)
     floor = 1e-12 * float(found.dose.max())
     excess = np.log(np.maximum(found.dose, floor) / settings.Ec_mJ_per_cm2)
-    lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]
+    lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as its default is
     return [1e-3 * (np.asarray(found.first_um) + found.step_um * line[:-1]) for line in lines if len(line) > 3]
 
 
