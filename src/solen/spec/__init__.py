@@ -4,19 +4,11 @@
 `solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
 """
 
-from solen.spec.design import (
-    MAX_STEPS,
-    Ambient,
-    Body,
-    Design,
-    Emitter,
-    Lens,
-    Material,
-    Motion,
-    Receivers,
-    Trace,
-)
+from solen.spec.body import Body, Lens, Material, Receivers
+from solen.spec.design import Design, Trace
 from solen.spec.fabricate import Fabricate
+from solen.spec.light import Ambient, Emitter
+from solen.spec.motion import MAX_STEPS, Motion
 from solen.spec.readout import Readout
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
