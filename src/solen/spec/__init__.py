@@ -1,6 +1,6 @@
 """The design file: what a user decides about a sensor, checked and frozen before any physics.
 
-`Design` and its tables are in `solen.spec.design`, reading and writing in `solen.spec.toml`, shipped designs in
+`Design` is in `solen.spec.design` with its tables beside it, reading and writing in `solen.spec.toml`, shipped designs in
 `solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
 """
 
