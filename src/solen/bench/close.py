@@ -8,7 +8,6 @@ is written under a temporary name and renamed; the journal is left to whoever ca
 The interface: `closed` writes the file of a journal; extra ``netcdf``.
 """
 
-import importlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.journal import Journaled, Rows
-from solen.errors import OutputError
+from solen.extras import need
 
 FloatArray = NDArray[np.float64]
 
@@ -60,12 +59,7 @@ class Closed:
 
 def check_installed() -> None:
     """`OutputError` where what writes netCDF is not installed."""
-    for name in ("h5netcdf", "h5py"):
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError:
-            remedy = 'pip install "solen[netcdf]"'
-            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+    need("h5netcdf", "h5py", what="netCDF")
 
 
 def closed(journaled: Journaled, path: Path) -> Closed:
