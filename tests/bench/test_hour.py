@@ -37,7 +37,8 @@ def test_a_sensor_s_own_phases_give_what_all_phases_give(emitters: int, emitter:
     phases = 2 * emitters
     time = (time_s[:, None] + (np.arange(phases) + 1.0) / phases * 0.005).ravel()
     state = np.tile(np.where(np.arange(phases) % 2, 0, 1 + np.arange(phases) // 2), periods)
-    every = subtract(slots_of(time, counts.reshape(-1, 4)[:, [2, 1]] * (5.0 / 65536), state))
+    volts = counts.reshape(-1, 4)[:, [2, 1]] * np.float64(5.0 / 65536)
+    every = subtract(slots_of(time, volts.astype(np.float64), state))
     mine = every.of(emitter)
     assert np.array_equal(found.time_s, every.time_s[mine])
     assert np.array_equal(found.signal, every.signal[mine])

@@ -63,7 +63,7 @@ class Print:
     def _between(self) -> Callable[[FloatArray], FloatArray]:
         from scipy.interpolate import PchipInterpolator
 
-        return PchipInterpolator(self.angle_deg, self.fractions)  # type: ignore[no-any-return]  # scipy has no types
+        return PchipInterpolator(self.angle_deg, self.fractions)
 
 
 def prints_of(
