@@ -8,6 +8,7 @@ ended or killed is taken up after the last one.
 The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
 """
 
+import datetime as dt
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -100,6 +101,11 @@ def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Jo
     return Journal.create(path, {**header, **told}, streams(board.layout))
 
 
+def utc_now() -> str:
+    """The computer's date and time, to a thousandth of a second."""
+    return dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
+
+
 def cycles_done(before: Journaled | None) -> int:
     """Cycles that a journal has whole."""
     return 0 if before is None else sum(event["what"] == "cycle done" for event in before.events)
@@ -170,11 +176,12 @@ class _Runner:
     def all(self) -> None:
         """From the beginning, or the first cycle that is not done, to the end."""
         self.on.stage.reference()
-        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1)
+        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc_now())
         self.on.board.start()
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
         self._go(self._home())
+        self.journal.event(self.now_s, "at rest")
         self._stay(self.protocol.rest_s)
         for cycle in range(self.done + 1, self.protocol.cycles + 1):
             self._cycle = cycle
