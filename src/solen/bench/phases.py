@@ -21,6 +21,8 @@ from solen.errors import DataError
 COUNTER_JITTER_US = 5.0
 """More than a counter's edge differs from a sample's clock edge, and enough that a sample at an edge is left out."""
 LEAST_SYNC_V = 0.5
+EDGE_SAMPLES = 0.5
+"""To so much of a sample an edge is known at best; three times the jitter is left out."""
 LINE_SAMPLES = 0.75
 """Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
 
@@ -52,7 +54,8 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
         return _even(time_s * slots_hz, slots_hz, 0.5, COUNTER_JITTER_US)
     if setup.synced:
         return _by_sync(time_s, volts[:, -1], setup)
-    return find_clock(time_s, volts, setup.switch_hz)
+    found = find_clock(time_s, volts, setup.switch_hz)
+    return replace(found, jitter_us=max(found.jitter_us, EDGE_SAMPLES / 3.0 * 1e6 / setup.rate_hz))
 
 
 def states(clock: Clock, delay_s: float, settle_s: float, emitters: int) -> IntArray:
@@ -85,7 +88,7 @@ def _by_sync(time_s: FloatArray, volts: FloatArray, setup: Setup) -> Clock:
     on_s = _on_s(rises, falls, usual_s)
     emitters = setup.emitters
     # an edge is known to half a sample on either side, one that may lie anywhere to a whole one
-    jitter_us = 1e6 * step_s * (0.5 if straight else 1.0) / 3.0
+    jitter_us = 1e6 * step_s * (EDGE_SAMPLES if straight else 1.0) / 3.0
     return _even(phase * emitters, emitters / period_s, on_s / period_s * emitters, jitter_us)
 
 
