@@ -9,7 +9,6 @@ is written under a temporary name and renamed; the journal is left to whoever ca
 The interface: `closed` writes the file of a journal; extra ``netcdf``.
 """
 
-import importlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -24,13 +23,13 @@ from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.journal import Journaled, Rows
 from solen.bench.waveform import Waveform
-from solen.errors import OutputError
+from solen.extras import need
 
 FloatArray = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
-AT_ONCE = 20_000
-"""Periods that are worked on at once, so that an hour needs little memory."""
+AT_ONCE = 16_384
+"""Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +65,7 @@ class Closed:
 
 def check_installed() -> None:
     """`OutputError` where what writes netCDF is not installed."""
-    for name in ("h5netcdf", "h5py"):
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError:
-            remedy = 'pip install "solen[netcdf]"'
-            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+    need("h5netcdf", "h5py", what="netCDF")
 
 
 def closed(journaled: Journaled, path: Path) -> Closed:
@@ -186,13 +180,13 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault")
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(board) else {}
     dims = ("period", "emitter", "phase", "input")
-    chunks = (min(len(board), 4096), *counts.shape[1:]) if len(board) else None
+    chunks = (min(len(board), AT_ONCE), *counts.shape[1:]) if len(board) else None
     volts = file.create_variable("voltage", dims, counts.dtype, chunks=chunks, **kept)
     volts.attrs["units"] = "V"
     volts.attrs["long_name"] = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
     volts.attrs["scale_factor"] = header["volts_per_count"]
-    for begin in range(0, len(board), 4096):
-        volts[begin : begin + 4096] = counts[begin : begin + 4096]
+    for begin in range(0, len(board), AT_ONCE):
+        volts[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
 
 
 def _positions(file: Any, stage: Rows, unit: str) -> None:
@@ -203,7 +197,8 @@ def _positions(file: Any, stage: Rows, unit: str) -> None:
 
 def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
     """Write a sensor's group; how many readings it has."""
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in _COLUMNS} if parts else {}
+    # pieces are let go of as they are joined
+    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
     group.attrs["sensor"] = sensor["name"]
     group.attrs["lens"] = "yes" if sensor["lens"] else "no"
@@ -247,14 +242,17 @@ def _readings(sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArra
 def _subtracted(
     counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
 ) -> Demodulated:
-    """Demodulated readings of a sensor's two inputs in some periods."""
-    slots = 2 * header["emitters"]
-    inputs = counts[:, :, :, [sensor["right"] - 1, sensor["left"] - 1]].reshape(-1, 2)
-    time = (time_s[:, None] + (np.arange(slots) + 1.0) / slots * header["period_s"]).ravel()
-    state = np.zeros(slots, np.int64)
-    state[::2] = 1 + np.arange(header["emitters"])
+    """Demodulated readings of a sensor's two inputs in some periods.
+
+    Of a period only the sensor's own on phase and the off phases beside it are looked at.
+    """
+    phases, on = 2 * header["emitters"], 2 * (sensor["emitter"] - 1)
+    near = np.unique([(on - 1) % phases, on, on + 1])
+    inputs = counts.reshape(len(counts), phases, -1)[:, near][..., [sensor["right"] - 1, sensor["left"] - 1]]
+    time = (time_s[:, None] + (near + 1.0) / phases * header["period_s"]).ravel()
+    state = np.where(near == on, sensor["emitter"], 0)
     top = np.full(2, header["top_count"] * header["volts_per_count"])
-    values = inputs * header["volts_per_count"]
+    values = inputs.reshape(-1, 2) * header["volts_per_count"]
     return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
 
 
@@ -283,6 +281,7 @@ def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
-    variable = group.create_variable(name, dims, values.dtype, data=values, **kept)
+    chunks = (min(len(values), 4 * AT_ONCE),) if len(values) else None
+    variable = group.create_variable(name, dims, values.dtype, data=values, chunks=chunks, **kept)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = told

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.errors import BenchError
+from solen.extras import need
 
 OVERRUNS = {
     -200279: "samples were overwritten before the program read them",
@@ -302,14 +303,10 @@ def _clear(task: Any, ni: Any) -> None:
 
 def _nidaqmx() -> Any:
     """The package; `BenchError` where it is not installed."""
-    try:
-        ni = importlib.import_module("nidaqmx")
-        for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
-            importlib.import_module(f"nidaqmx.{part}")
-    except ModuleNotFoundError:
-        remedy = 'pip install "solen[bench]"'
-        raise BenchError("daq.driver", limit="needs nidaqmx, which is not installed", remedy=remedy) from None
-    return ni
+    need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
+    for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
+        importlib.import_module(f"nidaqmx.{part}")
+    return importlib.import_module("nidaqmx")
 
 
 def _no_driver(bad: Exception) -> BenchError:

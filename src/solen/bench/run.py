@@ -9,7 +9,7 @@ The interface: `Instruments`; `begin` writes a header, `run` the rest of the jou
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -142,6 +142,7 @@ class _Runner:
     _due_s: float = 0.0
     _last: Counts | None = None
     _cycle: int = 0
+    _looks: list[tuple[int, float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._sampling = sampling_of(self.on.board)
@@ -173,12 +174,16 @@ class _Runner:
         self._read()
 
     def safe(self) -> None:
-        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first."""
+        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first.
+
+        Then what was seen of the stage since the last reading is written down.
+        """
         for name, stop in (("board", self.on.board.stop), ("stage", self.on.stage.stop)):
             try:
                 stop()
             except SolenError as bad:
                 self.journal.event(self.now_s, "not stopped", instrument=name, reason=str(bad))
+        self._write_looks()
 
     def _home(self) -> Step:
         """The way to where a cycle begins: where its last step ends."""
@@ -205,15 +210,15 @@ class _Runner:
         self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
         self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
         position = self.on.stage.position()
-        row = np.array([(self.part, self.now_s, position)], self.journal.dtype("stage"))
-        self.journal.rows("stage", row)
+        self._looks.append((self.part, self.now_s, position))
         if self.now_s - self._read_s >= self.on.read_every_s:
             self._read()
             if self.watch is not None:
                 self.watch(Tick(self.now_s, self._cycle, self.protocol.cycles, position, self._last))
 
     def _read(self) -> None:
-        """Take what was sampled, and write it down."""
+        """Take what was sampled, and write it down; where the stage was comes before it."""
+        self._write_looks()
         taken = self._sampling.read()
         self._read_s = self.now_s
         for remark in taken.remarks:
@@ -228,3 +233,7 @@ class _Runner:
         self.journal.rows(self._sampling.stream, taken.rows)
         came = np.array([(self.part, self.now_s, *taken.came)], self.journal.dtype("came"))
         self.journal.rows("came", came)
+
+    def _write_looks(self) -> None:
+        looks, self._looks = self._looks, []
+        self.journal.rows("stage", np.array(looks, self.journal.dtype("stage")))

@@ -31,8 +31,11 @@ from solen.spec.toml import dumps
 EXAMPLES = {"rotation": "rotation", "bending": "bending", "simulated": "rig", "simulated-daq": "rig-daq"}
 CHIP_MM = 0.2
 """Width of the chip in the shipped rig's design: a point emitter's response saturates within a degree."""
+READ_S = 0.1
+"""How often a board is read: what a kill may cost."""
 READ_SIMULATED_S = 1.0
-"""A simulated board is read less often: its time passes faster than the wall's."""
+READ_SIMULATED_MOST_S = 10.0
+"""A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
 PAUSE_S = 1.0
 """At least so much later a run is taken up than it was left."""
 Say = Callable[[str], None]
@@ -224,6 +227,12 @@ def _clock(still: bool, before: Journaled | None) -> Clock:
     return Wall(max(since.total_seconds(), last + PAUSE_S))
 
 
+def _read_every_s(rig: Rig, protocol: Protocol, asked: Asked) -> float:
+    if not _still(rig, asked):
+        return READ_S
+    return min(max(READ_SIMULATED_S, protocol.shortest_s / 300.0), READ_SIMULATED_MOST_S)
+
+
 def _still(rig: Rig, asked: Asked) -> bool:
     return rig.simulated and not asked.real_time
 
@@ -242,7 +251,7 @@ def instruments(
     else:
         stage, board = _real(rig, clock)
     try:
-        yield Instruments(stage, board, clock, READ_SIMULATED_S if _still(rig, asked) else 0.1), more
+        yield Instruments(stage, board, clock, _read_every_s(rig, protocol, asked)), more
     finally:
         board.close()
         stage.close()

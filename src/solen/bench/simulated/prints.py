@@ -9,6 +9,7 @@ The interface: `prints_of` a rig.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +56,14 @@ class Print:
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
         """Shares of the emitted power (..., 2) at angles (...)."""
+        inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
+        return np.asarray(self._between(inside))
+
+    @cached_property
+    def _between(self) -> Callable[[FloatArray], FloatArray]:
         from scipy.interpolate import PchipInterpolator
 
-        inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
-        return np.asarray(PchipInterpolator(self.angle_deg, self.fractions)(inside))
+        return PchipInterpolator(self.angle_deg, self.fractions)
 
 
 def prints_of(
