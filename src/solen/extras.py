@@ -1,4 +1,4 @@
-"""Packages that only a part of solen needs: the extra that installs each, and the line said where one is missing.
+"""Packages that only a part of solen needs: the extra that installs each, and what is said where one is missing.
 
 A plain installation does without them. Whoever needs one asks for it first and then imports it inside the function::
 
