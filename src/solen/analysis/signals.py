@@ -54,7 +54,7 @@ class Signals:
 
 
 def side_of(name: str) -> str:
-    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``, ``rx_left``); else empty."""
+    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
     words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
     found = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
     return found.pop() if len(found) == 1 else ""
