@@ -145,7 +145,7 @@ def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, columns: Colum
 
 
 def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
-    path = write(tmp_path / "one.csv", TRUTH, "time_s,rotation of it,left_V,right_V")
+    path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
     with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
         pipeline.analyse(pipeline.Request((path,)))
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")

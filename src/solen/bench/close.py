@@ -1,10 +1,11 @@
 """A journal closed into a netCDF file: everything that was sampled, and each sensor's readings without ambient light.
 
-The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. Each
+The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. What
+came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
 sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
-volts of its two receivers, on less the mean of off before and after. Nothing is smoothed. A
-cycle that was cut short in a run that was taken up is done anew: it stays in the root and is left out of the groups.
-The file is written under a temporary name and renamed; the journal is left to whoever called.
+volts of its two receivers, on less the mean of off before and after. Nothing is smoothed. A cycle that was cut short in
+a run that was taken up is done anew: it stays in the root and is left out of the groups. The file is written under a
+temporary name and renamed; the journal is left to whoever called.
 
 The interface: `closed` writes the file of a journal; extra ``netcdf``.
 """
@@ -25,9 +26,11 @@ from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.frames import ANEW
 from solen.bench.journal import Journaled, Rows
+from solen.bench.waveform import Waveform
 from solen.extras import need
 
 FloatArray = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
 
 AT_ONCE = 16_384
 """Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
@@ -51,6 +54,8 @@ class Closed:
         ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
     lost_bytes
         Of the journal's unfinished last record.
+    remarks
+        What could not be made of it, in words.
     """
 
     path: Path
@@ -59,6 +64,7 @@ class Closed:
     sensors: dict[str, int]
     outcome: str
     lost_bytes: int
+    remarks: tuple[str, ...] = ()
 
 
 def check_installed() -> None:
@@ -75,23 +81,63 @@ def closed(journaled: Journaled, path: Path) -> Closed:
         Where the file cannot be written, or h5netcdf is not installed.
     """
     check_installed()
-    board, header = journaled.streams["board"], journaled.header
-    time_s, lines = _times(journaled)
-    readings: dict[str, int] = {}
+    done: list[Closed] = []
 
     def write(target: Path) -> None:
         import h5netcdf
 
         with h5netcdf.File(target, "w") as file:
-            _attributes(file, journaled, lines)
-            _sampled(file, board, time_s, header)
-            _positions(file, journaled.streams["stage"], header["unit"])
-            for sensor in header["sensors"]:
-                readings[sensor["name"]] = _sensor(file, sensor, journaled, time_s)
+            content = _waveform if "daq" in journaled.header else _periods
+            time_s, readings, remarks = content(file, journaled)
+            _positions(file, journaled.streams["stage"], journaled.header["unit"])
+            duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
+            outcome, lost = outcome_of(journaled), journaled.lost_bytes
+            done.append(Closed(path, len(time_s), duration, readings, outcome, lost, tuple(remarks)))
 
     files.write_all({path: write})
-    duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
-    return Closed(path, len(board), duration, readings, outcome_of(journaled), journaled.lost_bytes)
+    return done[-1]
+
+
+Content = tuple[FloatArray, dict[str, int], list[str]]
+"""Time of each period, readings of each sensor, and remarks."""
+
+
+def _periods(file: Any, journaled: Journaled) -> Content:
+    """Write what a board sampled."""
+    board, header = journaled.streams["board"], journaled.header
+    time_s, lines = _times(journaled)
+    _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
+    _sampled(file, board, time_s, header)
+    sensors, cuts = header["sensors"], cut_short(journaled)
+    return (
+        time_s,
+        {one["name"]: _sensor(file, one, list(_readings(one, journaled, time_s, cuts))) for one in sensors},
+        [],
+    )
+
+
+def _waveform(file: Any, journaled: Journaled) -> Content:
+    """Write what a data acquisition sampled."""
+    header, wave = journaled.header, Waveform(file, journaled)
+    _attributes(file, journaled, wave.lines)
+    file.dimensions["period"] = len(wave.time_s)
+    _variable(file, "time_s", ("period",), wave.time_s, "s", "time of a frame's first sample on the clock of the run")
+    _variable(file, "part", ("period",), wave.part, "1", "part of the run, one more each time it was taken up")
+    _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, one more after each gap")
+    _variable(file, "number", ("period",), wave.number, "1", "number of the frame's first sample in its stretch")
+    told = header["daq"]
+    coefficients = np.array(told["coefficients"])
+    file.dimensions["power"] = coefficients.shape[1]
+    _variable(
+        file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
+    )
+    cuts = cut_short(journaled)
+    parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
+    for sensor, found, kept in wave.readings(header["sensors"]):
+        parts[sensor["name"]].append(_columns(found, kept, journaled, cuts))
+    readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
+    file.attrs["remarks"] = json.dumps(wave.remarks)
+    return wave.time_s, readings, wave.remarks
 
 
 def outcome_of(journaled: Journaled) -> str:
@@ -145,7 +191,7 @@ def _times(journaled: Journaled) -> tuple[FloatArray, list[OnRun]]:
     return times, lines
 
 
-def _attributes(file: Any, journaled: Journaled, lines: Sequence[OnRun]) -> None:
+def _attributes(file: Any, journaled: Journaled, lines: Mapping[str, OnRun]) -> None:
     header = {key: value for key, value in journaled.header.items() if key != "streams"}
     file.attrs["title"] = f"solen bench run: {header['protocol_name']} on {header['rig_name']}"
     file.attrs["source"] = f"solen {header['solen']}"
@@ -155,7 +201,7 @@ def _attributes(file: Any, journaled: Journaled, lines: Sequence[OnRun]) -> None
     file.attrs["control"] = " ".join(sensor["name"] for sensor in header["sensors"] if not sensor["lens"])
     file.attrs["header"] = json.dumps(header)
     file.attrs["events"] = json.dumps(journaled.events)
-    file.attrs["clock"] = json.dumps({str(place): vars(line) for place, line in enumerate(lines)})
+    file.attrs["clock"] = json.dumps({name: vars(line) for name, line in lines.items()})
     file.attrs["cut_short"] = json.dumps([[max(a, 0.0), b] for a, b in cut_short(journaled) if b < math.inf])
     file.attrs["losses"] = json.dumps(losses_of(journaled))
     file.attrs["lost_bytes"] = journaled.lost_bytes
@@ -190,9 +236,8 @@ def _positions(file: Any, stage: Rows, unit: str) -> None:
     _variable(file, "stage_position", ("look",), stage["position"], unit, "where it was")
 
 
-def _sensor(file: Any, sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray) -> int:
+def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
     """Write a sensor's group; how many readings it has."""
-    parts = list(_readings(sensor, journaled, time_s, cut_short(journaled)))
     # pieces are let go of as they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
@@ -222,7 +267,7 @@ _COLUMNS = {
 
 def _readings(
     sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
-) -> Iterator[dict[str, NDArray[Any]]]:
+) -> Iterator[Columns]:
     """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
     board, header = journaled.streams["board"], journaled.header
     for first, last in stretches(board):
@@ -233,9 +278,7 @@ def _readings(
             kept = found.of(sensor["emitter"]) & (found.time_s >= time_s[begin])
             if end < last:
                 kept &= found.time_s < time_s[end]
-            for cut_s, rest_s in cuts:
-                kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
-            yield _columns(found, kept, journaled.streams["stage"], header)
+            yield _columns(found, kept, journaled, cuts)
 
 
 def _subtracted(
@@ -256,8 +299,12 @@ def _subtracted(
 
 
 def _columns(
-    found: Demodulated, kept: NDArray[np.bool_], stage: Rows, header: Mapping[str, Any]
-) -> dict[str, NDArray[Any]]:
+    found: Demodulated, kept: NDArray[np.bool_], journaled: Journaled, cuts: Sequence[tuple[float, float]]
+) -> Columns:
+    """Columns of readings that are kept, but for those of cycles that were cut short."""
+    for cut_s, rest_s in cuts:
+        kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
+    stage, header = journaled.streams["stage"], journaled.header
     time = found.time_s[kept]
     position = np.interp(time, stage["t_s"], stage["position"]) if len(stage) else np.full(len(time), np.nan)
     return {

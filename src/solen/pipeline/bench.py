@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solen import __version__, files
 from solen.bench.catalogue import NAME, Catalogue, header_of
@@ -20,14 +21,20 @@ from solen.bench.frames import Layout
 from solen.bench.journal import SUFFIX, Journal, Journaled, held, read_journal
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
-from solen.bench.roles import EmitterBoard, Stage
+from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.run import Instruments, Watch, begin, cycles_done, parts_of
 from solen.bench.run import run as run_protocol
 from solen.errors import BenchError, DataError, OutputError, SolenError, SpecError
 from solen.spec import loads, template, with_values
 from solen.spec.toml import dumps
 
-EXAMPLES = {"rotation": "rotation", "bending": "bending", "rig": "simulated", "rig-bending": "simulated-bending"}
+EXAMPLES = {
+    "rotation": "rotation",
+    "bending": "bending",
+    "rig": "simulated",
+    "rig-bending": "simulated-bending",
+    "rig-daq": "simulated-daq",
+}
 """Files to start from, and what is shipped as each."""
 CHIP_MM = 0.2
 """Width of the chip in the shipped rigs' designs: a point emitter's response saturates within a degree."""
@@ -154,7 +161,7 @@ def _close(path: Path, target: Path) -> dict[str, Any]:
         journaled = read_journal(path)
         done = closed(journaled, target)
         row = Catalogue(target.parent).add(target)
-    if row.periods != len(journaled.streams["board"]):
+    if row.periods != journaled.counts["samples" if "daq" in journaled.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
     files.remove(path)
     return _told(done, journaled) | {"simulated": row.simulated}
@@ -179,6 +186,7 @@ def _told(done: Closed, journaled: Journaled) -> dict[str, Any]:
         "duration_s": done.duration_s,
         "sensors": done.sensors,
         "lost_bytes": done.lost_bytes,
+        "remarks": [*done.remarks, *(one["reason"] for one in journaled.events if one["what"] == "remark")],
     }
 
 
@@ -189,7 +197,7 @@ def _check_together(protocol: Protocol, rig: Rig, asked: Asked) -> None:
         raise BenchError(str(asked.protocol), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
     if asked.real_time and not rig.simulated:
         raise SpecError("--real-time", limit="is for a simulated rig; a real one takes its time anyway")
-    if rig.simulated and {rig.stage.driver, rig.board.driver} != {"simulated"}:
+    if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(asked.rig), limit="has one real and one simulated instrument", remedy="make both one kind")
 
 
@@ -236,7 +244,9 @@ def _clock(still: bool, before: Journaled | None) -> Clock:
     """Time of a run; of one that is taken up it goes on, by as much as passed since."""
     if before is None:
         return Still() if still else Wall()
-    ends = [rows["t_s"][-1:].max(initial=0.0) for name, rows in before.streams.items() if name != "board"]
+    ends = [
+        rows["t_s"][-1:].max(initial=0.0) for name, rows in before.streams.items() if name not in {"board", "samples"}
+    ]
     last = float(max(ends))
     if still:
         return Still(last + PAUSE_S)
@@ -260,14 +270,13 @@ def instruments(
 ) -> Iterator[tuple[Instruments, dict[str, Any]]]:
     """Instruments of a rig, closed in the end, and what is to be known of them."""
     clock = _clock(_still(rig, asked), before)
-    layout = Layout(rig.emitters, rig.inputs)
     more: dict[str, Any] = {}
     stage: Stage
-    board: EmitterBoard
+    board: EmitterBoard | Daq
     if rig.simulated:
-        stage, board, more = _simulated(rig, protocol, asked, clock, layout, before, say)
+        stage, board, more = _simulated(rig, protocol, asked, clock, before, say)
     else:
-        stage, board = _real(rig, clock, layout)
+        stage, board = _real(rig, clock)
     try:
         yield Instruments(stage, board, clock, _read_every_s(rig, protocol, asked)), more
     finally:
@@ -281,12 +290,12 @@ def _simulated(
     protocol: Protocol,
     asked: Asked,
     clock: Clock,
-    layout: Layout,
     before: Journaled | None,
     say: Say | None,
-) -> tuple[Stage, EmitterBoard, dict[str, Any]]:
+) -> tuple[Stage, EmitterBoard | Daq, dict[str, Any]]:
     from solen.bench.close import angle_deg
     from solen.bench.simulated.board import SimulatedBoard
+    from solen.bench.simulated.daq import SimulatedDaq
     from solen.bench.simulated.prints import prints_of
     from solen.bench.simulated.stage import SimulatedStage
 
@@ -298,36 +307,51 @@ def _simulated(
     part = 0 if before is None else 1 + parts_of(before)
     noise = np.random.default_rng([rig.seed, 1, part])
     stage = SimulatedStage(clock, protocol.unit)
-    board = SimulatedBoard(
-        clock,
-        prints,
-        lambda time_s: angle_deg(stage.axis.positions(time_s), wired),
-        rig.ambient,
-        layout,
-        1.0 / rig.board.rate_hz,
-        noise,
-    )
+
+    def angles(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        return angle_deg(stage.axis.positions(time_s), wired)
+
+    sampler: EmitterBoard | Daq
+    if (setup := rig.setup) is not None:
+        sampler = SimulatedDaq(clock, prints, angles, rig.ambient, setup, noise)
+    else:
+        layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
+        sampler = SimulatedBoard(clock, prints, angles, rig.ambient, layout, period_s, noise)
     drawn = [one.model_dump(mode="json") | {"drawn": made.drawn} for one, made in zip(rig.sensor, prints, strict=True)]
-    return stage, board, {"sensors": drawn}
+    return stage, sampler, {"sensors": drawn}
 
 
-def _real(rig: Rig, clock: Clock, layout: Layout) -> tuple[Stage, EmitterBoard]:
-    from solen.bench.board import SerialBoard
+def _real(rig: Rig, clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
     from solen.bench.gcs2 import Gcs2Stage
     from solen.bench.link import open_link
 
-    on, board = rig.stage, rig.board
+    on = rig.stage
     link = open_link(str(on.port), baud=on.baud)
     try:
         stage = Gcs2Stage(link, clock, stage=on.model, axis=on.axis, address=on.address)
-        line = open_link(str(board.port), baud=board.baud)
     except BaseException:
         link.close()
         raise
-    per_count = board.range_v / math.ldexp(1.0, board.bits)
     try:
-        return stage, SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
+        return stage, _real_sampler(rig, clock)
+    except BaseException:
+        stage.close()
+        raise
+
+
+def _real_sampler(rig: Rig, clock: Clock) -> EmitterBoard | Daq:
+    from solen.bench.board import SerialBoard
+    from solen.bench.link import open_link
+    from solen.bench.nidaq import NiDaq
+
+    if rig.daq is not None and (setup := rig.setup) is not None:
+        return NiDaq(clock, str(rig.daq.device), setup)
+    board = rig.board
+    line = open_link(str(board.port), baud=board.baud)
+    try:
+        per_count = board.range_v / math.ldexp(1.0, board.bits)
+        layout = Layout(rig.emitters, rig.inputs)
+        return SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
     except BaseException:
         line.close()
-        stage.close()
         raise
