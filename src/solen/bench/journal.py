@@ -17,10 +17,7 @@ offset bytes what
 10     n     payload: JSON, or rows
 ====== ===== ================================================================
 
-A journal is held by who writes it: no second run goes on with it, and none closes it meanwhile.
-
 The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives a `Journaled`.
-`held` keeps others from one that was left.
 """
 
 import json
@@ -37,7 +34,6 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.bench.lock import hold
 from solen.errors import BenchError, DataError
 
 MAGIC = b"SOLENJ1\n"
@@ -94,7 +90,7 @@ class Journaled:
 class Journal:
     """A journal that is being written. Use it in a ``with`` statement, or `close` it."""
 
-    def __init__(self, path: Path, file: FileIO, dtypes: Mapping[str, np.dtype[np.void]]) -> None:
+    def __init__(self, path: Path, file: BinaryIO, dtypes: Mapping[str, np.dtype[np.void]]) -> None:
         self.path = path
         self._file = file
         self._dtypes = dtypes
@@ -114,7 +110,6 @@ class Journal:
             ) from None
         except OSError as bad:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None
-        _hold(file, path)
         journal = cls(path, file, dict(dtypes))
         streams = {name: _descr(dtype) for name, dtype in dtypes.items()}
         journal._write(MAGIC + _record(HEADER, 0, _json({**header, "streams": streams})))
@@ -123,17 +118,12 @@ class Journal:
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, Journaled]:
         """A journal that was left, to be gone on with after what is whole in it, and what that is."""
-        file = held(path)
-        try:
-            found = read_journal(path)
-            if found.end is not None:
-                raise BenchError(str(path), limit="was ended", remedy="close it with solen bench recover")
+        found = read_journal(path)
+        if found.end is not None:
+            raise BenchError(str(path), limit="was ended", remedy="close it with solen bench recover")
+        with path.open("r+b") as file:
             file.truncate(found.whole_bytes)
-            file.seek(found.whole_bytes)
-        except BaseException:
-            file.close()
-            raise
-        return cls(path, file, _dtypes(found.header, path)), found
+        return cls(path, FileIO(path, "ab"), _dtypes(found.header, path)), found
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
         """Columns of a stream."""
@@ -179,28 +169,6 @@ class Journal:
         except OSError as bad:
             remedy = "make room; what is written stays"
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None
-
-
-def held(path: Path) -> FileIO:
-    """A journal that was left, open and ours alone until it is closed.
-
-    Raises
-    ------
-    BenchError
-        Where it cannot be opened, or a run is still writing it.
-    """
-    try:
-        file = FileIO(path, "r+b")
-    except OSError as bad:
-        raise BenchError(str(path), limit=f"cannot be opened: {bad.strerror}", remedy="check the path") from None
-    _hold(file, path)
-    return file
-
-
-def _hold(file: FileIO, path: Path) -> None:
-    if not hold(file):
-        file.close()
-        raise BenchError(str(path), limit="is in use by a run that goes on", remedy="let it end first")
 
 
 def read_journal(path: Path) -> Journaled:

@@ -1,39 +1,57 @@
-"""A lock on an open file that its process holds and no other: it goes when the process does, however that ends.
+"""A lock beside a file that one process holds and no other: it goes when the process does, however that ends.
 
-The interface: `hold`; a second `hold` of the same file elsewhere is told.
+The idea: no system's own calls are needed where SQLite is, which locks files on all of them: an exclusive transaction
+on an empty database is the lock. What a kill leaves of it is an empty hidden file that the next one takes over.
+
+The interface: `Lock` of a path, taken when it is made.
 """
 
-import sys
-from io import FileIO
+import contextlib
+import sqlite3
+from pathlib import Path
+from types import TracebackType
+from typing import Self
 
-_FAR = 1 << 62
-"""Windows locks bytes, and none can read them: one far behind the end is taken."""
-
-
-def hold(file: FileIO) -> bool:
-    """Whether the file is ours now, until it is closed; a file system without locks gives it to everybody."""
-    try:
-        _hold(file)
-    except BlockingIOError:
-        return False
-    except OSError as bad:
-        return not (sys.platform == "win32" and isinstance(bad, PermissionError))
-    return True
+from solen.errors import BenchError
 
 
-if sys.platform == "win32":
-    import msvcrt
+class Lock:
+    """A lock on what a file of that name stands for; use it in a ``with`` statement, or `release` it.
 
-    def _hold(file: FileIO) -> None:
-        at = file.tell()
-        file.seek(_FAR)
+    Raises
+    ------
+    BenchError
+        Where another process holds it. A file system that knows no locks gives it to everybody.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path.with_name(f".{path.name}.lock")
+        self._table: sqlite3.Connection | None = None
         try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        finally:
-            file.seek(at)
+            self._table = sqlite3.connect(self._path, timeout=0.0, isolation_level=None)
+            self._table.execute("begin exclusive")
+        except sqlite3.Error as bad:
+            self._close()
+            if getattr(bad, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
+                limit, remedy = "is in use by a run that goes on", "let it end first"
+                raise BenchError(str(path), limit=limit, remedy=remedy) from None
 
-else:
-    import fcntl
+    def release(self) -> None:
+        """Let go of it, and leave no file; once more is the same."""
+        if self._table is not None:
+            self._close()
+            with contextlib.suppress(OSError):
+                self._path.unlink(missing_ok=True)
 
-    def _hold(file: FileIO) -> None:
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+    def _close(self) -> None:
+        if self._table is not None:
+            self._table.close()
+            self._table = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.release()

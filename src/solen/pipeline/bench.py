@@ -18,7 +18,8 @@ from solen.bench.catalogue import NAME, Catalogue, header_of
 from solen.bench.clock import Clock, Still, Wall
 from solen.bench.close import Closed, check_installed, closed
 from solen.bench.frames import Layout
-from solen.bench.journal import SUFFIX, Journal, Journaled, held, read_journal
+from solen.bench.journal import SUFFIX, Journal, Journaled, read_journal
+from solen.bench.lock import Lock
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
 from solen.bench.roles import Daq, EmitterBoard, Stage
@@ -115,9 +116,12 @@ def run(asked: Asked, *, watch: Watch | None = None, say: Say | None = None) -> 
     name = asked.name or asked.protocol.stem
     path, target = asked.out / f"{name}{SUFFIX}", asked.out / f"{name}.nc"
     _check_name(name)
-    with files.output_folder(asked.out):
-        if target.exists():
+    with files.output_folder(asked.out), Lock(path):
+        if target.exists() and not (path.exists() and _is_of(target, path)):
             raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
+        if path.exists() and not asked.resume:
+            limit, remedy = "exists already: a run that was not closed", "solen bench recover, or --resume"
+            raise BenchError(str(path), limit=limit, remedy=remedy)
         journal, before = _journal_to_resume(path, asked, rig, protocol) if asked.resume else (None, None)
         with instruments(rig, protocol, asked, before, say) as (on, more):
             if journal is None:
@@ -132,9 +136,10 @@ def recover(path: Path) -> dict[str, Any]:
     if path.suffix != SUFFIX:
         raise SpecError(str(path), limit=f"a journal ends in {SUFFIX}", remedy="name the journal of the run")
     target = path.with_suffix(".nc")
-    if target.exists() and not _is_of(target, path):
-        raise OutputError(str(target), limit="exists already", remedy="move it away")
-    return _close(path, target)
+    with Lock(path):
+        if target.exists() and not _is_of(target, path):
+            raise OutputError(str(target), limit="exists already", remedy="move it away")
+        return _close(path, target)
 
 
 def recordings(folder: Path, *, look: bool = False) -> dict[str, Any]:
@@ -156,11 +161,10 @@ def _close(path: Path, target: Path) -> dict[str, Any]:
 
     Whoever is killed on the way leaves the journal; a recording that was written by then is written anew.
     """
-    with held(path):
-        files.remove_left(target)
-        journaled = read_journal(path)
-        done = closed(journaled, target)
-        row = Catalogue(target.parent).add(target)
+    files.remove_left(target)
+    journaled = read_journal(path)
+    done = closed(journaled, target)
+    row = Catalogue(target.parent).add(target)
     if row.periods != journaled.counts["samples" if "daq" in journaled.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
     files.remove(path)
