@@ -28,8 +28,8 @@ CfgDigEdgeStartTrig(2, '/Dev1/ai/StartTrigger', 10280)
 TaskControl(2, 3)
 GetChanAttribute(2, 'Dev1/ctr0', 4472, &)
 CreateTask('', &)
-CreateAIVoltageChan(3, 'Dev1/ai0', '', 10083, -5, 5, 10348, '')
-CreateAIVoltageChan(3, 'Dev1/ai1', '', 10083, -5, 5, 10348, '')
+CreateAIVoltageChan(3, 'Dev1/ai0', '', 10083, -10, 10, 10348, '')
+CreateAIVoltageChan(3, 'Dev1/ai1', '', 10083, -10, 10, 10348, '')
 CfgSampClkTiming(3, '', 10000, 10280, 10123, 100000)
 SetBufferAttribute(3, 6252, 100000)
 TaskControl(3, 3)
@@ -100,7 +100,7 @@ def test_two_counters_take_turns_and_a_line_enables_what_is_outside(library: Lib
         "CreateCOPulseChanFreq(4, 'Dev1/ctr1', '', 10373, 10214, 0.0025, 200, 0.25)",
     ]
     daq = NiDaq(Still(), "Dev1", setup(switching="external", enable="port1/line7", terminal="differential"))
-    assert library.said[-10].endswith("10106, -5, 5, 10348, '')")
+    assert library.said[-10].endswith("10106, -10, 10, 10348, '')")
     assert library.lines["Dev1/port1/line7"] is False
     daq.start()
     assert library.lines["Dev1/port1/line7"] is True
