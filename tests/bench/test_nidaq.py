@@ -1,5 +1,6 @@
 """The driver of the USB-6218, by the C calls that `nidaqmx` makes of it: written conversations, and every fault."""
 
+import importlib
 from collections.abc import Callable
 
 import numpy as np
@@ -57,8 +58,7 @@ ClearTask(4)
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> Library:
     """NI-DAQmx with a USB-6218 that is not there."""
-    from nidaqmx import _lib
-
+    _lib = importlib.import_module("nidaqmx._lib")
     made = Library()
     for name in ("_windll", "_cdll"):
         monkeypatch.setattr(_lib.lib_importer, name, _lib.DaqFunctionImporter(made))
@@ -205,7 +205,7 @@ def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None
 
 
 def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from nidaqmx import _lib
+    _lib = importlib.import_module("nidaqmx._lib")
 
     def none() -> None:
         raise _lib.DaqNotFoundError(_lib._DAQ_NOT_FOUND_MESSAGE)
