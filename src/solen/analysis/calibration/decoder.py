@@ -124,7 +124,7 @@ class Decoder:
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
         self.calibration = calibration
-        total = calibration.total
+        total, freedom = calibration.law()
         if gain_percent:
             light = calibration.curves_V.mean(axis=0) - dark_V
             total = total + (0.01 * gain_percent) ** 2 * light[:, :, None] * light[:, None, :]
@@ -133,7 +133,7 @@ class Decoder:
         self._start, self._step = curves[:, :-1], np.diff(curves, axis=1)
         middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
         self._covariance = _between_points(calibration.angle_deg, total, middle)
-        self._freedom = np.interp(middle, calibration.angle_deg, calibration.total_freedom())
+        self._freedom = np.interp(middle, calibration.angle_deg, freedom)
         self._width = float(self.nodes_deg[1] - self.nodes_deg[0])
         self._limit = 2.0 * np.asarray(f_distribution.isf(OUTSIDE, 2, np.minimum(self._freedom, 1e6)))
         self._metrics: dict[tuple[bool, bool], _Metric] = {}

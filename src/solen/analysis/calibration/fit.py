@@ -26,6 +26,8 @@ _MOST_CYCLES = 60  # whose samples are held against the others
 _HELD = 4.0  # times the usual number of samples that an angle counts for, however long it is held
 _FLOOR = 1e-9  # of the squared range: no reading is better known
 _ENDLESS = 1e9
+_LEAST_FREEDOM = 2.0
+_LEAST_SHARE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -66,16 +68,23 @@ class Calibration:
         """Covariance of a new reading, (g, 2, 2)."""
         return self.noise + self.repeat + self.between
 
-    def total_freedom(self) -> FloatArray:
-        """Degrees of freedom of `total`, (g,)."""
-        precision = np.linalg.inv(self.total)
-        shares = [np.einsum("gij,gji->g", precision, part) / 2.0 for part in (self.noise, self.repeat, self.between)]
-        known = [self.samples, np.full(self.samples.shape, float(self.freedom[0]))]
-        known.append(np.full(self.samples.shape, float(self.freedom[1])))
-        inverse = sum(
-            np.where(share > 0.0, share**2 / np.maximum(by, 1.0), 0.0) for share, by in zip(shares, known, strict=True)
-        )
-        return np.asarray(np.minimum(1.0 / np.maximum(inverse, 1.0 / _ENDLESS), _ENDLESS))
+    def law(self) -> tuple[FloatArray, FloatArray]:
+        """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
+
+        Satterthwaite's freedom of a sum by the shares of its parts in the variance of the angle; then that of a prediction of two variables
+        whose covariance is itself estimated, with one degree less and wider by as much (Hotelling 1931).
+        """
+        total = self.total
+        slope = np.gradient(self.curves_V.mean(axis=0), self.angle_deg, axis=0)
+        toward = np.linalg.solve(total, slope[..., None])[..., 0]
+        size = np.maximum((toward * slope).sum(axis=1), 1e-300)
+        inverse = np.full(self.angle_deg.shape, 1.0 / _ENDLESS)
+        known = (self.samples, float(self.freedom[0]), float(self.freedom[1]))
+        for part, by in zip((self.noise, self.repeat, self.between), known, strict=True):
+            share = np.einsum("gi,gij,gj->g", toward, part, toward) / size
+            inverse += share**2 / np.maximum(by, 1.0)
+        freedom = np.maximum(1.0 / inverse, _LEAST_FREEDOM)
+        return total * (freedom / (freedom - 1.0))[:, None, None], freedom - 1.0
 
     def hysteresis_V(self) -> FloatArray:
         """Rising less falling, (g, 2)."""
@@ -111,14 +120,14 @@ def calibrated(training: Training) -> Calibration:
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
     total, count = _smooth(products, training.angle_deg)
-    noise, _ = _smooth(steps, training.angle_deg)
+    noise, rest_of_it = _parted(_smooth(steps, training.angle_deg)[0], total + floor)
     n = float(cycles)
-    repeat = _positive(total - noise) * (n * n - 1.0) / (n * n)  # left out, a cycle lacks its share in the mean
+    repeat = rest_of_it * (n * n - 1.0) / (n * n)  # left out, a cycle lacks its share in the mean
     return Calibration(
         angle_deg=training.angle_deg,
         curves_V=training.curves_V(),
-        noise=noise + floor,
-        repeat=repeat,
+        noise=noise,
+        repeat=_rounder(repeat, 1.0 / (n - 1.0) ** 2),
         between=np.zeros_like(repeat),
         samples=count,
         cycles=cycles,
@@ -166,10 +175,14 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
     return found[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
 
 
-def _positive(matrices: FloatArray) -> FloatArray:
-    """Nearest matrices without a negative variance."""
-    values, vectors = np.linalg.eigh(matrices)
-    return np.asarray(np.einsum("gij,gj,gkj->gik", vectors, np.maximum(values, 0.0), vectors))
+def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As much of a part as its whole can hold in every direction, and the rest of the whole, both (g, 2, 2)."""
+    root = np.linalg.cholesky(whole)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
+    axes = root @ vectors
+    share = np.clip(values, _LEAST_SHARE, 1.0 - _LEAST_SHARE)[:, None, :]
+    return (axes * share) @ axes.swapaxes(1, 2), (axes * (1.0 - share)) @ axes.swapaxes(1, 2)
 
 
 def pooled(trainings: Sequence[Training]) -> Calibration:
@@ -220,12 +233,13 @@ def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
 
 
 def _between(curves: FloatArray) -> FloatArray:
-    """Covariance of prints' curves (p, g, 2), (g, 2, 2), drawn towards equal variances.
-
-    So few prints hardly tell a correlation, and two tell none: the mean variance gets a share of 1/(p − 1).
-    """
+    """Covariance of prints' curves (p, g, 2), (g, 2, 2)."""
     apart = curves - curves.mean(axis=0)
     found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
-    share = 1.0 / (len(curves) - 1)
-    level = np.trace(found, axis1=1, axis2=2) / 2.0
-    return np.asarray((1.0 - share) * found + share * level[:, None, None] * np.eye(2))
+    return _rounder(found, 1.0 / (len(curves) - 1))
+
+
+def _rounder(covariance: FloatArray, share: float) -> FloatArray:
+    """Covariances drawn towards equal variances: few cycles or prints hardly tell a correlation, and two tell none."""
+    level = np.trace(covariance, axis1=1, axis2=2) / 2.0
+    return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

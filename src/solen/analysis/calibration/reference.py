@@ -15,14 +15,15 @@ def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray
     """Probability of each of some evenly spaced angles (m,) within the calibrated range, given left and right (2,)."""
     grid = calibration.angle_deg
     curves = at_angles(grid, calibration.curves_V, angle_deg)
-    freedom = np.interp(angle_deg, grid, calibration.total_freedom())
+    scale, known = calibration.law()
+    freedom = np.interp(angle_deg, grid, known)
     likelihood = np.zeros(angle_deg.size)
     logs = []
     for curve in curves:
         row = np.zeros(angle_deg.size)
         for place, angle in enumerate(angle_deg):
             covariance = np.array(
-                [[np.interp(angle, grid, calibration.total[:, i, j]) for j in range(2)] for i in range(2)]
+                [[np.interp(angle, grid, scale[:, i, j]) for j in range(2)] for i in range(2)]
             )
             rest = volts - curve[place]
             distance = rest @ np.linalg.solve(covariance, rest)
