@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from solen.errors import DataError
+from solen.extras import need
 from solen.recording.arrays import Array, recorded
 from solen.recording.model import Recording
 from solen.recording.source import Source
@@ -23,11 +25,9 @@ def is_tdms(source: Source) -> bool:
 
 def read(source: Source) -> Recording:
     """Recording of a TDMS file; `DataError` without npTDMS, where it is damaged, or holds no numbers."""
-    try:
-        from nptdms import TdmsFile
-    except ModuleNotFoundError:
-        limit, remedy = "is a TDMS file, which needs npTDMS", 'pip install "solen[tdms]", or export a CSV'
-        raise source.refused("", limit, remedy) from None
+    need("nptdms", what=str(source.path), doing="reading TDMS", otherwise="export a CSV", error=DataError)
+    from nptdms import TdmsFile
+
     arrays: list[Array] = []
     try:
         file = TdmsFile.read(io.BytesIO(source.data))
