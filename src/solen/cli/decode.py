@@ -70,3 +70,81 @@ def _told(found: dict[str, Any]) -> Iterator[str]:
         yield f"note: {warning}"
     if "figure" in found:
         yield f"wrote {found['figure']}"
+
+
+@app.command(group=BENCH, sort_key=60)
+def decode(
+    calibration: Path,
+    source: Annotated[str, Parameter(allow_leading_hyphen=True)],
+    /,
+    *,
+    recorded: Recorded = Recorded(),
+    sensor: str | None = None,
+    follow: _Flag = False,
+    design: _Design = None,
+    motion: _Motion = None,
+    gain_percent: float = 0.0,
+    window_ms: float = 50.0,
+    out: Annotated[Path | None, Parameter(name="--out", help="Write the angles to this .csv.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Angles of voltages by a calibration: of a recording, of lines as they come, or of a run under way.
+
+    Parameters
+    ----------
+    calibration
+        File of solen calibrate.
+    source
+        A recording, - for lines of CSV on standard input, or the .journal of a run.
+    sensor
+        Sensor of the source; by default the one that was calibrated.
+    follow
+        Follow a journal as it grows, until its run ends.
+    gain_percent
+        Allow a common change of the light of so many per cent (standard deviation), as of an emitter that ages.
+    window_ms
+        Time over which an angle must rise or fall to be said to.
+    """
+    import sys
+
+    from solen.pipeline import decode as pipeline
+    from solen.pipeline.analyse import Switching
+    from solen.pipeline.decode_sources import Wanted
+
+    columns, _ = columns_of(recorded)
+    rate = recorded.on_off_hz
+    wanted = Wanted(
+        columns=columns,
+        sensor=sensor,
+        names=None if recorded.columns is None else tuple(recorded.columns),
+        sheet=recorded.sheet,
+        smooth_ms=recorded.smooth_ms,
+        switching=None if rate is None else Switching(rate, recorded.emitters),
+    )
+    asked = pipeline.Asked(
+        calibration, source, wanted, follow, design, motion, gain_percent, recorded.rails, 1e-3 * window_ms
+    )
+    plain = not as_json and out is None
+    told = None if as_json else lambda line: print(f"note: {line}", file=sys.stderr)
+    found = pipeline.decode(asked, out=out, lines=sys.stdout if plain else None, say=told)
+    if plain:
+        print("\n".join(_counted(found)), file=sys.stderr)
+    else:
+        show(found, as_json, lambda: list(_counted(found)))
+
+
+def _counted(found: dict[str, Any]) -> Iterator[str]:
+    """Lines of a summary; its warnings but for those already told."""
+    flags = [f"{found[name]} {name}" for name in ("outside", "ambiguous", "clipped", "missing") if found[name]]
+    low, high = found["lowest_deg"], found["highest_deg"]
+    yield f"{found['readings']} readings, {low:.4g}° to {high:.4g}°" + "".join(f", {one}" for one in flags)
+    against = found["against_angle"]
+    if against is not None:
+        yield (
+            f"against the recording's own angle: rms {against['rms_deg']:.2g}°, mean {against['bias_deg']:+.1g}°, "
+            f"{100 * against['within_95']:.0f} % within the bands of 95 %"
+        )
+    if found["interrupted"]:
+        yield "stopped"
+    if "out" in found:
+        yield f"wrote {found['out']}"
