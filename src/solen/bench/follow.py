@@ -42,7 +42,9 @@ class Following:
         self._dtypes = dtypes_of(self.header, path)
         if "board" not in self._dtypes:
             limit = "holds a waveform, whose readings are made when the run is closed"
-            raise DataError(str(path), limit=limit, remedy="close it with solen bench recover, and decode the recording")
+            raise DataError(
+                str(path), limit=limit, remedy="close it with solen bench recover, and decode the recording"
+            )
         self._number = list(self._dtypes).index("board")
         self._place = 0
         self._last: Rows | None = None

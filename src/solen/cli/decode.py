@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from solen.cli.app import BENCH, FigureFile, Json, app, show
 from solen.cli.recorded import Moved, Recorded, columns_of, request_of
 
+_MOVED, _RECORDED = Moved(), Recorded()
 _Flag = Annotated[bool, Parameter(negative=())]
 _Motion = Annotated[str | None, Parameter(help="What was moved: rotation or bend, where the recording does not say.")]
 _Design = Annotated[Path | None, Parameter(help="Design file of the sensor: its motion, pivot, parts and circuit.")]
@@ -19,8 +20,8 @@ _Schema = Annotated[bool, Parameter(name="--schema", negative=(), help="Print th
 @app.command(group=BENCH, sort_key=50)
 def calibrate(
     *recordings: Path,
-    moved: Moved = Moved(),
-    recorded: Recorded = Recorded(),
+    moved: Moved = _MOVED,
+    recorded: Recorded = _RECORDED,
     sensor: str | None = None,
     pool: _Flag = False,
     with_controls: _Flag = False,
@@ -78,7 +79,7 @@ def decode(
     source: Annotated[str, Parameter(allow_leading_hyphen=True)],
     /,
     *,
-    recorded: Recorded = Recorded(),
+    recorded: Recorded = _RECORDED,
     sensor: str | None = None,
     follow: _Flag = False,
     design: _Design = None,

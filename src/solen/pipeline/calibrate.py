@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from solen import __version__, files
 from solen.analysis import Analysed
@@ -24,7 +24,12 @@ from solen.pipeline.analysis_data import remark
 from solen.pipeline.outputs import check_figure
 from solen.pipeline.whatmoved import motion_and_circuit
 
+if TYPE_CHECKING:
+    from solen.report.decoding import Shown
+
 POOL = "pooled"
+_FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
+_MANY = 0.01  # ambiguous
 
 
 @dataclass(frozen=True)
@@ -88,9 +93,11 @@ def calibrate(asked: Asked, *, out: Path | None = None, figure: Path | None = No
     }
     if figure is not None:
         from solen.report import canvas
-        from solen.report.decoding import calibration_figure
+        from solen.report.decoding import Shown, calibration_figure
 
-        drawn = calibration_figure(made, simulated=found.simulated, remark=remark(asked.request))
+        drawn = calibration_figure(
+            [_shown(one, Shown) for one in made], simulated=found.simulated, remark=remark(asked.request)
+        )
         contents[figure] = canvas.encoded(drawn, figure.suffix.lower(), "calibration")
     files.write_all(contents)
     result = {
@@ -100,7 +107,6 @@ def calibrate(asked: Asked, *, out: Path | None = None, figure: Path | None = No
         "warnings": [*found.warnings, *told],
     }
     return result | ({} if figure is None else {"figure": str(figure)})
-
 
 
 def calibrations(asked: Asked, found: Study) -> tuple[list[Made], list[str]]:
@@ -188,8 +194,8 @@ def _file(
         simulated=found.simulated,
         cycles=one.cycles,
         freedom_repeat=one.freedom[0],
-        rails_V=saved.rails_of(one),
-        dark_V=found.settings.dark_V,
+        rails_v=saved.rails_of(one),
+        dark_v=found.settings.dark_V,
         motion=motion,
         circuit=circuit,
         curves=saved.curves_of(one),
@@ -232,9 +238,9 @@ def _cautions(sensor: Analysed, one: Calibration, check: Check | None) -> list[s
     told = []
     if check is None:
         told.append("two cycles: how well it decodes a cycle that it has not seen cannot be checked")
-    elif check.whole.ambiguous > 0.01:
+    elif check.whole.ambiguous > _MANY:
         told.append(f"{100 * check.whole.ambiguous:.2g} % of the readings have several angles that explain them")
-    if check is not None and not 0.9 <= check.whole.within_95:
+    if check is not None and check.whole.within_95 < _FEW:
         told.append(
             f"only {100 * check.whole.within_95:.0f} % of a cycle that it has not seen lie within the bands of 95 %"
         )
@@ -253,6 +259,13 @@ def _beside(recordings: Sequence[Path], label: str) -> Path:
         if label in {path.stem} or label.startswith(f"{path.stem}."):
             return path.with_name(f"{label}{saved.SUFFIX}")
     return first.with_name(f"{first.stem}.{label}{saved.SUFFIX}" if len(recordings) == 1 else f"{label}{saved.SUFFIX}")
+
+
+def _shown(one: Made, kind: "type[Shown]") -> "Shown":
+    """As it is drawn."""
+    title = f"{one.file.sensor}: {one.file.cycles} cycles, ± 2 SD of a new reading"
+    what = "a cycle" if one.sensors_out is None else "a print"
+    return kind(title, one.calibration, one.cycles_out or one.sensors_out, what)
 
 
 def _short(one: Made, place: Path) -> dict[str, Any]:

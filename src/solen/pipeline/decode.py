@@ -113,7 +113,7 @@ def decode(
     for line in warnings:
         if say is not None:
             say(line)
-    run = _Run(known, decoder, asked)
+    run = _Run(decoder, asked)
     with _written(out) as file:
         for target in (file, lines):
             if target is not None:
@@ -171,10 +171,10 @@ def _check(asked: Asked, out: Path | None) -> None:
 
 
 def _decoder(known: saved.CalibrationFile, asked: Asked) -> Decoder:
-    if asked.gain_percent and known.dark_V is None:
+    if asked.gain_percent and known.dark_v is None:
         limit = "needs the voltage without light, which the calibration does not know"
         raise SpecError("--gain-percent", value=asked.gain_percent, limit=limit, remedy="calibrate with --dark-v")
-    return Decoder(known.calibration, gain_percent=asked.gain_percent, dark_V=known.dark_V or 0.0)
+    return Decoder(known.calibration, gain_percent=asked.gain_percent, dark_V=known.dark_v or 0.0)
 
 
 def _stream(asked: Asked, known: saved.CalibrationFile, text: Iterable[str]) -> Stream:
@@ -192,12 +192,13 @@ def _warnings(asked: Asked, known: saved.CalibrationFile, stream: Stream) -> lis
         stream.sensor or known.sensor, stream.provenance, asked.design, asked.motion, stream.ambient
     )
     other, unknown = saved.differences(known, motion, circuit)
+    moved = bool(other)
     if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
         other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
     told = []
     if other:
         told.append(f"this calibration is not for what is decoded: {'; '.join(other)}")
-    if unknown:
+    if unknown and not moved:
         told.append(
             f"whether the calibration is for this motion cannot be checked: nothing says the {', '.join(unknown)}; "
             "--design or --motion does"
@@ -219,7 +220,7 @@ def _written(out: Path | None) -> Iterator[TextIO | None]:
         yield None
         return
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{out.name[:100]}.", suffix=".tmp", dir=out.parent or Path())
+        handle, name = tempfile.mkstemp(prefix=f".{out.name[:100]}.", suffix=".tmp", dir=out.parent)
     except OSError as bad:
         raise OutputError(str(out), limit=f"cannot be written: {bad.strerror}", remedy="name another place") from None
     temporary = Path(name)
@@ -236,7 +237,7 @@ def _written(out: Path | None) -> Iterator[TextIO | None]:
 class _Run:
     """Readings of one stream, decoded and counted."""
 
-    def __init__(self, known: saved.CalibrationFile, decoder: Decoder, asked: Asked) -> None:
+    def __init__(self, decoder: Decoder, asked: Asked) -> None:
         self._decoder, self._asked = decoder, asked
         self._tracker = Tracker(asked.window_s)
         curves = decoder.calibration.curves_V
@@ -250,7 +251,7 @@ class _Run:
 
     def of(self, batch: Batch) -> str:
         """Rows of a batch."""
-        good = np.isfinite(batch.volts).all(axis=1)
+        good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good])
         decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))
         noise = self._decoder.noise_deg(decoded.angle_deg)

@@ -4,6 +4,7 @@ Each gives `Batch` after `Batch` of left and right voltages, as large as there i
 """
 
 import contextlib
+import json
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ from solen.pipeline.analyse import Switching
 from solen.pipeline.signals import Columns, Sampled, by_sensor, demodulated, sampled
 from solen.recording import Provenance, read_parts
 from solen.recording.model import FloatArray
-from solen.recording.numbers import parse
+from solen.recording.numbers import is_number, parse
 from solen.recording.words import heading, plain
 from solen.units import factor
 
@@ -119,12 +120,12 @@ def lines(text: Iterable[str], wanted: Wanted) -> Stream:
     if first is None:
         raise DataError("-", limit="is an empty stream: no line came", remedy="write a header and readings to it")
     separator = next((one for one in _SEPARATORS if one in first), ",")
-    layout = _Layout.of(wanted.names or _cells(first, separator), wanted, separator)
-    if wanted.names is None:
-        if all(_number(cell, layout.mark) is not None for cell in _cells(first, separator)):
-            limit = "begins with numbers, not with the names of its columns"
-            raise DataError("-", limit=limit, remedy="name them, as in --columns time_s left_V right_V")
-    else:
+    cells = _cells(first, separator)
+    if wanted.names is None and all(is_number(cell) for cell in cells):
+        limit = "begins with numbers, not with the names of its columns"
+        raise DataError("-", limit=limit, remedy="name them, as in --columns time_s left_V right_V")
+    layout = _Layout.of(wanted.names or cells, wanted, separator)
+    if wanted.names is not None:
         rows = _with(first, rows)
     return Stream(layout.batches(rows))
 
@@ -140,11 +141,9 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _number(cell: str, mark: str) -> float | None:
     """Number of a cell; NaN where it is empty, None where it is a word."""
-    if not cell or cell.lower() in {"nan", "na", "null", "-"}:
-        return float("nan")
     try:
         return parse(cell, mark)
-    except (ValueError, DataError):
+    except ValueError:
         return None
 
 
@@ -163,13 +162,13 @@ class _Layout:
     def of(cls, names: Sequence[str], wanted: Wanted, separator: str) -> "_Layout":
         heads = [heading(name) for name in names]
         asked = dict(wanted.columns.channels)
-        sides = [_side(names, asked, side) for side in ("left", "right")]
+        left, right = (_side(names, asked, side) for side in ("left", "right"))
         timed = None if wanted.columns.rate_hz is not None else _time_place(names, wanted.columns.time)
-        scales = [_scale(heads[place].unit, "V", names[place]) for place in sides]
+        scales = (_scale(heads[left].unit, "V", names[left]), _scale(heads[right].unit, "V", names[right]))
         unit = "" if timed is None else (wanted.columns.time_unit or heads[timed].unit)
         first = 1.0 if timed is None else _scale(unit, "s", names[timed])
         mark = "," if separator != "," else "."
-        return cls((timed, *sides), (first, *scales), len(names), separator, mark, wanted.columns.rate_hz)
+        return cls((timed, left, right), (first, *scales), len(names), separator, mark, wanted.columns.rate_hz)
 
     def batches(self, rows: Iterable[str]) -> Iterator[Batch]:
         """One reading at a time; a line that cannot be read is a reading that is missing."""
@@ -206,8 +205,10 @@ def _side(names: Sequence[str], asked: dict[str, str], side: str) -> int:
         found = [n for n, name in enumerate(names) if side_of(heading(name).name) == side]
         found = [n for n in found if not any(word in names[n].lower() for word in ("ambient", "clipped"))]
     if len(found) != 1:
-        limit = f"has no column {wanted or f'that is told to be the {side} receiver'}" if not found else (
-            f"has {len(found)} columns that may be the {side} receiver"
+        limit = (
+            f"has no column {wanted or f'that is told to be the {side} receiver'}"
+            if not found
+            else (f"has {len(found)} columns that may be the {side} receiver")
         )
         raise DataError("-", limit=limit, remedy=f"name it with --channel {side}=COLUMN; {there}")
     return found[0]
@@ -238,8 +239,6 @@ def journal(path: Path, wanted: Wanted, known: str, *, follow: bool) -> Stream:
 
 
 def _plain_header(header: dict[str, Any]) -> str:
-    import json
-
     return json.dumps({key: value for key, value in header.items() if key != "streams"})
 
 

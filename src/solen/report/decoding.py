@@ -4,33 +4,40 @@ One row for each calibration. Left is orange and right blue; whole lines rise, d
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from solen.analysis.calibration import Calibration, Check
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
-
-if TYPE_CHECKING:
-    from solen.pipeline.calibrate import Made
 
 _DRAWN = 3000
 _SIDES = (("left", LEFT), ("right", RIGHT))
 
 
-def calibration_figure(made: "Sequence[Made]", *, simulated: bool, remark: str = "") -> Figure:
+@dataclass(frozen=True)
+class Shown:
+    """One calibration: its title, what it is, the check and what was left out for it."""
+
+    title: str
+    calibration: Calibration
+    check: Check | None
+    left_out: str
+
+
+def calibration_figure(made: Sequence[Shown], *, simulated: bool, remark: str = "") -> Figure:
     """Three panels for each calibration."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3), layout="constrained")
         axes = figure.subplots(len(made), 3, squeeze=False)
         for one, (curves, angles, errors) in zip(made, axes, strict=True):
             _draw_curves(curves, one.calibration)
-            curves.set_title(f"{one.file.sensor}: {one.file.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
-            check = one.cycles_out or one.sensors_out
-            what = "a cycle" if one.cycles_out is not None else "a print"
+            curves.set_title(one.title, fontsize=9, loc="left")
+            check, what = one.check, one.left_out
             if check is None:
                 for panel in (angles, errors):
                     panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
@@ -59,7 +66,7 @@ def _draw_curves(axes: Axes, one: Calibration) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
-def _places(check: Check) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
+def _places(check: Check) -> NDArray[np.intp]:
     """Readings that are drawn, in the order of their true angle."""
     order = np.argsort(check.true_deg, kind="stable")
     return order[:: max(1, order.size // _DRAWN)]

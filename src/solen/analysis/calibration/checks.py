@@ -112,7 +112,9 @@ def _check(names: Sequence[str], found: Sequence[tuple[FloatArray, Decoded]]) ->
         outside=mean("outside"),
         ambiguous=mean("ambiguous"),
     )
-    columns = [np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")]
+    columns = [
+        np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")
+    ]
     return Check(whole, parts, np.concatenate([true for true, _ in found]), *columns)
 
 

@@ -228,7 +228,9 @@ class Decoder:
         first = best == top[row]
         nearest, limit = np.zeros(len(volts)), np.zeros(len(volts))
         nearest[row[first]], limit[row[first]] = distance[first], self._limit[place[first] % self.pieces]
-        return self._told(volts, marks, metric, self._stretches(row, place, along, distance, top, metric), nearest, limit)
+        return self._told(
+            volts, marks, metric, self._stretches(row, place, along, distance, top, metric), nearest, limit
+        )
 
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool

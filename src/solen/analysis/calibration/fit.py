@@ -1,9 +1,9 @@
 """A calibration of ways and samples: curves, and the covariance of a reading about them with its parts.
 
-The idea: every sample is held against the mean of the *other* cycles, so that its distance is that of a reading of a new
-cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not been
-seen. What changes from sample to sample is the noise of a reading; the rest stays for a cycle: how cycles repeat, and
-the error of the mean. That rest is known by a few cycles only, so readings follow a t distribution whose degrees of
+The idea: every sample is held against the mean of the *other* cycles, so that its distance is that of a reading of a
+new cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not
+been seen. What changes from sample to sample is the noise of a reading; the rest stays for a cycle: how cycles repeat,
+and the error of the mean. That rest is known by a few cycles only, so readings follow a t distribution whose degrees of
 freedom are those of the parts by their shares (Satterthwaite 1946). Of several prints, the scatter of their mean curves
 comes on top, with as many degrees of freedom as prints less one.
 
@@ -71,15 +71,16 @@ class Calibration:
     def law(self) -> tuple[FloatArray, FloatArray]:
         """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
 
-        Satterthwaite's freedom of a sum by the shares of its parts in the variance of the angle; then that of a prediction of two variables
-        whose covariance is itself estimated, with one degree less and wider by as much (Hotelling 1931).
+        Satterthwaite's freedom of a sum by the shares of its parts in the variance of the angle; then that of a
+        prediction of two variables whose covariance is itself estimated, with one degree less and wider by as much
+        (Hotelling 1931).
         """
         total = self.total
         slope = np.gradient(self.curves_V.mean(axis=0), self.angle_deg, axis=0)
         toward = np.linalg.solve(total, slope[..., None])[..., 0]
         size = np.maximum((toward * slope).sum(axis=1), 1e-300)
         inverse = np.full(self.angle_deg.shape, 1.0 / _ENDLESS)
-        known = (self.samples, float(self.freedom[0]), float(self.freedom[1]))
+        known = (self.samples, np.array(float(self.freedom[0])), np.array(float(self.freedom[1])))
         for part, by in zip((self.noise, self.repeat, self.between), known, strict=True):
             share = np.einsum("gi,gij,gj->g", toward, part, toward) / size
             inverse += share**2 / np.maximum(by, 1.0)
@@ -114,7 +115,9 @@ def calibrated(training: Training) -> Calibration:
         rest = _apart(training, int(cycle), own)
         products = np.vstack([products, np.column_stack([own.angle_deg, _squares(rest)])])
         moved = np.flatnonzero(own.follows[1:]) + 1
-        steps = np.vstack([steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])])
+        steps = np.vstack(
+            [steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
+        )
     if len(steps) < _LEAST_SAMPLES:
         limit = f"has {len(steps)} samples in the cycles that are used, too few to know how they scatter"
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")

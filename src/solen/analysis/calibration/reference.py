@@ -22,9 +22,7 @@ def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray
     for curve in curves:
         row = np.zeros(angle_deg.size)
         for place, angle in enumerate(angle_deg):
-            covariance = np.array(
-                [[np.interp(angle, grid, scale[:, i, j]) for j in range(2)] for i in range(2)]
-            )
+            covariance = np.array([[np.interp(angle, grid, scale[:, i, j]) for j in range(2)] for i in range(2)])
             rest = volts - curve[place]
             distance = rest @ np.linalg.solve(covariance, rest)
             row[place] = -0.5 * np.log(np.linalg.det(covariance))

@@ -115,9 +115,11 @@ def training_of(sensor: Analysed) -> Training:
     cycles = sensor.passes.cycles
     if cycles < LEAST_CYCLES:
         limit = f"has {cycles} cycle{'s' * (cycles != 1)} that is used, and a calibration needs at least {LEAST_CYCLES}"
-        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0")
+        raise DataError(
+            f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0"
+        )
     volts = sensor.passes.volts[..., list(sides)]
-    first, last = _stretch(np.isfinite(mean_curves(volts)).all(axis=(0, 2)))
+    first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
     if last - first < len(DIRECTIONS) + 3:
         limit = "has no stretch of angles at which both receivers have readings"
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen analyse --figure")
