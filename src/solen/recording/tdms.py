@@ -4,6 +4,7 @@ The interface: `is_tdms` and `read`.
 """
 
 import io
+import logging
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,15 @@ def read(source: Source) -> Recording:
     """Recording of a TDMS file; `DataError` without npTDMS, where it is damaged, or holds no numbers."""
     need("nptdms", what=str(source.path), doing="reading TDMS", otherwise="export a CSV", error=DataError)
     from nptdms import TdmsFile
+    from nptdms.log import log_manager
 
     arrays: list[Array] = []
+    log_manager.set_level(logging.ERROR)  # it would print what is refused below
     try:
         file = TdmsFile.read(io.BytesIO(source.data))
         metadata = {str(key): str(value) for key, value in file.properties.items()}
+        if file.file_status.incomplete_final_segment:
+            raise ValueError("its last part was cut off")
         groups = file.groups()
         for group in groups:
             for channel in group.channels():

@@ -104,7 +104,9 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     fractions = np.column_stack([response.right, response.left])
     if rig.sampler.trim_v is not None:
         circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
-    return Print(wires, drawn, response.angle_deg, fractions, circuit)
+    made = Print(wires, drawn, response.angle_deg, fractions, circuit)
+    made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
+    return made
 
 
 def _converter(rig: Rig) -> Adc:
