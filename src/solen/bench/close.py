@@ -327,7 +327,7 @@ def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
-    chunks = (min(len(values), 4 * AT_ONCE),) if len(values) else None
+    chunks = (min(len(values), 4 * AT_ONCE), *values.shape[1:]) if len(values) else None
     variable = group.create_variable(name, dims, values.dtype, data=values, chunks=chunks, **kept)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = told
