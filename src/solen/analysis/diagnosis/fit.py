@@ -26,8 +26,12 @@ from solen.analysis.diagnosis.model import OFFSET, SPREAD, Model
 from solen.analysis.diagnosis.table import FloatArray
 
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
-TRIED = 2
-"""Decentres that a fit is begun with, and how many of them are followed: those of the best straight lines."""
+STARTS_OF_SPREAD = (1.0, 0.25)
+TRIED = 3
+"""Decentres and shares of the chip's spread that a fit is begun with, and how many of these are followed.
+
+They are those of the best straight lines. What is known beforehand is held at first.
+"""
 WAVES = 12
 """Half waves over the range of angles, from none on, that a misfit is looked for in."""
 MODEL_SHARE = 1e-4
@@ -190,12 +194,15 @@ def _started(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatAr
     spread = model.parameters[model.places[SPREAD]].start
     decentred = {OFFSET} & {model.parameters[place].name for place in places}
     begun = [
-        model.start(cycles.mean_V, model.response.offset_mm + offset, spread)
+        model.start(cycles.mean_V, model.response.offset_mm + offset, share * spread)
         for offset in (STARTS_MM if decentred else (0.0,))
+        for share in STARTS_OF_SPREAD
     ]
     costs = [_rest(model, cycles, places, sd, one)[1] for one in begun]
-    nearest = [begun[n] for n in np.argsort(costs)[:TRIED]]
-    return min((_solved(model, cycles, places, sd, one) for one in nearest), key=lambda one: one[1])[0]
+    unknown = np.array([place for place in places if np.isinf(model.parameters[place].known)], dtype=np.intp)
+    nearest = [_solved(model, cycles, unknown, sd, begun[n]) for n in np.argsort(costs)[:TRIED]]
+    best = min(nearest, key=lambda one: one[1])[0]
+    return _solved(model, cycles, places, sd, best)[0]
 
 
 def _solved(
