@@ -3,9 +3,11 @@
 import dataclasses
 import math
 
+from scipy.integrate import quad
+
 from solen.curve import Arc, Curve, Segment
 from solen.plane import Point, Rigid
-from solen.scene import Interface, Monitor, Rays, Region, Scene
+from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene
 from solen.scene.model import Behaviour
 from solen.scene.sources import Source
 from solen.trace import Limits, Path, Trace, trace
@@ -32,6 +34,35 @@ def slab(source: Source, index: float, thickness_mm: float, absorption_per_mm: f
     ends = zip(sides.items(), corners, [*corners[1:], corners[0]], strict=True)
     interfaces = tuple(Interface(name, Segment(a, b), "glass", "air", kind) for (name, kind), a, b in ends)
     return Scene((AIR, glass(index, absorption_per_mm)), interfaces, (source,), (behind,))
+
+
+def guide(length_mm: float, gap_mm: float | None = None, rays: int = 1) -> Scene:
+    """A guide of index 1.44, 5 mm wide, and a fan of 120 degrees from 1 mm before the middle of one end.
+
+    Behind the other a receiver as wide, ``gap_mm`` away, or a screen that receives all that leaves; both ``screen``.
+    """
+    corners = [(-2.5, 0.0), (2.5, 0.0), (2.5, length_mm), (-2.5, length_mm)]
+    ends = zip(corners, [*corners[1:], corners[0]], strict=True)
+    faces = [Interface(f"face{i}", Segment(a, b), "glass", "air") for i, (a, b) in enumerate(ends)]
+    half_mm, z_mm = (2.5, length_mm + gap_mm) if gap_mm else (1e5, length_mm + 1e-3)
+    screen = Interface("screen", Segment((half_mm, z_mm), (-half_mm, z_mm)), "air", "air", "receiver", "screen")
+    return Scene((AIR, glass(1.44)), (*faces, screen), (Fan((0.0, -1.0), 0.0, 120.0, rays),))
+
+
+def guided_share() -> float:
+    """What leaves the far end of such a guide: ½ Σ (1 − R)/(1 + R) over s and p, averaged over the fan by quadrature.
+
+    All that enters is guided without loss; R is that of the first interface.
+    """
+
+    def passed(angle: float) -> float:
+        cos_in, cos_out = math.cos(angle), math.sqrt(1.0 - (math.sin(angle) / 1.44) ** 2)
+        s = ((cos_in - 1.44 * cos_out) / (cos_in + 1.44 * cos_out)) ** 2
+        p = ((1.44 * cos_in - cos_out) / (1.44 * cos_in + cos_out)) ** 2
+        return 0.5 * ((1 - s) / (1 + s) + (1 - p) / (1 + p))
+
+    half = math.radians(60.0)
+    return float(quad(passed, 0.0, half)[0]) / half
 
 
 def one_ray(origin: Point, angle_deg: float, s_share: float = 0.5) -> Rays:

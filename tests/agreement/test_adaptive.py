@@ -3,7 +3,6 @@
 import math
 
 import pytest
-from scipy.integrate import quad
 
 from solen.curve import Arc, Segment
 from solen.errors import DesignError
@@ -12,28 +11,9 @@ from solen.sensor import Sensor
 from solen.spec import Design, Material
 from solen.trace import Limits, Mode, integrate, trace
 from tests.agreement.random_scene_support import random_scene
+from tests.agreement.scenes_support import guide, guided_share
 
-AIR, GLASS = Region("air", 1.0), Region("glass", 1.44)
-
-
-def slab(length_mm: float, gap_mm: float | None = None) -> Scene:
-    """A guide 5 mm wide, the source 1 mm before the middle of one end, a wide screen or a receiver behind the other."""
-    corners = [(-2.5, 0.0), (2.5, 0.0), (2.5, length_mm), (-2.5, length_mm)]
-    faces = [Interface(f"face{k}", Segment(corners[k], corners[(k + 1) % 4]), "glass", "air") for k in range(4)]
-    wide, z = (2.5, length_mm + gap_mm) if gap_mm else (1e5, length_mm + 1e-3)
-    screen = Interface("screen", Segment((wide, z), (-wide, z)), "air", "air", "receiver", "screen")
-    return Scene((AIR, GLASS), (*faces, screen), (Fan((0.0, -1.0), 0.0, 120.0, 1),))
-
-
-def closed_form() -> float:
-    def passed(angle: float) -> float:
-        cos_in, cos_out = math.cos(angle), math.sqrt(1.0 - (math.sin(angle) / 1.44) ** 2)
-        s = ((cos_in - 1.44 * cos_out) / (cos_in + 1.44 * cos_out)) ** 2
-        p = ((1.44 * cos_in - cos_out) / (1.44 * cos_in + cos_out)) ** 2
-        return 0.5 * ((1 - s) / (1 + s) + (1 - p) / (1 + p))
-
-    half = math.radians(60.0)
-    return float(quad(passed, 0.0, half)[0]) / half
+AIR = Region("air", 1.0)
 
 
 def sensor(angle_deg: float, **design: object) -> Scene:
@@ -41,17 +21,16 @@ def sensor(angle_deg: float, **design: object) -> Scene:
 
 
 def test_a_slab_passes_the_closed_form() -> None:
-    """½ Σ (1 − R)/(1 + R) over s and p, averaged over the fan by quadrature: all that enters is guided, lossless."""
-    found = integrate(slab(5.0), tolerance=1e-5, limits=Limits(min_weight=1e-6), most_legs=10**7)
+    found = integrate(guide(5.0), tolerance=1e-5, limits=Limits(min_weight=1e-6), most_legs=10**7)
     assert found.reached
-    assert found.detectors["screen"].power == pytest.approx(closed_form(), abs=1e-5)
-    assert closed_form() == pytest.approx(0.925572, abs=5e-7)
+    assert found.detectors["screen"].power == pytest.approx(guided_share(), abs=1e-5)
+    assert guided_share() == pytest.approx(0.925572, abs=5e-7)
 
 
 @pytest.mark.evidence
 @pytest.mark.parametrize(("gap_mm", "share"), [(None, 0.925572), (0.1, 0.914264)])
 def test_a_long_slab_passes_the_closed_form(gap_mm: float | None, share: float) -> None:
-    found = integrate(slab(100.0, gap_mm), tolerance=1e-5, most_legs=10**8)
+    found = integrate(guide(100.0, gap_mm), tolerance=1e-5, most_legs=10**8)
     power = found.detectors["screen"].power
     print(f"\n  slab of 100 x 5 mm, receiver {gap_mm} mm behind it: {power:.6f}, asked {share}")
     assert power == pytest.approx(share, abs=1e-5)

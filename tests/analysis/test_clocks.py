@@ -45,6 +45,30 @@ def test_the_interval_of_a_lag_holds_at_its_rate() -> None:
     assert inside >= 34  # t with 4 degrees of freedom: 95 %, less three standard deviations
 
 
+@pytest.mark.parametrize(
+    ("log_hz", "rate_hz", "step_deg"),
+    [(50.0, 20.0, 0.0), (10.0, 200.0, 0.0), (20.0, 200.0, 0.0), (50.0, 200.0, 0.05), (1000.0, 200.0, 0.3)],
+    ids=["slow recorder", "log of 10 Hz", "log of 20 Hz", "encoder in step", "coarse encoder"],
+)
+def test_the_interval_of_a_lag_holds_where_every_cycle_is_sampled_alike(
+    log_hz: float, rate_hz: float, step_deg: float
+) -> None:
+    """2.4 s hold whole samples of both: what is off is off in each cycle, so that their scatter does not show it."""
+    truth = replace(TRUTH, rate_hz=rate_hz)
+    times, angles = made(truth).time_s, truth.protocol.angle_deg
+    inside = 0
+    for n in range(60):
+        draw = np.random.default_rng(n)
+        lag, phases = draw.uniform(-0.5, 0.5), draw.uniform(0.0, 1.0, 2)
+        ours = times + phases[0] / rate_hz
+        volts = truth.response_V(angles(ours)) + 0.02 * draw.standard_normal((ours.size, 2))
+        log_s = np.arange(phases[1] / log_hz, times[-1], 1.0 / log_hz)
+        log = angles(log_s) + 0.002 * draw.standard_normal(log_s.size)
+        found = align(ours, volts, log_s + lag, step_deg * np.round(log / step_deg) if step_deg else log)
+        inside += abs(found.lag_s - lag) < 2.8 * found.u_lag_s
+    assert inside >= 50  # 95 % by t with 4 degrees of freedom; three standard deviations of the binomial are 5 of 60
+
+
 def test_a_clock_that_runs_off_is_followed() -> None:
     truth = replace(TRUTH, protocol=Protocol(cycles=30))
     found = aligned(truth, 5.0, rate=300e-6)

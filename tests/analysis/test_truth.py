@@ -85,6 +85,35 @@ def test_drift_comes_back_and_is_no_hysteresis() -> None:
     assert own["drift_V_per_cycle"] == pytest.approx(0.6 * 2.4 / 60.0, abs=4.0 * own["u_drift_V_per_cycle"])
 
 
+def test_a_drift_that_looks_like_a_hysteresis_is_said() -> None:
+    """0.6 V/min is 12 mV in half a cycle of 2.4 s: at 0° falling ways come that much later than rising ones."""
+    found = found_of(replace(NOISY, drift_V_per_min=0.6))
+    assert any("parts rising and falling ways by up to 0.012 V" in warning for warning in found.warnings)
+    larger = found_of(replace(NOISY, drift_V_per_min=0.6, hysteresis_V=0.2))
+    assert not any("parts rising and falling ways" in warning for warning in larger.warnings)
+
+
+@pytest.mark.parametrize("noise_deg", [0.05, 0.1, 0.2])
+def test_a_noisy_angle_shows_its_cycles(noise_deg: float) -> None:
+    """A fifteenth of the way to one side in noise: cycles and curve are found, the ends of the range are lost to it."""
+    truth = Truth(angle_noise_deg=noise_deg, noise_V=0.005)
+    found = found_of(truth)
+    assert [cycle.start_s for cycle in found.runs[0].motion.cycles] == pytest.approx(
+        truth.protocol.starts_s(), abs=0.05
+    )
+    inner = np.abs(found.passes.angle_deg) < 2.0
+    expected = truth.response_V(found.passes.angle_deg)[inner, 1]
+    # sorted by a noisy angle neighbours mix: f'' σ²/2 and, of ten ways, 0.5 V/°·σ/√(10·2) of each cell
+    assert found.curve(1).mean_V[inner] == pytest.approx(expected, abs=0.02 + 0.35 * noise_deg)
+    assert inner.sum() > 35
+
+
+def test_ways_of_unlike_length_are_said() -> None:
+    found = found_of(Truth(Protocol(levels_deg=(0.0, 1.0, 0.0, -1.0, 0.0, 3.0, 0.0, -3.0), cycles=3)))
+    assert any("only from -1° to 1°" in warning for warning in found.warnings)
+    assert not any("of that part" in warning for warning in found_of(NOISY).warnings)
+
+
 def test_linearity_of_a_parabola_in_both_definitions() -> None:
     """y = x² on [−1, 1]: the best line leaves 1/2 of 1 (independent), that by least squares 1 − mean of x²."""
     signals = made(Truth(Protocol(levels_deg=(0.0, 1.0, 0.0, -1.0)), rate_hz=2000.0))

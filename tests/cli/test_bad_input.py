@@ -14,6 +14,7 @@ from solen.cli import _run
 from solen.pipeline import design as pipeline
 from solen.spec import template
 from solen.trace import convergence
+from tests.command_support import refusal, snapshot
 
 GOOD = template()
 HEAD = 'schema = 1\nname = "x"\n'
@@ -33,12 +34,6 @@ def command(name: str, file: Path | str) -> list[str]:
     return [name, str(file), *OUTPUT_OPTION[name]]
 
 
-def snapshot(folder: Path) -> dict[str, bytes | None]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
-    }
-
-
 class Refusal:
     """Runs a command line in the test's own folder and holds it to one line and nothing left behind."""
 
@@ -46,18 +41,7 @@ class Refusal:
         self.folder, self.capsys = folder, capsys
 
     def __call__(self, *arguments: str) -> str:
-        before = snapshot(self.folder)
-        self.capsys.readouterr()
-        code = _run(list(arguments))
-        printed = self.capsys.readouterr()
-        assert code == 2, (printed.out[:500], printed.err[:500])
-        assert printed.out == ""
-        assert printed.err.startswith("solen: ")
-        assert printed.err.endswith("\n")
-        assert len(printed.err.splitlines()) == 1, printed.err
-        assert len(printed.err) < 400
-        assert snapshot(self.folder) == before
-        return printed.err
+        return refusal(self.capsys, self.folder, *arguments)
 
 
 @pytest.fixture

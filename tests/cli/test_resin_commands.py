@@ -15,6 +15,7 @@ from solen.cli import _run
 from solen.material import Tabulated, load_resin
 from solen.material.index.slab import forward
 from solen.spec import template
+from tests.command_support import refusal
 
 INDEX: dict[str, Any] = {
     "kind": "index",
@@ -74,18 +75,7 @@ class Shell:
 
     def refused(self, *arguments: str) -> str:
         """The one line of a command that is refused and leaves nothing."""
-        before = self.snapshot()
-        self.capsys.readouterr()
-        code = _run(list(arguments))
-        printed = self.capsys.readouterr()
-        assert (code, printed.out) == (2, "")
-        assert len(printed.err.splitlines()) == 1
-        assert len(printed.err) < 400
-        assert self.snapshot() == before
-        return printed.err.removeprefix("solen: ").rstrip("\n")
-
-    def snapshot(self) -> dict[str, bytes]:
-        return {path.name: path.read_bytes() for path in self.folder.iterdir()}
+        return refusal(self.capsys, self.folder, *arguments).removeprefix("solen: ").rstrip("\n")
 
 
 @pytest.fixture

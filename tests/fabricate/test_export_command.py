@@ -12,7 +12,7 @@ import pytest
 
 from solen.cli import _run
 from solen.spec import template
-from tests.command_support import answered
+from tests.command_support import answered, refusal
 
 HAS_KERNEL = importlib.util.find_spec("OCP") is not None
 HAS_DXF = importlib.util.find_spec("ezdxf") is not None
@@ -37,12 +37,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return home
 
 
-def snapshot(folder: Path) -> dict[str, bytes | None]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
-    }
-
-
 Run = Callable[..., Any]
 
 
@@ -57,14 +51,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
     def run(*arguments: str) -> str:
-        before = snapshot(folder)
-        capfd.readouterr()
-        assert _run(["export", *arguments]) == 2
-        printed = capfd.readouterr()
-        assert printed.out == ""
-        assert len(printed.err.splitlines()) == 1, printed.err
-        assert snapshot(folder) == before
-        return printed.err
+        return refusal(capfd, folder, "export", *arguments)
 
     return run
 

@@ -18,7 +18,7 @@ from PIL import Image
 from solen.cli import _run
 from solen.fabricate.layers import archive, as_png
 from solen.spec import template
-from tests.command_support import answered
+from tests.command_support import answered, refusal, snapshot
 
 Run = Callable[..., Any]
 QUICK = ("--layer-um", "100", "--printer", "small.toml")
@@ -48,12 +48,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return home
 
 
-def snapshot(folder: Path) -> dict[str, bytes | None]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")
-    }
-
-
 @pytest.fixture
 def told(capfd: pytest.CaptureFixture[str]) -> Run:
     def run(*arguments: str) -> dict[str, Any]:
@@ -65,14 +59,7 @@ def told(capfd: pytest.CaptureFixture[str]) -> Run:
 @pytest.fixture
 def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
     def run(*arguments: str) -> str:
-        before = snapshot(folder)
-        capfd.readouterr()
-        assert _run([*arguments]) == 2
-        printed = capfd.readouterr()
-        assert printed.out == ""
-        assert len(printed.err.splitlines()) == 1, printed.err
-        assert snapshot(folder) == before
-        return printed.err
+        return refusal(capfd, folder, *arguments)
 
     return run
 

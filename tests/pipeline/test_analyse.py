@@ -1,6 +1,7 @@
 """`solen analyse` on files in the conventions of others."""
 
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -11,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from solen.analysis import Settings
 from solen.cli import _run
 from solen.errors import DataError, SpecError
 from solen.pipeline import analyse as pipeline
@@ -145,7 +147,7 @@ def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, columns: Colum
 
 
 def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
-    path = write(tmp_path / "one.csv", TRUTH, "time_s,rotation of it,left_V,right_V")
+    path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
     with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
         pipeline.analyse(pipeline.Request((path,)))
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
@@ -167,11 +169,17 @@ def test_options_that_cannot_be(tmp_path: Path) -> None:
         (pipeline.Request((path,), pattern="one.csv"), "has no field"),
         (pipeline.Request((path,), controls=("S9",)), "no sensor is called so"),
         (pipeline.Request((path,), smooth_ms=-1.0), "must be above 0"),
+        (pipeline.Request((path,), smooth_ms=1e6), "a twentieth of one.csv"),
+        (pipeline.Request((path,), columns=Columns(zero_deg=math.nan)), "must be a number"),
+        (pipeline.Request((path,), settings=Settings(dark_V=math.inf)), "must be a number"),
+        (pipeline.Request((path,), log_time="t"), "is for a log"),
     ):
         with pytest.raises(SpecError, match=said):
             pipeline.analyse(asked)
     with pytest.raises(DataError, match="is not named as"):
         pipeline.analyse(pipeline.Request((path,), pattern="{sensor}_{run}.csv"))
+    with pytest.raises(DataError, match="leaves more than 20,000 points"):
+        pipeline.analyse(pipeline.Request((path,), settings=Settings(step_deg=1e-9)))
     with pytest.raises(SpecError, match="NAME=COLUMN"):
         named_channels(["=x"])
 

@@ -107,6 +107,26 @@ def test_what_has_another_length_is_named(tmp_path: Path) -> None:
     assert any("another length are left out: short" in warning for warning in found.warnings)
 
 
+def test_a_tdms_file_that_was_cut_is_refused_and_prints_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cut.tdms"
+    write_tdms(path)
+    path.write_bytes(path.read_bytes()[:-800])
+    with pytest.raises(DataError, match="its last part was cut off"):
+        read(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_matlab_of_version_4(tmp_path: Path) -> None:
+    path = tmp_path / "old.mat"
+    savemat(path, {"time": TIME, "left": LEFT}, format="4")
+    assert read(path).need("left").values == pytest.approx(LEFT)
+    path.write_bytes(path.read_bytes()[:100])
+    with pytest.raises(DataError, match="save it again in MATLAB"):
+        read(path)
+
+
 @pytest.mark.parametrize("write", [write_matlab, write_matlab73, write_netcdf4, write_netcdf3, write_tdms])
 def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, write: Callable[[Path], None]) -> None:
     path = tmp_path / "damaged"

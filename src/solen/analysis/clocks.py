@@ -16,13 +16,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import fftconvolve
 
 from solen.analysis.motion import Motion, find_motion
 from solen.errors import DataError
 from solen.recording.model import FloatArray
 
-_CELLS = 64
+_CELLS = 512
+_PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
+_NOISES, _STEPS = 25.0, 5.0  # a speed is told over a time in which the angle moves by so many of its noise or steps
+_CORNER = 0.1  # of the speed: change from one pair of entries to the next that a steady ramp does not show
 _ROUNDS = 12
 _LEAST_CORRELATION = 0.3
 _RIVAL = 0.97  # share of the highest correlation from which on another shift could be meant as well
@@ -93,6 +98,10 @@ def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: Flo
             rate += _line(when - middle, shifts, weights)[1]
         u_lag, _, u_slope = _line(when - middle, shifts, weights)
     shown = _at(time_s, log_s, log_deg, (lag, rate, middle))
+    if motion.step_deg:
+        times = time_s + lag + rate * (time_s - middle)
+        sampled = (log_s, log_deg) if np.median(np.diff(log_s)) > np.median(np.diff(time_s)) else (times, shown)
+        u_lag = math.hypot(u_lag, _u_of_steps(*sampled, log_s, motion))
     words = _words(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
     return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
 
@@ -149,10 +158,12 @@ def _shifts(
     """Shift that each cycle asks for beyond a clock's: its time, shift and weight."""
     lag, rate, middle = clock
     angle = _at(time_s, log_s, log_deg, clock)
-    speed = np.gradient(angle, time_s) if np.all(np.diff(time_s) > 0.0) else _speed(time_s, angle)
+    speed = _speed(time_s, log_s, log_deg, motion, clock)
     reach = motion.high_deg - motion.low_deg
     inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _INNER) * reach
     moving = inner & (np.abs(speed) > 0.3 * motion.speed_deg_per_s)
+    steady = moving & ~_on_corners(time_s + lag + rate * (time_s - middle), log_s, log_deg, motion)
+    moving = steady if steady.sum() > 0.5 * moving.sum() else moving
     rest, change = _linearised(angle, speed, volts, moving, motion)
     edges = np.array([[cycle.start_s, cycle.end_s] for cycle in motion.cycles])
     ours = (edges - lag + rate * middle) / (1.0 + rate)
@@ -161,7 +172,7 @@ def _shifts(
         first, last = np.searchsorted(time_s, [start, end])
         part = np.flatnonzero(moving[first:last]) + first
         if part.size >= 8:
-            r, s = rest[part] - rest[part].mean(axis=0), change[part] - change[part].mean(axis=0)
+            r, s = rest[part], change[part]
             weight = float((s * s).sum())
             if weight > 0.0:
                 found.append((0.5 * (start + end), float((r * s).sum()) / weight, weight))
@@ -169,32 +180,104 @@ def _shifts(
     return columns[:, 0], columns[:, 1], columns[:, 2]
 
 
-def _speed(time_s: FloatArray, angle: FloatArray) -> FloatArray:
-    """As a gradient, where samples share a time."""
-    unique, first = np.unique(time_s, return_index=True)
-    return np.asarray(np.interp(time_s, unique, np.gradient(angle[first], unique)))
+def _speed(time_s: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion, clock: _Clock) -> FloatArray:
+    """Speed by the log, over a time in which its noise and steps are little, and at most a tenth of a ramp."""
+    fastest = motion.speed_deg_per_s
+    far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
+    wanted = max(float(np.median(np.diff(log_s))), far / fastest)
+    half = min(wanted, 0.1 * (motion.high_deg - motion.low_deg) / fastest)
+    after, before = (_at(time_s + shift, log_s, log_deg, clock) for shift in (half, -half))
+    return np.asarray((after - before) / (2.0 * half))
+
+
+def _on_corners(when: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> NDArray[np.bool_]:
+    """Which times lie between two entries of the log that have a ramp's end between them.
+
+    A straight line cuts that corner, in every cycle alike where the log keeps step with the motion, so that their
+    scatter does not show it. Such entries stand between a slower pair and a faster one.
+    """
+    usual = float(np.median(np.diff(log_s)))
+    steps = np.maximum(np.diff(log_s), 1e-3 * usual)
+    speed = np.diff(log_deg) / steps
+    least = max(_CORNER * motion.speed_deg_per_s, 6.0 * motion.noise_deg / usual)
+    change = np.diff(speed)
+    corner = np.zeros(speed.size + 2, dtype=bool)
+    corner[2:-2] = (np.minimum(np.abs(change[1:]), np.abs(change[:-1])) > least) & (change[1:] * change[:-1] > 0.0)
+    return np.asarray(corner[np.searchsorted(log_s, when)])
 
 
 def _linearised(
-    angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: FloatArray, motion: Motion
+    angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: NDArray[np.bool_], motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
-    """Voltages less the mean curve, and their change by a shift of a second; both by each receiver's scatter."""
-    low, reach = motion.low_deg, motion.high_deg - motion.low_deg
-    cell = np.clip(((np.nan_to_num(angle) - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
-    count = np.bincount(cell[moving], minlength=_CELLS)
-    held = np.flatnonzero(count)
+    """Voltages less the mean curve, and what a shift of a second changes beyond any change of that curve.
+
+    Both by each receiver's scatter. The curve is a cubic spline by least squares. A shift in part looks like another
+    curve; that part is taken out as well (Frisch and Waugh), so that what is left is its own.
+    """
     rest, change = np.zeros(volts.shape), np.zeros(volts.shape)
-    if held.size < 4:
+    here, fast = angle[moving], speed[moving]
+    pieces = _pieces(here, fast, motion)
+    if not pieces:
         return rest, change
-    centre = np.bincount(cell[moving], angle[moving], _CELLS)[held] / count[held]
+    cells = _Cells(here, motion, pieces)
     for place in range(volts.shape[1]):
-        mean = np.bincount(cell[moving], volts[moving, place], _CELLS)[held] / count[held]
-        slope = np.gradient(mean, centre)
-        apart = volts[moving, place] - np.interp(angle[moving], centre, mean)
+        ours = volts[moving, place]
+        curve = cells.curve(ours)
+        apart = ours - curve(here)
+        turned = curve.derivative()(here) * fast
         scale = float(apart.std()) or 1.0
         rest[moving, place] = apart / scale
-        change[moving, place] = np.interp(angle[moving], centre, slope) * speed[moving] / scale
+        change[moving, place] = (turned - cells.curve(turned)(here)) / scale
     return rest, change
+
+
+def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
+    """Pieces of a mean curve that samples of both directions bear, 0 where there are too few.
+
+    More, and where ways were sampled at few angles, each at its own, a curve could follow both.
+    """
+    low, reach = motion.low_deg, motion.high_deg - motion.low_deg
+    cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
+    held = min(np.unique(cell[way]).size for way in (speed > 0.0, speed < 0.0))
+    return 0 if held < 5 else int(np.clip(held / _BEAR, 2, _PIECES))
+
+
+class _Cells:
+    """Angles in fine cells, so that a curve through many samples is one through their means."""
+
+    def __init__(self, angle: FloatArray, motion: Motion, pieces: int) -> None:
+        low, reach = motion.low_deg, motion.high_deg - motion.low_deg
+        self._cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
+        count = np.bincount(self._cell, minlength=_CELLS)
+        self._held = np.flatnonzero(count)
+        self._count = count[self._held]
+        self._angle = np.bincount(self._cell, angle, _CELLS)[self._held] / self._count
+        inside = np.interp(np.linspace(0.0, 1.0, pieces + 1)[1:-1], np.linspace(0.0, 1.0, self._held.size), self._angle)
+        ends = self._angle[[0, -1]]
+        self._knots = np.concatenate([np.repeat(ends[0], 4), inside, np.repeat(ends[1], 4)])
+
+    def curve(self, values: FloatArray) -> BSpline:
+        """Cubic spline through the means of the cells by least squares."""
+        means = np.bincount(self._cell, values, _CELLS)[self._held] / self._count
+        return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
+
+
+def _u_of_steps(times: FloatArray, angles: FloatArray, log_s: FloatArray, motion: Motion) -> float:
+    """Uncertainty of a lag by an encoder's steps, as far as a ramp's samples are rounded alike.
+
+    Their rounding is step/√12 in all; what of it scatters about a ramp's straight line averages out, and is seen in the
+    cycles. The rest is one shift for every cycle.
+    """
+    squares, freedom = 0.0, 0
+    for ramp in motion.ramps:
+        first, last = np.searchsorted(times, log_s[[ramp.start + 1, ramp.stop - 1]])
+        t, a = times[first:last], angles[first:last]
+        if t.size > 3 and t[-1] > t[0] and np.isfinite(a).all():
+            away = t - t.mean()
+            apart = a - a.mean() - away * (away @ a) / (away @ away)
+            squares, freedom = squares + float(apart @ apart), freedom + t.size - 2
+    seen = squares / freedom if freedom else 0.0
+    return math.sqrt(max(motion.step_deg**2 / 12.0 - seen, 0.0)) / motion.speed_deg_per_s
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:

@@ -26,6 +26,8 @@ _TENTH = 0.1
 _SLOWEST = 0.1  # speed, relative to the fastest, that is still a ramp
 _MOST = 4_000_000  # points of the even grid that edges are found on
 _SIGMAS = 4.0
+_PEAKS = 5.0  # of the noise: what it adds to the largest difference of a recording's angles, after a median of five
+_HIDING = 150.0  # noise beyond this part of the range hides an edge
 _COARSEST = 1.0 / 8.0  # of the range: an encoder whose steps are larger shows set points
 
 
@@ -117,14 +119,15 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     if high - low <= max(20.0 * noise, 1e-9):
         limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be told"
         raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
-    tolerance = max(3.0 * noise, 0.51 * step, 0.002 * (high - low))
     edges = _Edges(time_s, clean, noise, step, high - low)
-    ramps = _ramps(angle_deg, edges.runs(), edges.half_samples, tolerance)
+    calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
+    tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
+    ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
     if not ramps:
         raise DataError("angle", limit="has no steady way between two levels", remedy="check the column of the angle")
     _check_sampled(ramps)
-    rest, first = _rest(angle_deg, ramps, (low, high))
-    cycles, warnings = _cycles(time_s, angle_deg, ramps, rest, first, max(tolerance, 0.02 * (high - low)))
+    rest, first = _rest(calm, ramps, (low, high))
+    cycles, warnings = _cycles(time_s, calm, ramps, rest, first, max(tolerance, 0.02 * (high - low)))
     return Motion(
         ramps=ramps,
         cycles=cycles,
@@ -137,6 +140,14 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
         speed_deg_per_s=_speed(time_s, ramps),
         warnings=warnings,
     )
+
+
+def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tuple[FloatArray, float]:
+    """An angle whose noise would hide edges, averaged over few samples for finding them; and the noise that it has."""
+    wanted = (_HIDING * noise / reach) ** 2
+    count = min(math.ceil(wanted), most) | 1 if wanted > 1.0 and most > 2 else 1
+    calm = angle_deg if count == 1 else np.asarray(uniform_filter1d(angle_deg, count, mode="nearest"))
+    return calm, noise / math.sqrt(count)
 
 
 def _noise(angle_deg: FloatArray) -> float:
@@ -164,7 +175,7 @@ class _Edges:
         grid = np.arange(time_s[0], time_s[-1] + 0.5 * self._even_s, self._even_s)
         self._angle = np.interp(grid, time_s, clean)
         self._grid = grid
-        self.half_samples = self._half(reach)
+        self.half_samples = self._half(reach, noise)
         smooth = uniform_filter1d(self._angle, self.half_samples, mode="nearest")
         self._change = np.zeros(grid.size)
         half = self.half_samples
@@ -172,11 +183,11 @@ class _Edges:
         floor = _SIGMAS * noise * (2.0 / half) ** 0.5
         self._least = max(_SLOWEST * _TENTH * reach, floor, 1.01 * step)
 
-    def _half(self, reach: float) -> int:
+    def _half(self, reach: float, noise: float) -> int:
         """Half the samples in which the angle moves by a tenth of its range, at its fastest."""
         lag = 1
         while lag < self._angle.size // 4:
-            moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag])))
+            moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag]))) - _PEAKS * noise
             if moved >= 2.0 * _TENTH * reach:
                 return max(1, round(0.5 * lag * _TENTH * reach / moved))
             lag *= 2

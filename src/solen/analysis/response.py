@@ -23,6 +23,7 @@ from solen.recording.model import FloatArray
 DIRECTIONS = ("rising", "falling")
 _STEPS_DEG = (1.0, 2.0, 5.0)
 _CELLS = 60  # of a whole range, about
+_MOST = 20_000  # points of a grid
 _NEAR = 5.0  # times the usual distance of samples that a cell may be from them
 _OUT = 0.25  # share of a step that a point may lie beyond the last sample
 
@@ -100,6 +101,9 @@ def grid_deg(low: float, high: float, step: float) -> FloatArray:
     if last - first < 4:
         limit = f"of {step:.3g}° leaves fewer than five points between {low:.3g}° and {high:.3g}°"
         raise DataError("grid of angles", limit=limit, remedy="choose a smaller --step-deg")
+    if last - first > _MOST:
+        limit = f"of {step:.3g}° leaves more than {_MOST:,} points between {low:.3g}° and {high:.3g}°"
+        raise DataError("grid of angles", limit=limit, remedy="choose a larger --step-deg")
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
 
 
@@ -209,9 +213,9 @@ def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half
         return total[place] + values[place] * dx + 0.5 * slope * dx**2, values[place] + slope * dx
 
     narrow = half < 1e-9
-    upper, _ = at(points + half)
-    lower, _ = at(points - half)
-    _, value = at(points)
+    whole, line = at(np.concatenate([points + half, points - half, points]))
+    upper, lower, _ = np.split(whole, 3)
+    value = line[2 * points.size :]
     mean = (upper - lower) / np.where(narrow, 1.0, 2.0 * half)[:, None]
     return np.where(narrow[:, None], value, mean)
 

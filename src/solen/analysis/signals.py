@@ -14,6 +14,8 @@ from scipy.ndimage import uniform_filter1d
 from solen.recording.model import FloatArray
 
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
+_SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
+"""A receiver and its side in one word: VL, PDR, Vleft."""
 _SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
 
 
@@ -52,8 +54,9 @@ class Signals:
 
 
 def side_of(name: str) -> str:
-    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``rx_left``); else empty."""
-    found = {_SIDES[word.lower()] for word in _TOKEN.findall(name) if word.lower() in _SIDES}
+    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
+    words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
+    found = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
     return found.pop() if len(found) == 1 else ""
 
 

@@ -248,11 +248,36 @@ def _rest_words(runs: Sequence[Run]) -> list[str]:
     return []
 
 
+def _reach_words(found: Passes, runs: Sequence[Run]) -> list[str]:
+    """Whether some ways go much farther than others, so that only part of the range is common to all."""
+    low, high = min(run.motion.low_deg for run in runs), max(run.motion.high_deg for run in runs)
+    first, last = float(found.angle_deg[0]), float(found.angle_deg[-1])
+    if last - first > (1.0 - _TENTH) * (high - low):
+        return []
+    return [
+        f"the angle goes from {low:.3g}° to {high:.3g}°, but every way that is used only from {first:.3g}° to "
+        f"{last:.3g}°: curves and numbers are of that part"
+    ]
+
+
+def _drift_words(name: str, own: dict[str, Any], runs: Sequence[Run]) -> list[str]:
+    """Whether a drift alone parts both ways by as much as half of the hysteresis: they lie up to half a cycle apart."""
+    drift, u = own["drift_V_per_min"], own["u_drift_V_per_min"]
+    lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
+    apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
+    if not (abs(drift) > 3.0 * u and apart > 0.5 * own["hysteresis_V"] > 0.5 * _ROUNDING_V):
+        return []
+    return [
+        f"{name}: a drift of {drift:+.2g} V/min parts rising and falling ways by up to {apart:.2g} V, which is in the "
+        f"hysteresis of {own['hysteresis_V']:.2g} V"
+    ]
+
+
 def _cautions(
     receivers: tuple[str, ...], numbers: dict[str, dict[str, Any]], found: Passes, runs: Sequence[Run]
 ) -> list[str]:
     """What the numbers of a sensor cannot say."""
-    told = _rest_words(runs)
+    told = _rest_words(runs) + _reach_words(found, runs)
     if found.cycles < 3:
         count = "one cycle is" if found.cycles == 1 else "two cycles are"
         told.append(f"{count} used: how well they repeat, and how they drift, cannot be told")
@@ -265,6 +290,7 @@ def _cautions(
             told.append(
                 f"{name}: the hysteresis of {size:.2g} V is within 3 of its uncertainties ({u:.2g} V); it is a bound"
             )
+        told += _drift_words(name, own, runs)
         if not np.isfinite(found.of(receivers.index(name)).volts).any():
             told.append(f"{name}: has no reading in the cycles that are used")
     return told

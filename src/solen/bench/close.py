@@ -1,6 +1,7 @@
 """A journal closed into a netCDF file: everything that was sampled, and each sensor's readings without ambient light.
 
-The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. Each
+The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. What
+came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
 sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
 volts of its two receivers, on less the mean of off before and after. Nothing is smoothed, nothing left out. The file
 is written under a temporary name and renamed; the journal is left to whoever called.
@@ -8,7 +9,6 @@ is written under a temporary name and renamed; the journal is left to whoever ca
 The interface: `closed` writes the file of a journal; extra ``netcdf``.
 """
 
-import importlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -22,12 +22,14 @@ from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.journal import Journaled, Rows
-from solen.errors import OutputError
+from solen.bench.waveform import Waveform
+from solen.extras import need
 
 FloatArray = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
 
-AT_ONCE = 20_000
-"""Periods that are worked on at once, so that an hour needs little memory."""
+AT_ONCE = 16_384
+"""Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Closed:
         ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
     lost_bytes
         Of the journal's unfinished last record.
+    remarks
+        What could not be made of it, in words.
     """
 
     path: Path
@@ -56,16 +60,12 @@ class Closed:
     sensors: dict[str, int]
     outcome: str
     lost_bytes: int
+    remarks: tuple[str, ...] = ()
 
 
 def check_installed() -> None:
     """`OutputError` where what writes netCDF is not installed."""
-    for name in ("h5netcdf", "h5py"):
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError:
-            remedy = 'pip install "solen[netcdf]"'
-            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+    need("h5netcdf", "h5py", what="netCDF")
 
 
 def closed(journaled: Journaled, path: Path) -> Closed:
@@ -77,23 +77,58 @@ def closed(journaled: Journaled, path: Path) -> Closed:
         Where the file cannot be written, or h5netcdf is not installed.
     """
     check_installed()
-    board, header = journaled.streams["board"], journaled.header
-    time_s, lines = _times(journaled)
-    readings: dict[str, int] = {}
+    done: list[Closed] = []
 
     def write(target: Path) -> None:
         import h5netcdf
 
         with h5netcdf.File(target, "w") as file:
-            _attributes(file, journaled, lines)
-            _sampled(file, board, time_s, header)
-            _positions(file, journaled.streams["stage"], header["unit"])
-            for sensor in header["sensors"]:
-                readings[sensor["name"]] = _sensor(file, sensor, journaled, time_s)
+            content = _waveform if "daq" in journaled.header else _periods
+            time_s, readings, remarks = content(file, journaled)
+            _positions(file, journaled.streams["stage"], journaled.header["unit"])
+            duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
+            outcome, lost = outcome_of(journaled), journaled.lost_bytes
+            done.append(Closed(path, len(time_s), duration, readings, outcome, lost, tuple(remarks)))
 
     files.write_all({path: write})
-    duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
-    return Closed(path, len(board), duration, readings, outcome_of(journaled), journaled.lost_bytes)
+    return done[-1]
+
+
+Content = tuple[FloatArray, dict[str, int], list[str]]
+"""Time of each period, readings of each sensor, and remarks."""
+
+
+def _periods(file: Any, journaled: Journaled) -> Content:
+    """Write what a board sampled."""
+    board, header = journaled.streams["board"], journaled.header
+    time_s, lines = _times(journaled)
+    _attributes(file, journaled, {str(part): line for part, line in lines.items()})
+    _sampled(file, board, time_s, header)
+    sensors = header["sensors"]
+    return time_s, {one["name"]: _sensor(file, one, list(_readings(one, journaled, time_s))) for one in sensors}, []
+
+
+def _waveform(file: Any, journaled: Journaled) -> Content:
+    """Write what a data acquisition sampled."""
+    header, wave = journaled.header, Waveform(file, journaled)
+    _attributes(file, journaled, wave.lines)
+    file.dimensions["period"] = len(wave.time_s)
+    _variable(file, "time_s", ("period",), wave.time_s, "s", "time of a frame's first sample on the clock of the run")
+    _variable(file, "part", ("period",), wave.part, "1", "part of the run, one more each time it was taken up")
+    _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, one more after each gap")
+    _variable(file, "number", ("period",), wave.number, "1", "number of the frame's first sample in its stretch")
+    told = header["daq"]
+    coefficients = np.array(told["coefficients"])
+    file.dimensions["power"] = coefficients.shape[1]
+    _variable(
+        file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
+    )
+    parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
+    for sensor, found, kept in wave.readings(header["sensors"]):
+        parts[sensor["name"]].append(_columns(found, kept, journaled.streams["stage"], header))
+    readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
+    file.attrs["remarks"] = json.dumps(wave.remarks)
+    return wave.time_s, readings, wave.remarks
 
 
 def outcome_of(journaled: Journaled) -> str:
@@ -117,7 +152,7 @@ def _times(journaled: Journaled) -> tuple[FloatArray, dict[int, OnRun]]:
     return times, lines
 
 
-def _attributes(file: Any, journaled: Journaled, lines: Mapping[int, OnRun]) -> None:
+def _attributes(file: Any, journaled: Journaled, lines: Mapping[str, OnRun]) -> None:
     header = {key: value for key, value in journaled.header.items() if key != "streams"}
     file.attrs["title"] = f"solen bench run: {header['protocol_name']} on {header['rig_name']}"
     file.attrs["source"] = f"solen {header['solen']}"
@@ -127,7 +162,7 @@ def _attributes(file: Any, journaled: Journaled, lines: Mapping[int, OnRun]) -> 
     file.attrs["control"] = " ".join(sensor["name"] for sensor in header["sensors"] if not sensor["lens"])
     file.attrs["header"] = json.dumps(header)
     file.attrs["events"] = json.dumps(journaled.events)
-    file.attrs["clock"] = json.dumps({str(part): vars(line) for part, line in lines.items()})
+    file.attrs["clock"] = json.dumps({name: vars(line) for name, line in lines.items()})
     file.attrs["lost_bytes"] = journaled.lost_bytes
 
 
@@ -145,13 +180,13 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault")
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(board) else {}
     dims = ("period", "emitter", "phase", "input")
-    chunks = (min(len(board), 4096), *counts.shape[1:]) if len(board) else None
+    chunks = (min(len(board), AT_ONCE), *counts.shape[1:]) if len(board) else None
     volts = file.create_variable("voltage", dims, counts.dtype, chunks=chunks, **kept)
     volts.attrs["units"] = "V"
     volts.attrs["long_name"] = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
     volts.attrs["scale_factor"] = header["volts_per_count"]
-    for begin in range(0, len(board), 4096):
-        volts[begin : begin + 4096] = counts[begin : begin + 4096]
+    for begin in range(0, len(board), AT_ONCE):
+        volts[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
 
 
 def _positions(file: Any, stage: Rows, unit: str) -> None:
@@ -160,10 +195,10 @@ def _positions(file: Any, stage: Rows, unit: str) -> None:
     _variable(file, "stage_position", ("look",), stage["position"], unit, "where it was")
 
 
-def _sensor(file: Any, sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray) -> int:
+def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
     """Write a sensor's group; how many readings it has."""
-    parts = list(_readings(sensor, journaled, time_s))
-    columns = {name: np.concatenate([part[name] for part in parts]) for name in _COLUMNS} if parts else {}
+    # pieces are let go of as they are joined
+    columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
     group.attrs["sensor"] = sensor["name"]
     group.attrs["lens"] = "yes" if sensor["lens"] else "no"
@@ -207,14 +242,17 @@ def _readings(sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArra
 def _subtracted(
     counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
 ) -> Demodulated:
-    """Demodulated readings of a sensor's two inputs in some periods."""
-    slots = 2 * header["emitters"]
-    inputs = counts[:, :, :, [sensor["right"] - 1, sensor["left"] - 1]].reshape(-1, 2)
-    time = (time_s[:, None] + (np.arange(slots) + 1.0) / slots * header["period_s"]).ravel()
-    state = np.zeros(slots, np.int64)
-    state[::2] = 1 + np.arange(header["emitters"])
+    """Demodulated readings of a sensor's two inputs in some periods.
+
+    Of a period only the sensor's own on phase and the off phases beside it are looked at.
+    """
+    phases, on = 2 * header["emitters"], 2 * (sensor["emitter"] - 1)
+    near = np.unique([(on - 1) % phases, on, on + 1])
+    inputs = counts.reshape(len(counts), phases, -1)[:, near][..., [sensor["right"] - 1, sensor["left"] - 1]]
+    time = (time_s[:, None] + (near + 1.0) / phases * header["period_s"]).ravel()
+    state = np.where(near == on, sensor["emitter"], 0)
     top = np.full(2, header["top_count"] * header["volts_per_count"])
-    values = inputs * header["volts_per_count"]
+    values = inputs.reshape(-1, 2) * header["volts_per_count"]
     return subtract(slots_of(time, values, np.tile(state, len(counts)), limits=(np.zeros(2), top)))
 
 
@@ -243,6 +281,7 @@ def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
-    variable = group.create_variable(name, dims, values.dtype, data=values, **kept)
+    chunks = (min(len(values), 4 * AT_ONCE),) if len(values) else None
+    variable = group.create_variable(name, dims, values.dtype, data=values, chunks=chunks, **kept)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = told

@@ -3,7 +3,8 @@ r"""The journal of a run: samples on disk as they come, so that whoever kills th
 The idea: a file that only ever grows. Each record carries its length and a checksum, and is handed to the operating
 system whole, in one call, before anything else is done with it; a killed process leaves at most one unfinished record
 at the end, which a reader recognises and leaves out. Records of a stream are rows of a table whose columns the header
-names, so that the journal knows nothing of boards or stages. All numbers are little-endian:
+names, so that the journal knows nothing of boards or stages. Streams that the header names as ``bulky`` are not held in
+memory but read again, record by record. All numbers are little-endian:
 
 ====== ===== ================================================================
 offset bytes what
@@ -53,13 +54,17 @@ class Journaled:
     header
         What was written at its beginning: design, protocol, rig, versions, seeds, clock.
     streams
-        Rows of each stream as one structured array.
+        Rows of each stream that is not bulky, as one structured array.
     events
         Events in their order, each with ``t_s`` and ``what``.
     end
         What was written when it was ended; None where the run was killed.
     whole_bytes, lost_bytes
         Length of what could be read, and of the unfinished record after it.
+    path
+        The journal itself.
+    counts
+        Rows of each stream.
     """
 
     header: dict[str, Any]
@@ -68,6 +73,18 @@ class Journaled:
     end: dict[str, Any] | None
     whole_bytes: int
     lost_bytes: int
+    path: Path
+    counts: dict[str, int]
+
+    def blocks(self, stream: str) -> Iterator[Rows]:
+        """Rows of a stream, record by record, from the disk."""
+        dtypes = _dtypes(self.header, self.path)
+        number, dtype = list(dtypes).index(stream), dtypes[stream]
+        with self.path.open("rb") as file:
+            file.seek(len(MAGIC))
+            for kind, one, payload in _records(file, self.whole_bytes):
+                if kind == ROWS and one == number:
+                    yield np.frombuffer(payload, dtype)
 
 
 class Journal:
@@ -192,11 +209,13 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
             end = json.loads(payload)
     if header is None:
         raise DataError(str(path), limit="was killed before its header was whole: it holds nothing")
-    data = {number: bytearray(size_of) for number, size_of in sizes.items()}
-    _fill(data, file, whole)
     dtypes = _dtypes(header, path)
-    found = {name: np.frombuffer(data.get(number, b""), dtype) for number, (name, dtype) in enumerate(dtypes.items())}
-    return Journaled(header, found, tuple(events), end, whole, size - whole)
+    counts = {name: sizes.get(number, 0) // dtype.itemsize for number, (name, dtype) in enumerate(dtypes.items())}
+    held = {number: name for number, name in enumerate(dtypes) if name not in header.get("bulky", ())}
+    data = {number: bytearray(sizes.get(number, 0)) for number in held}
+    _fill(data, file, whole)
+    found = {name: np.frombuffer(data[number], dtypes[name]) for number, name in held.items()}
+    return Journaled(header, found, tuple(events), end, whole, size - whole, path, counts)
 
 
 def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
@@ -204,7 +223,7 @@ def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
     at = dict.fromkeys(data, 0)
     file.seek(len(MAGIC))
     for kind, stream, payload in _records(file, whole):
-        if kind == ROWS:
+        if kind == ROWS and stream in data:
             data[stream][at[stream] : at[stream] + len(payload)] = payload
             at[stream] += len(payload)
 

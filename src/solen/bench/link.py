@@ -7,11 +7,11 @@ The interface: `Link`; `open_link` makes one of a name such as ``COM3``, ``/dev/
 (pyserial's names; extra ``bench``). `Lines` reads whole lines from a link.
 """
 
-import importlib
 from typing import Any, Protocol
 
 from solen.bench.clock import Clock
 from solen.errors import BenchError
+from solen.extras import need
 
 
 class Link(Protocol):
@@ -70,11 +70,9 @@ class SerialLink:
 
 def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
     """Line of a name of pyserial; `BenchError` where pyserial is not installed, or there is no such port."""
-    try:
-        serial = importlib.import_module("serial")
-    except ModuleNotFoundError:
-        remedy = 'pip install "solen[bench]"'
-        raise BenchError(name, limit="needs pyserial, which is not installed", remedy=remedy) from None
+    need("serial", what=name, error=BenchError)
+    import serial
+
     try:
         port = serial.serial_for_url(name, baudrate=baud, timeout=1.0, write_timeout=2.0)
     except (serial.SerialException, OSError, ValueError) as bad:

@@ -4,7 +4,7 @@ The idea: the protocol says what happens, the rig to what. A driver is named, re
 not ask which. What only a simulated rig has, how prints differ and what light the room has, stands in tables of its
 own, and is refused beside real instruments, where nature says it.
 
-The interface: `Rig` with `StageOf`, `BoardOf`, `SensorOf`, `Spread`, `RoomLight`; `load_rig` of a file.
+The interface: `Rig` with `StageOf`, `BoardOf` or `DaqOf`, `SensorOf`, `Spread`, `RoomLight`; `load_rig` of a file.
 """
 
 from collections import Counter
@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from solen.bench.daq import MODELS, Setup
 from solen.bench.gcs2 import STAGES
 from solen.errors import BenchError
 from solen.files import read_text
@@ -78,6 +79,71 @@ class BoardOf(Strict):
         return self
 
 
+class DaqOf(Strict):
+    """What samples the receivers as they are; something outside switches the emitters, or its counters do."""
+
+    table: ClassVar[str] = "daq"
+    error: ClassVar[type[BenchError]] = BenchError
+
+    driver: Literal["simulated", "nidaqmx"] = Field(
+        "simulated", description="simulated, or nidaqmx for an instrument of National Instruments."
+    )
+    device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
+    model: Text = Field("USB-6218", description=f"Kind of the instrument: {', '.join(MODELS)}.")
+    rate_hz: Annotated[Number, Field(ge=100, le=250_000)] = Field(
+        10_000.0, description="Samples of each input per second."
+    )
+    range_v: Positive = Field(5.0, description="Its range, ± V.")
+    terminal: Literal["rse", "nrse", "differential"] = Field("rse", description="How inputs are wired.")
+    channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
+        None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
+    )
+    switching: Literal["external", "counter"] = Field(
+        "external", description="What switches the emitters: something outside, or the instrument's counters."
+    )
+    switch_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(
+        200.0, description="Times per second that each emitter is lit."
+    )
+    sync: Text | None = Field(None, description="Analog input that is high while emitter 1 is on.")
+    enable: Text | None = Field(None, description="Static output that is high while samples are taken: port1/line7.")
+    settle_us: NotNegative = Field(300.0, description="Left out after each switch, in µs.")
+    buffer_s: Annotated[Number, Field(ge=1, le=60)] = Field(10.0, description="What the computer holds, in s.")
+    trim_v: Positive | None = Field(None, description="As of a simulated board.")
+    noise_uv: NotNegative = Field(118.0, description="Noise of a simulated one's converter, in µV.")
+
+    @model_validator(mode="after")
+    def _is_there(self) -> Self:
+        if self.model not in MODELS:
+            raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
+        if (self.driver != "simulated") != (self.device is not None):
+            raise refused("device", "is for a real instrument, and a real instrument needs it", value=self.device)
+        if self.switching == "counter" and self.sync is not None:
+            raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
+        return self
+
+    def setup(self, emitters: int, inputs: int) -> Setup:
+        """What it is asked to do for so many emitters and inputs; `BenchError` where it cannot."""
+        pool = MODELS[self.model].differential if self.terminal == "differential" else MODELS[self.model].single
+        channels = self.channels or tuple(f"ai{number}" for number in pool[:inputs])
+        if len(channels) != inputs:
+            limit = f"names {len(channels)} inputs; the sensors are on {inputs}"
+            raise BenchError("daq.channels", limit=limit, remedy="name one for each, in their order")
+        return Setup(
+            channels=channels if self.sync is None else (*channels, self.sync),
+            synced=self.sync is not None,
+            rate_hz=self.rate_hz,
+            emitters=emitters,
+            switch_hz=self.switch_hz,
+            switching=self.switching,
+            model=self.model,
+            range_v=self.range_v,
+            terminal=self.terminal,
+            enable=self.enable,
+            settle_us=self.settle_us,
+            buffer_s=self.buffer_s,
+        )
+
+
 class SensorOf(Strict):
     """One sensor and its wires; emitters and inputs count from 1."""
 
@@ -123,7 +189,7 @@ class RoomLight(Strict):
 
 
 class Rig(Strict):
-    """A stage, a board, and the sensors on them."""
+    """A stage, a board or a data acquisition, and the sensors on them."""
 
     error: ClassVar[type[BenchError]] = BenchError
 
@@ -131,6 +197,7 @@ class Rig(Strict):
     seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of everything drawn.")
     stage: StageOf = Field(default_factory=StageOf, description="What moves.")
     board: BoardOf = Field(default_factory=BoardOf, description="What lights and samples.")
+    daq: DaqOf | None = Field(None, description="What samples only, instead of a board.")
     sensor: Annotated[tuple[SensorOf, ...], Field(min_length=1, max_length=32)] = Field(
         description="the sensors, [[sensor]]."
     )
@@ -146,13 +213,23 @@ class Rig(Strict):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
                 raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
-        if self.board.driver != "simulated":
+        if self.daq is not None and "board" in self.model_fields_set:
+            raise refused("daq", "stands beside [board]", remedy="keep the one that the rig has")
+        if self.sampler.driver != "simulated":
             for key in ("spread", "ambient"):
                 if key in self.model_fields_set:
-                    raise refused(
-                        key, "is for a simulated board: a real one shows what there is", remedy="leave it out"
-                    )
+                    raise refused(key, "is for a simulated rig: a real one shows what there is", remedy="leave it out")
         return self
+
+    @property
+    def sampler(self) -> BoardOf | DaqOf:
+        """What samples the receivers."""
+        return self.daq or self.board
+
+    @property
+    def setup(self) -> Setup | None:
+        """What a data acquisition is asked to do; None of a rig with a board."""
+        return None if self.daq is None else self.daq.setup(self.emitters, self.inputs)
 
     @property
     def emitters(self) -> int:
@@ -167,7 +244,7 @@ class Rig(Strict):
     @property
     def simulated(self) -> bool:
         """Whether anything that is read from it is simulated."""
-        return "simulated" in {self.stage.driver, self.board.driver}
+        return "simulated" in {self.stage.driver, self.sampler.driver}
 
 
 def load_rig(path: Path) -> Rig:
@@ -175,4 +252,6 @@ def load_rig(path: Path) -> Rig:
     data = parse_toml(read_text(path, BenchError), str(path), BenchError)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
     with told_of(str(path)):
-        return Rig(**data)
+        rig = Rig(**data)
+        _ = rig.setup  # what the instrument cannot do is refused here
+        return rig

@@ -7,11 +7,12 @@ The interface: `Stage` (with `RotationStage` and `LinearStage`, which differ in 
 Every call raises `BenchError` where the instrument does not do what it is asked.
 """
 
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.bench.daq import DaqLosses, Samples, Setup
 from solen.bench.frames import Layout, Losses, Periods
 
 
@@ -95,35 +96,44 @@ class EmitterBoard(Protocol):
         """Stop and let go of the instrument."""
 
 
+@runtime_checkable
 class Daq(Protocol):
     """What samples voltages at a rate, whatever they are.
 
     Attributes
     ----------
-    channels
-        Their names, in the order of the samples.
-    rate_hz
-        Of each channel.
-    volts_per_count
-        Of its converter.
-    lost
-        Samples that the instrument says it dropped.
+    setup
+        What was asked of it.
+    rate_hz, switch_hz
+        Samples of each channel, and pulses of its counters, per second, as the instrument has them by its own clock.
+    convert_s
+        From one channel's sample to the next channel's.
+    coefficients
+        Volts = Σ c[k] countsᵏ of each channel, shape (channels, order + 1).
     """
 
     name: str
-    channels: tuple[str, ...]
+    setup: Setup
     rate_hz: float
-    volts_per_count: float
-    lost: int
+    switch_hz: float
+    convert_s: float
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """Of its converter, by channel."""
+
+    @property
+    def losses(self) -> DaqLosses:
+        """What did not come."""
 
     def start(self) -> None:
-        """Begin to sample."""
+        """Begin to sample, and to light the emitters, where it does."""
 
-    def read(self) -> NDArray[np.int16]:
-        """Samples since the last call, shape (N, channels)."""
+    def read(self) -> Samples:
+        """Samples since the last call."""
 
     def stop(self) -> None:
-        """No more samples."""
+        """Emitters off, where it lights them; no more samples."""
 
     def close(self) -> None:
         """Stop and let go of the instrument."""

@@ -1,26 +1,25 @@
 """A run: the protocol's steps on the rig's instruments, everything that comes written to the journal as it comes.
 
-The idea: one loop waits, asks the stage where it is and the board for what it sampled, and hands both to the journal
-before it does anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault, the emitters go off and
-the stage stops, in that order, and the journal says why. Completed cycles are written down, so that a run that was
-ended or killed is taken up after the last one.
+The idea: one loop waits, asks the stage where it is and the board or the data acquisition for what it sampled, and
+hands both to the journal before it does anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault,
+the emitters go off and the stage stops, in that order, and the journal says why. Completed cycles are written down, so
+that a run that was ended or killed is taken up after the last one.
 
 The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.bench.clock import Clock
-from solen.bench.frames import Layout, Periods
 from solen.bench.journal import Journal, Journaled
 from solen.bench.protocol import Protocol, Step
-from solen.bench.roles import EmitterBoard, Stage
+from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.bench.sampling import Counts, sampling_of
 from solen.errors import BenchError, SolenError
 
 ARRIVE_S = 10.0
@@ -36,13 +35,13 @@ class Instruments:
     Attributes
     ----------
     stage, board, clock
-        The instruments, and the time of the run.
+        The instruments, and the time of the run; in place of a board there may be a data acquisition.
     read_every_s
         How often the board is read: how much a kill may cost.
     """
 
     stage: Stage
-    board: EmitterBoard
+    board: EmitterBoard | Daq
     clock: Clock
     read_every_s: float = 0.1
 
@@ -60,44 +59,26 @@ class Tick:
     position
         Of the stage, in its unit.
     counts
-        The last period, shape (emitters, 2, receivers); None before the first.
+        The last period, shape (emitters, 2, receivers), or its lowest and highest samples, shape (1, 2, channels); None
+        before the first.
     """
 
     t_s: float
     cycle: int
     cycles: int
     position: float
-    counts: NDArray[np.uint16] | None
+    counts: Counts | None
 
 
 Watch = Callable[[Tick], None]
 
 
-def streams(layout: Layout) -> dict[str, np.dtype[np.void]]:
-    """Columns of a run's streams: the board's periods, when they came, and where the stage was."""
-    counts = (layout.emitters, 2, layout.receivers)
-    return {
-        "board": np.dtype(
-            [("part", "<u2"), ("number", "<i8"), ("board_us", "<i8"), ("flags", "u1"), ("counts", "<u2", counts)]
-        ),
-        "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("number", "<i8")]),
-        "stage": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")]),
-    }
-
-
 def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
     """A new journal for a run; its header says what is run on what."""
-    board = instruments.board
-    told = {
-        "period_s": board.period_s,
-        "volts_per_count": board.volts_per_count,
-        "emitters": board.layout.emitters,
-        "receivers": board.layout.receivers,
-        "board": board.name,
-        "stage": instruments.stage.name,
-        "unit": instruments.stage.unit,
-    }
-    return Journal.create(path, {**header, **told}, streams(board.layout))
+    sampling, stage = sampling_of(instruments.board), instruments.stage
+    told = {**sampling.told(), "stage": stage.name, "unit": stage.unit}
+    positions = np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")])
+    return Journal.create(path, {**header, **told}, {**sampling.streams(), "stage": positions})
 
 
 def cycles_done(before: Journaled | None) -> int:
@@ -159,8 +140,12 @@ class _Runner:
     _read_s: float = 0.0
     _heard_s: float = 0.0
     _due_s: float = 0.0
-    _last: NDArray[np.uint16] | None = None
+    _last: Counts | None = None
     _cycle: int = 0
+    _looks: list[tuple[int, float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._sampling = sampling_of(self.on.board)
 
     @property
     def now_s(self) -> float:
@@ -189,12 +174,16 @@ class _Runner:
         self._read()
 
     def safe(self) -> None:
-        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first."""
+        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first.
+
+        Then what was seen of the stage since the last reading is written down.
+        """
         for name, stop in (("board", self.on.board.stop), ("stage", self.on.stage.stop)):
             try:
                 stop()
             except SolenError as bad:
                 self.journal.event(self.now_s, "not stopped", instrument=name, reason=str(bad))
+        self._write_looks()
 
     def _home(self) -> Step:
         """The way to where a cycle begins: where its last step ends."""
@@ -221,30 +210,30 @@ class _Runner:
         self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
         self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
         position = self.on.stage.position()
-        row = np.array([(self.part, self.now_s, position)], self.journal.dtype("stage"))
-        self.journal.rows("stage", row)
+        self._looks.append((self.part, self.now_s, position))
         if self.now_s - self._read_s >= self.on.read_every_s:
             self._read()
             if self.watch is not None:
                 self.watch(Tick(self.now_s, self._cycle, self.protocol.cycles, position, self._last))
 
     def _read(self) -> None:
-        """Take what the board sampled, and write it down."""
-        periods = self.on.board.read()
+        """Take what was sampled, and write it down; where the stage was comes before it."""
+        self._write_looks()
+        taken = self._sampling.read()
         self._read_s = self.now_s
-        if len(periods) == 0:
+        for remark in taken.remarks:
+            self.journal.event(self.now_s, "remark", reason=remark)
+        if taken.last is None:
             if self.now_s - self._heard_s > max(SILENT_S, 3.0 * self.on.read_every_s):
                 limit = f"has said nothing for {self.now_s - self._heard_s:.1f} s"
                 raise BenchError(self.on.board.name, limit=limit, remedy="check its cable and power")
             return
-        self._heard_s, self._last = self.now_s, periods.counts[-1]
-        self.journal.rows("board", self._rows(periods))
-        came = np.array([(self.part, self.now_s, periods.number[-1])], self.journal.dtype("came"))
+        self._heard_s, self._last = self.now_s, taken.last
+        taken.rows["part"] = self.part
+        self.journal.rows(self._sampling.stream, taken.rows)
+        came = np.array([(self.part, self.now_s, *taken.came)], self.journal.dtype("came"))
         self.journal.rows("came", came)
 
-    def _rows(self, periods: Periods) -> NDArray[np.void]:
-        rows = np.zeros(len(periods), self.journal.dtype("board"))
-        rows["part"] = self.part
-        for name in ("number", "board_us", "flags", "counts"):
-            rows[name] = getattr(periods, name)
-        return rows
+    def _write_looks(self) -> None:
+        looks, self._looks = self._looks, []
+        self.journal.rows("stage", np.array(looks, self.journal.dtype("stage")))

@@ -19,12 +19,13 @@ app.command(bench)
 
 @bench.command(sort_key=1)
 def new(folder: Path, /, *, as_json: Json = False) -> None:
-    """Write two protocols, a simulated rig and its design into a folder.
+    """Write two protocols, two simulated rigs and their design into a folder.
 
     Parameters
     ----------
     folder
-        Where rotation.toml, bending.toml, rig.toml and sensor.toml go.
+        Where rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
+        sensor.toml go.
     """
     from solen.pipeline import bench as pipeline
 
@@ -113,6 +114,7 @@ def _told(found: dict[str, Any]) -> list[str]:
         + (" (simulated)" if found["simulated"] else ""),
         *(f"  {name:12} {readings} readings" for name, readings in found["sensors"].items()),
         *([f"warning: lost {', '.join(f'{number} {name}' for name, number in lost.items())}"] if lost else []),
+        *(f"warning: {remark}" for remark in found["remarks"]),
         *([f"warning: the last {found['lost_bytes']} bytes were not whole"] if found["lost_bytes"] else []),
         f"recording: {found['recording']}",
     ]

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from solen.curve import Arc, Segment
-from solen.errors import OutputError
+from solen.extras import need
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.label import Label
 from solen.geometry import Body, Pose
@@ -28,11 +28,7 @@ FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
 
 def check_writer() -> None:
     """`OutputError` where ezdxf is not installed."""
-    try:
-        import ezdxf  # noqa: F401
-    except ModuleNotFoundError:
-        limit, remedy = "writing DXF needs ezdxf, which is not installed", 'pip install "solen[dxf]"'
-        raise OutputError("--dxf", limit=limit, remedy=remedy) from None
+    need("ezdxf", what="--dxf", doing="writing DXF")
 
 
 def as_dxf(body: Body, label: Label) -> bytes:

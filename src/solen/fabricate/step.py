@@ -15,6 +15,7 @@ from typing import Any
 
 from solen.curve import Segment
 from solen.errors import DesignError, OutputError
+from solen.extras import need
 from solen.fabricate.bspline import Bspline, Primitive, primitives
 from solen.fabricate.label import WRITER, Label, ascii_of
 from solen.fabricate.part import Part, Prism
@@ -31,11 +32,7 @@ Named = list[tuple[Any, str]]
 
 def check_kernel() -> None:
     """`OutputError` where the kernel is not installed."""
-    try:
-        import OCP  # noqa: F401
-    except ModuleNotFoundError:
-        limit, remedy = "writing STEP needs Open CASCADE, which is not installed", 'pip install "solen[cad]"'
-        raise OutputError("--step", limit=limit, remedy=remedy) from None
+    need("OCP", what="--step", doing="writing STEP")
 
 
 def as_step(part: Part, label: Label) -> bytes:

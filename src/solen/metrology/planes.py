@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.errors import DataError, OutputError
+from solen.errors import DataError
+from solen.extras import need
 from solen.metrology.scale import Tag
 
 LARGEST_PIXELS = 100_000_000
@@ -67,11 +68,4 @@ def is_simulated(*texts: str) -> bool:
 
 def check_vision(what: str) -> None:
     """`OutputError` where the extra ``vision`` is not installed."""
-    try:
-        import ome_types
-        import skimage
-        import tifffile  # noqa: F401  only whether it is there
-    except ModuleNotFoundError:
-        limit = "needs scikit-image, tifffile and ome-types, which are not all installed"
-        raise OutputError(what, limit=limit, remedy='pip install "solen[vision]"') from None
-    del ome_types, skimage
+    need("skimage", "tifffile", "ome_types", what=what)

@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError
 from solen.files import read_text
-from solen.spec.design import why_no_pattern
+from solen.spec.light import why_no_pattern
 from solen.spec.shelf import Shelf
 from solen.spec.strict import (
     Migrations,

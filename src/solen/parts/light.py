@@ -13,7 +13,7 @@ from solen.errors import DataError
 from solen.files import read_text
 from solen.parts.datasheet import EmitterPart, library_part, load_part
 from solen.spec import Design, Emitter
-from solen.spec.design import why_no_pattern
+from solen.spec.light import why_no_pattern
 
 FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))

@@ -5,6 +5,7 @@ pooled; sensors are compared.
 """
 
 import importlib.resources
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,6 +24,7 @@ from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.labels import has_lens, labels
 
 EXAMPLE = "rotation-simulated.csv"
+_WIDEST = 0.05  # share of a recording over which a moving mean may go
 CONTROL = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
 
@@ -143,12 +145,9 @@ def check(asked: Request) -> None:
     if twice is not None:
         raise SpecError("analyse", value=str(twice), limit="is named twice", remedy="name each recording once")
     settings, columns = asked.settings, asked.columns
-    if settings.drop_cycles < 0:
-        raise SpecError("--drop", value=settings.drop_cycles, limit="must be at least 0")
-    positive = {"--step-deg": settings.step_deg, "--smooth-ms": asked.smooth_ms, "--rate-hz": columns.rate_hz}
-    for name, value in positive.items():
-        if value is not None and not 0.0 < value < float("inf"):
-            raise SpecError(name, value=value, limit="must be above 0")
+    _check_numbers(asked)
+    if asked.log_time is not None and not asked.logs:
+        raise SpecError("--angle-time", value=asked.log_time, limit="is for a log", remedy="name it with --angle-file")
     if settings.rails_V is not None and not settings.rails_V[0] < settings.rails_V[1]:
         low, high = settings.rails_V
         raise SpecError("--rails", value=f"{low} {high}", limit="must be the lower and the higher voltage")
@@ -162,6 +161,20 @@ def check(asked: Request) -> None:
         raise SpecError("--angle-file", value=len(asked.logs), limit=limit)
     if columns.rate_hz is not None and columns.time is not None:
         raise SpecError("--rate-hz", value=columns.rate_hz, limit="goes with no --time", remedy="leave one of them out")
+
+
+def _check_numbers(asked: Request) -> None:
+    """`SpecError` for numbers that cannot be."""
+    settings, columns = asked.settings, asked.columns
+    if settings.drop_cycles < 0:
+        raise SpecError("--drop", value=settings.drop_cycles, limit="must be at least 0")
+    for name, number in {"--zero-deg": columns.zero_deg, "--dark-v": settings.dark_V}.items():
+        if number is not None and not math.isfinite(number):
+            raise SpecError(name, value=number, limit="must be a number")
+    positive = {"--step-deg": settings.step_deg, "--smooth-ms": asked.smooth_ms, "--rate-hz": columns.rate_hz}
+    for name, value in positive.items():
+        if value is not None and not 0.0 < value < float("inf"):
+            raise SpecError(name, value=value, limit="must be above 0")
 
 
 def with_example(asked: Request, path: Path) -> Request:
@@ -280,6 +293,7 @@ def _part(
 ) -> _Part:
     """Signals of one recording, with the angle that it has or is given."""
     if asked.smooth_ms is not None:
+        _check_smooth(asked.smooth_ms, one, path)
         one = replace(one, volts=smoothed(one.volts, one.base.step_s, asked.smooth_ms))
     provenances, told = [recording.provenance], list[str]()
     aligned: list[dict[str, Any]] = []
@@ -300,6 +314,14 @@ def _part(
         for each in signals_of(one, one.angle_deg, label, path, len(asked.files) == 1)
     ]
     return _Part(found, provenances, aligned, [*one.warnings, *told], one.subtracted)
+
+
+def _check_smooth(width_ms: float, one: Sampled, path: Path) -> None:
+    """`SpecError` for a mean over more than cycles could be seen in."""
+    most_s = _WIDEST * float(one.base.time_s[-1] - one.base.time_s[0])
+    if 1e-3 * width_ms > most_s:
+        limit = f"must be at most {1e3 * most_s:.4g}, a twentieth of {path.name}"
+        raise SpecError("--smooth-ms", value=width_ms, limit=limit, remedy="choose a smaller one, or none")
 
 
 def _without(recording: Recording, asked: Request) -> set[str]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solen import __version__, files
 from solen.bench.catalogue import NAME, Catalogue
@@ -20,18 +21,21 @@ from solen.bench.frames import Layout
 from solen.bench.journal import SUFFIX, Journal, Journaled, read_journal
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
-from solen.bench.roles import EmitterBoard, Stage
+from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.run import Instruments, Watch, begin, cycles_done, parts_of
 from solen.bench.run import run as run_protocol
 from solen.errors import BenchError, DataError, OutputError, SpecError
 from solen.spec import load, template, with_values
 from solen.spec.toml import dumps
 
-EXAMPLES = ("rotation", "bending", "simulated")
+EXAMPLES = {"rotation": "rotation", "bending": "bending", "simulated": "rig", "simulated-daq": "rig-daq"}
 CHIP_MM = 0.2
 """Width of the chip in the shipped rig's design: a point emitter's response saturates within a degree."""
+READ_S = 0.1
+"""How often a board is read: what a kill may cost."""
 READ_SIMULATED_S = 1.0
-"""A simulated board is read less often: its time passes faster than the wall's."""
+READ_SIMULATED_MOST_S = 10.0
+"""A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
 PAUSE_S = 1.0
 """At least so much later a run is taken up than it was left."""
 Say = Callable[[str], None]
@@ -67,11 +71,11 @@ class Asked:
 
 
 def new(folder: Path) -> dict[str, Any]:
-    """Write protocols, a simulated rig and its design into a folder; existing files are never overwritten."""
+    """Write protocols, simulated rigs and their design into a folder; existing files are never overwritten."""
     contents: dict[Path, files.Content] = {}
-    for name in EXAMPLES:
+    for name, stem in EXAMPLES.items():
         text = (resources("solen.bench") / "examples" / f"{name}.toml").read_text(encoding="utf-8")
-        contents[folder / f"{name if name != 'simulated' else 'rig'}.toml"] = text.encode()
+        contents[folder / f"{stem}.toml"] = text.encode()
     design = folder / "sensor.toml"
     contents[design] = template().encode()
     with files.output_folder(folder):
@@ -140,7 +144,7 @@ def _close(path: Path, target: Path) -> dict[str, Any]:
     journaled = read_journal(path)
     done = closed(journaled, target)
     row = Catalogue(target.parent).add(target)
-    if row.periods != len(journaled.streams["board"]):
+    if row.periods != journaled.counts["samples" if "daq" in journaled.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
     path.unlink()
     return _told(done, journaled) | {"simulated": row.simulated}
@@ -155,6 +159,7 @@ def _told(done: Closed, journaled: Journaled) -> dict[str, Any]:
         "duration_s": done.duration_s,
         "sensors": done.sensors,
         "lost_bytes": done.lost_bytes,
+        "remarks": [*done.remarks, *(one["reason"] for one in journaled.events if one["what"] == "remark")],
     }
 
 
@@ -165,7 +170,7 @@ def _check_together(protocol: Protocol, rig: Rig, asked: Asked) -> None:
         raise BenchError(str(asked.protocol), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
     if asked.real_time and not rig.simulated:
         raise SpecError("--real-time", limit="is for a simulated rig; a real one takes its time anyway")
-    if rig.simulated and {rig.stage.driver, rig.board.driver} != {"simulated"}:
+    if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(asked.rig), limit="has one real and one simulated instrument", remedy="make both one kind")
 
 
@@ -212,12 +217,20 @@ def _clock(still: bool, before: Journaled | None) -> Clock:
     """Time of a run; of one that is taken up it goes on, by as much as passed since."""
     if before is None:
         return Still() if still else Wall()
-    ends = [rows["t_s"][-1:].max(initial=0.0) for name, rows in before.streams.items() if name != "board"]
+    ends = [
+        rows["t_s"][-1:].max(initial=0.0) for name, rows in before.streams.items() if name not in {"board", "samples"}
+    ]
     last = float(max(ends))
     if still:
         return Still(last + PAUSE_S)
     since = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(before.header["begun_utc"])
     return Wall(max(since.total_seconds(), last + PAUSE_S))
+
+
+def _read_every_s(rig: Rig, protocol: Protocol, asked: Asked) -> float:
+    if not _still(rig, asked):
+        return READ_S
+    return min(max(READ_SIMULATED_S, protocol.shortest_s / 300.0), READ_SIMULATED_MOST_S)
 
 
 def _still(rig: Rig, asked: Asked) -> bool:
@@ -230,16 +243,15 @@ def instruments(
 ) -> Iterator[tuple[Instruments, dict[str, Any]]]:
     """Instruments of a rig, closed in the end, and what is to be known of them."""
     clock = _clock(_still(rig, asked), before)
-    layout = Layout(rig.emitters, rig.inputs)
     more: dict[str, Any] = {}
     stage: Stage
-    board: EmitterBoard
+    board: EmitterBoard | Daq
     if rig.simulated:
-        stage, board, more = _simulated(rig, protocol, asked, clock, layout, before, say)
+        stage, board, more = _simulated(rig, protocol, asked, clock, before, say)
     else:
-        stage, board = _real(rig, clock, layout)
+        stage, board = _real(rig, clock)
     try:
-        yield Instruments(stage, board, clock, READ_SIMULATED_S if _still(rig, asked) else 0.1), more
+        yield Instruments(stage, board, clock, _read_every_s(rig, protocol, asked)), more
     finally:
         board.close()
         stage.close()
@@ -250,12 +262,12 @@ def _simulated(
     protocol: Protocol,
     asked: Asked,
     clock: Clock,
-    layout: Layout,
     before: Journaled | None,
     say: Say | None,
-) -> tuple[Stage, EmitterBoard, dict[str, Any]]:
+) -> tuple[Stage, EmitterBoard | Daq, dict[str, Any]]:
     from solen.bench.close import angle_deg
     from solen.bench.simulated.board import SimulatedBoard
+    from solen.bench.simulated.daq import SimulatedDaq
     from solen.bench.simulated.prints import prints_of
     from solen.bench.simulated.stage import SimulatedStage
 
@@ -267,36 +279,51 @@ def _simulated(
     part = 0 if before is None else 1 + parts_of(before)
     noise = np.random.default_rng([rig.seed, 1, part])
     stage = SimulatedStage(clock, protocol.unit)
-    board = SimulatedBoard(
-        clock,
-        prints,
-        lambda time_s: angle_deg(stage.axis.positions(time_s), wired),
-        rig.ambient,
-        layout,
-        1.0 / rig.board.rate_hz,
-        noise,
-    )
+
+    def angles(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        return angle_deg(stage.axis.positions(time_s), wired)
+
+    sampler: EmitterBoard | Daq
+    if (setup := rig.setup) is not None:
+        sampler = SimulatedDaq(clock, prints, angles, rig.ambient, setup, noise)
+    else:
+        layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
+        sampler = SimulatedBoard(clock, prints, angles, rig.ambient, layout, period_s, noise)
     drawn = [one.model_dump(mode="json") | {"drawn": made.drawn} for one, made in zip(rig.sensor, prints, strict=True)]
-    return stage, board, {"sensors": drawn}
+    return stage, sampler, {"sensors": drawn}
 
 
-def _real(rig: Rig, clock: Clock, layout: Layout) -> tuple[Stage, EmitterBoard]:
-    from solen.bench.board import SerialBoard
+def _real(rig: Rig, clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
     from solen.bench.gcs2 import Gcs2Stage
     from solen.bench.link import open_link
 
-    on, board = rig.stage, rig.board
+    on = rig.stage
     link = open_link(str(on.port), baud=on.baud)
     try:
         stage = Gcs2Stage(link, clock, stage=on.model, axis=on.axis, address=on.address)
-        line = open_link(str(board.port), baud=board.baud)
     except BaseException:
         link.close()
         raise
-    per_count = board.range_v / math.ldexp(1.0, board.bits)
     try:
-        return stage, SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
+        return stage, _real_sampler(rig, clock)
+    except BaseException:
+        stage.close()
+        raise
+
+
+def _real_sampler(rig: Rig, clock: Clock) -> EmitterBoard | Daq:
+    from solen.bench.board import SerialBoard
+    from solen.bench.link import open_link
+    from solen.bench.nidaq import NiDaq
+
+    if rig.daq is not None and (setup := rig.setup) is not None:
+        return NiDaq(clock, str(rig.daq.device), setup)
+    board = rig.board
+    line = open_link(str(board.port), baud=board.baud)
+    try:
+        per_count = board.range_v / math.ldexp(1.0, board.bits)
+        layout = Layout(rig.emitters, rig.inputs)
+        return SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
     except BaseException:
         line.close()
-        stage.close()
         raise

@@ -18,21 +18,19 @@ from solen.analysis import Signals, TimeBase, side_of, time_base
 from solen.analysis.clocks import align
 from solen.analysis.demodulation import Demodulated, find_clock, slots_of, subtract
 from solen.errors import DataError, SpecError
+from solen.pipeline.told import ENDS, NAMED_UNITS, told, told_receivers, words_of
 from solen.recording import Channel, Recording
 from solen.recording.model import FloatArray
 from solen.recording.words import heading, plain
 from solen.units import factor
 
-_TIMES = ("timestamp", "time stamp", "elapsed", "elapsed time", "zeitstempel", "clock", "datetime", "date time", "t")
-_ANGLES = ("theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg")
 NOWHERE = ""
 """Name of an angle that is not to be looked for in a recording."""
-_ENDS = re.compile(r"(?:_|\b)V$")
-_BESIDE = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
-"""Columns beside a receiver's: its uncertainty, what was subtracted from it, and whether it is clipped."""
 _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 _SLOW_S = 1.0  # a step of a time without a unit from which on it may be samples or ms
 _HIGH_V = 100.0  # volts that no receiver here shows
+_TURN_DEG = 360.0
+_FAR_DEG = 720.0  # an angle beyond two turns is counted in something else
 
 
 @dataclass(frozen=True)
@@ -141,13 +139,13 @@ def part(one: Sampled, kept: NDArray[np.bool_]) -> Sampled:
 
 def _ambient(channel: Channel) -> tuple[str, str]:
     """Names of a column beside a receiver's that holds what was subtracted from it."""
-    name = _ENDS.sub("", channel.name)
+    name = ENDS.sub("", channel.name)
     return f"ambient_{name}", f"{name}_ambient"
 
 
 def _flags(recording: Recording, channel: Channel) -> NDArray[np.bool_]:
     """Samples that a column beside a receiver's marks as clipped, ``clipped_left`` or ``left_clipped``."""
-    name = _ENDS.sub("", channel.name)
+    name = ENDS.sub("", channel.name)
     found = recording.find(f"clipped_{name}", f"{name}_clipped")
     return np.zeros(channel.values.size, dtype=bool) if found is None else np.asarray(found.values > 0.5)
 
@@ -175,7 +173,7 @@ def _time(recording: Recording, asked: Columns) -> Channel | None:
         return column(recording, asked.time, "--time")
     if asked.rate_hz is not None:
         return None
-    return _told(recording, "time", _TIMES)
+    return told(recording, "time")
 
 
 def _angle(recording: Recording, asked: Columns) -> Channel | None:
@@ -183,26 +181,7 @@ def _angle(recording: Recording, asked: Columns) -> Channel | None:
         return None
     if asked.angle is not None:
         return column(recording, asked.angle, "--angle")
-    return _told(recording, "angle", _ANGLES)
-
-
-def _told(recording: Recording, quantity: str, words: tuple[str, ...]) -> Channel | None:
-    """Column of a quantity by its unit or its words; `DataError` where several are."""
-    for found in (
-        [one for one in recording.channels if one.quantity == quantity],
-        [one for one in recording.channels if plain(one.name) in words],
-        [one for one in recording.channels if plain(one.name).startswith(quantity)],
-    ):
-        if len(found) == 1:
-            return found[0]
-        if found:
-            names = ", ".join(one.name for one in found)
-            raise DataError(
-                recording.provenance.file or "recording",
-                limit=f"has {len(found)} columns that may be the {quantity}: {names}",
-                remedy=f"name one with --{quantity}",
-            )
-    return None
+    return told(recording, "angle")
 
 
 def _time_s(recording: Recording, asked: Columns, warnings: list[str]) -> FloatArray:
@@ -213,7 +192,7 @@ def _time_s(recording: Recording, asked: Columns, warnings: list[str]) -> FloatA
             remedy = f"name it with --time, or give --rate-hz; {_there(recording)}"
             raise DataError(file, limit="has no column that is told to be the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / asked.rate_hz
-    unit = asked.time_unit or channel.unit
+    unit = asked.time_unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
     if unit:
         scale = factor(unit, "s")
         if scale is None:
@@ -248,9 +227,33 @@ def _angle_deg(recording: Recording, asked: Columns, warnings: list[str], *, nee
     if scale is None or channel.unit == "1":
         limit = "is no unit of an angle"
         raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
-    if not channel.unit and not plain(channel.name).endswith("deg"):
+    if not channel.unit:
+        _check_degrees(channel, file, warnings)
+    return (-1.0 if asked.flip else 1.0) * (_unwound(channel, scale, warnings) - asked.zero_deg)
+
+
+def _check_degrees(channel: Channel, file: str, warnings: list[str]) -> None:
+    """Whether an angle without a unit may be degrees."""
+    farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+    if farthest > _FAR_DEG:
+        limit = f"goes to {farthest:.4g} and states no unit that is known, so it is no angle in degrees"
+        remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
+    if not plain(channel.name).endswith("deg"):
         warnings.append(f"{channel.name} states no unit; it is taken for degrees")
-    return (-1.0 if asked.flip else 1.0) * (channel.values * scale - asked.zero_deg)
+
+
+def _unwound(channel: Channel, scale: float, warnings: list[str]) -> FloatArray:
+    """Degrees, counted on where they pass from 360 to 0 or from 180 to -180 and back."""
+    angle = np.asarray(channel.values * scale)
+    held = np.isfinite(angle)
+    steps = np.diff(angle[held])
+    if not (np.abs(np.abs(steps) - _TURN_DEG) < 0.5 * (_TURN_DEG - 180.0)).any() or np.ptp(angle[held]) > _TURN_DEG:
+        return angle
+    unwound = np.unwrap(angle[held], period=_TURN_DEG)
+    angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
+    warnings.append(f"{channel.name} passes from one end of a turn to the other; it is counted on from there")
+    return angle
 
 
 def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[str, Channel]:
@@ -259,9 +262,7 @@ def _receivers(recording: Recording, asked: Columns, taken: set[str]) -> dict[st
         named = {name: column(recording, text, "--channel") for name, text in asked.channels}
         _check_once(recording, [one.name for one in named.values()], taken)
         return named
-    free = [one for one in recording.channels if one.name not in taken and not _BESIDE.search(one.name)]
-    found = [one for one in free if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
-    found = found or [one for one in free if not one.unit and (_ENDS.search(one.name) or side_of(one.name))]
+    found = told_receivers([one for one in recording.channels if one.name not in taken])
     if not found:
         limit = "has no column that is told to be a receiver's voltage"
         remedy = f"name them with --channel NAME=COLUMN; {_there(recording)}"
@@ -280,7 +281,7 @@ def _check_once(recording: Recording, names: Sequence[str], taken: set[str]) -> 
 def _volts(channel: Channel, warnings: list[str]) -> FloatArray:
     if channel.unit and channel.unit != "1":
         return channel.to("V")
-    if not _ENDS.search(channel.name):
+    if not ENDS.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
         warnings.append(f"{channel.name} states no unit; it is taken for V{doubt}")
@@ -315,8 +316,7 @@ def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
 
 
 def _without_side(name: str) -> str:
-    words = re.split(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])", name)
-    return " ".join(word for word in words if word and word.lower() not in {"l", "r", "left", "right", "v"})
+    return " ".join(word for word in words_of(name) if not side_of(word) and word.lower() != "v")
 
 
 def with_log(

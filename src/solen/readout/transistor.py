@@ -160,12 +160,14 @@ def load_line(
     load = np.asarray(load_ohm, dtype=float)
     a = (supply_V - saturation_V) / knee_V
     b = 1e-3 * np.asarray(current_mA, dtype=float) * load / knee_V
-    with np.errstate(divide="ignore", invalid="ignore"):
-        omega = wrightomega(np.log(b) + b - a)
-        near, far = a - b + omega, np.log(b) - np.log(omega)  # the same number; far from the knee one loses digits
-    y = np.where(b < a, near, far)
+    with np.errstate(divide="ignore"):
+        log_b = np.log(b)
+    omega = wrightomega(log_b + b - a)
+    y = np.asarray(a - b + omega)
+    if (saturated := b >= a).any():  # the same number; far from the knee the other way to it loses digits
+        y[saturated] = log_b[saturated] - np.log(omega[saturated])
     given = -np.expm1(-y)
-    stiffness = 1.0 + b * np.exp(-y)
+    stiffness = 1.0 + b * (1.0 - given)
     output = np.broadcast_to(load, y.shape) / stiffness
     return LoadLine(
         volts=np.minimum(saturation_V + knee_V * y, supply_V),

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from solen.errors import DataError
+from solen.extras import need
 from solen.recording.arrays import Array, recorded
 from solen.recording.model import Recording
 from solen.recording.source import Source
@@ -91,11 +92,9 @@ def read(source: Source, group: str = "") -> Recording:
 
 
 def _opened(source: Source) -> Any:
-    try:
-        import h5py
-    except ModuleNotFoundError:
-        limit, remedy = "is an HDF5 file, which needs h5py", 'pip install "solen[netcdf]", or export a CSV'
-        raise source.refused("", limit, remedy) from None
+    need("h5py", what=str(source.path), doing="reading HDF5", otherwise="export a CSV", error=DataError)
+    import h5py
+
     try:
         return h5py.File(source.path, "r")
     except Exception as bad:

@@ -19,6 +19,7 @@ _TELLING = 100
 """Rows below a header by which it is known for one."""
 _SEARCHED = 1000
 """Rows from the beginning among which the header must be."""
+_HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
 MOST_COLUMNS = 10_000
 """Columns of a table, at most."""
 
@@ -167,7 +168,7 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
         if not _numbers(grid, first):
             raise _headless(grid, filled)
         limit = "there is no header above the numbers that says what the columns are"
-        remedy = "add a first line such as wavelength_nm,T,R, or name the columns when calling read"
+        remedy = f"{_HEADER}, or name them with --columns (columns= of read)"
         raise grid.refused(first, None, limit, remedy)
     return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
 
@@ -179,7 +180,7 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
         limit = f"is no row of numbers below the header in {grid.place(filled[0])}"
         return grid.refused(filled[1], None, limit, "write plain numbers there, and their unit in the header")
     limit = "is neither the header of a table nor a row of it"
-    return grid.refused(filled[0], None, limit, "add a first line such as wavelength_nm,T,R above the numbers")
+    return grid.refused(filled[0], None, limit, f"{_HEADER} above the numbers")
 
 
 def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:

@@ -14,12 +14,15 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
+_OLD = 4  # bytes of the kind of number with which a file of version 4 begins: there is no word to tell it by
 _DEEPEST = 8
 
 
 def is_matlab(source: Source) -> bool:
-    """Whether a file begins as a .mat file of version 5 to 7 does."""
-    return source.data.startswith(_MAGIC)
+    """Whether a file begins as a .mat file of version 5 to 7 does, or is called one and begins as one of version 4."""
+    kind = int.from_bytes(source.data[:_OLD], "little")
+    named = source.path.suffix.lower() == ".mat" and kind < 5000 and len(source.data) > 20
+    return source.data.startswith(_MAGIC) or named
 
 
 def read(source: Source) -> Recording:
@@ -36,13 +39,20 @@ def read(source: Source) -> Recording:
     except Exception as bad:  # zlib's, struct's and what else a damaged file brings up
         limit = f"is a damaged .mat file ({type(bad).__name__})"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
-    arrays, metadata = [], {"header": " ".join(source.data[:116].decode("latin-1").split())}
+    arrays, metadata = [], _header(source)
     for name, value in _leaves("", {key: one for key, one in found.items() if not key.startswith("__")}, 0):
         if isinstance(value, str):
             metadata[name] = value
         else:
             arrays.append(Array(name, value))
     return recorded(source, "matlab", arrays, metadata)
+
+
+def _header(source: Source) -> dict[str, str]:
+    """What the file says of its program; version 4 says nothing."""
+    if not source.data.startswith(_MAGIC):
+        return {}
+    return {"header": " ".join(source.data[:116].decode("latin-1").split())}
 
 
 def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:

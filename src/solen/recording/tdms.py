@@ -4,10 +4,13 @@ The interface: `is_tdms` and `read`.
 """
 
 import io
+import logging
 from typing import Any
 
 import numpy as np
 
+from solen.errors import DataError
+from solen.extras import need
 from solen.recording.arrays import Array, recorded
 from solen.recording.model import Recording
 from solen.recording.source import Source
@@ -23,15 +26,17 @@ def is_tdms(source: Source) -> bool:
 
 def read(source: Source) -> Recording:
     """Recording of a TDMS file; `DataError` without npTDMS, where it is damaged, or holds no numbers."""
-    try:
-        from nptdms import TdmsFile
-    except ModuleNotFoundError:
-        limit, remedy = "is a TDMS file, which needs npTDMS", 'pip install "solen[tdms]", or export a CSV'
-        raise source.refused("", limit, remedy) from None
+    need("nptdms", what=str(source.path), doing="reading TDMS", otherwise="export a CSV", error=DataError)
+    from nptdms import TdmsFile
+    from nptdms.log import log_manager
+
     arrays: list[Array] = []
+    log_manager.set_level(logging.ERROR)  # it would print what is refused below
     try:
         file = TdmsFile.read(io.BytesIO(source.data))
         metadata = {str(key): str(value) for key, value in file.properties.items()}
+        if file.file_status.incomplete_final_segment:
+            raise ValueError("its last part was cut off")
         groups = file.groups()
         for group in groups:
             for channel in group.channels():

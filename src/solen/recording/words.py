@@ -94,8 +94,8 @@ _LABELS = (
 )
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "
-    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg rad K degC °C ° g mg kg dB dBm % %T %R "
-    "percent pct prozent micron microns µ mol L l ml"
+    "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg degree degrees mdeg rad mrad arcmin arcsec K degC "
+    "°C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml"
 )
 _TOKENS = frozenset(_UNITS.split())
 _LONGEST = 120  # letters of a header: what is longer is prose

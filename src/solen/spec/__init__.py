@@ -1,22 +1,14 @@
 """The design file: what a user decides about a sensor, checked and frozen before any physics.
 
-`Design` and its tables are in `solen.spec.design`, reading and writing in `solen.spec.toml`, shipped designs in
-`solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
+`Design` is in `solen.spec.design` with its tables beside it, reading and writing in `solen.spec.toml`, shipped
+designs in `solen.spec.template`; `solen.spec.strict` is what every TOML file of solen is checked with.
 """
 
-from solen.spec.design import (
-    MAX_STEPS,
-    Ambient,
-    Body,
-    Design,
-    Emitter,
-    Lens,
-    Material,
-    Motion,
-    Receivers,
-    Trace,
-)
+from solen.spec.body import Body, Lens, Material, Receivers
+from solen.spec.design import Design, Trace
 from solen.spec.fabricate import Fabricate
+from solen.spec.light import Ambient, Emitter
+from solen.spec.motion import MAX_STEPS, Motion
 from solen.spec.readout import Readout
 from solen.spec.template import template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values

@@ -20,7 +20,8 @@ from pydantic_core import core_schema
 
 from solen.errors import SpecError
 from solen.files import read_text, write_text
-from solen.spec.design import Design, Emitter
+from solen.spec.design import Design
+from solen.spec.light import Emitter
 from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
 
 SCHEMA = 1

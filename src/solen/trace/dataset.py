@@ -9,7 +9,6 @@ has neither variable nor dimension.
 xarray and what it writes netCDF with are no part of a plain installation: ``pip install "solen[netcdf]"``.
 """
 
-import importlib
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 import solen
 from solen import files
-from solen.errors import OutputError
+from solen.extras import need
 from solen.trace.result import LEG, Crossed, Detected, Trace
 
 if TYPE_CHECKING:
@@ -52,12 +51,7 @@ _LEGS = {
 
 def check_installed() -> None:
     """`OutputError` where what writes netCDF is not installed."""
-    for name in ("xarray", "h5netcdf", "h5py"):
-        try:
-            importlib.import_module(name)
-        except ModuleNotFoundError:
-            remedy = 'pip install "solen[netcdf]"'
-            raise OutputError("netCDF", limit=f"needs {name}, which is not installed", remedy=remedy) from None
+    need("xarray", "h5netcdf", "h5py", what="netCDF")
 
 
 def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Dataset":

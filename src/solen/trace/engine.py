@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from importlib.util import find_spec
 from itertools import islice
 from typing import TYPE_CHECKING, TypeVar, get_args
 
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_count
 from solen.errors import DesignError
+from solen.extras import need
 from solen.scene import Extrusion, Scene
 from solen.trace.chunks import (
     DTYPES,
@@ -197,9 +197,7 @@ def _ahead(
 
 def _card(job: Job) -> "Card":
     """The graphics card with the job's scene on it; `DesignError` where there is none."""
-    if find_spec("numba_cuda") is None:
-        limit, remedy = "needs numba-cuda, which is not installed", 'pip install "solen[cuda]"'
-        raise DesignError("device", value=job.device, limit=limit, remedy=remedy)
+    need("numba_cuda", what="device", value=job.device, error=DesignError)
     from solen.trace.kernel import cuda  # only who has numba-cuda can import it
 
     if not cuda.available():

@@ -17,6 +17,7 @@ from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
 from solen.bench.simulated.prints import Print
+from solen.bench.simulated.room import light_mw_cm2
 from solen.readout import volts
 
 FloatArray = NDArray[np.float64]
@@ -100,7 +101,7 @@ class SimulatedBoard:
         time = (start[:, None] + (np.arange(slots) + 1.0) / slots * self.period_s).ravel()
         counts = np.zeros((n * slots, self.layout.receivers), np.uint16)
         if n:
-            angle, room = self.angle_deg(time), self._room(time)
+            angle, room = self.angle_deg(time), light_mw_cm2(self.room, time, self._phase)
             for one in self.prints:
                 lit = np.zeros((len(time), 2))
                 on = np.arange(2 * (one.wires.emitter - 1), len(time), slots)
@@ -111,10 +112,3 @@ class SimulatedBoard:
         board_us = np.rint((start - begun) * 1e6 * (1.0 + 1e-6 * self.ppm)).astype(np.int64)
         shape = (n, self.layout.emitters, 2, self.layout.receivers)
         return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))
-
-    def _room(self, time_s: FloatArray) -> FloatArray:
-        """Light of the room in mW/cm² at times; never below 0."""
-        room = self.room
-        drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
-        flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + self._phase)
-        return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))

@@ -9,6 +9,7 @@ The interface: `Move` is one move; `Axis` is where an axis is, move after move.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +35,13 @@ class Move:
     velocity: float
     acceleration: float
 
-    @property
+    @cached_property
     def ramp_s(self) -> float:
         """Time of speeding up, and of slowing down."""
         way = abs(self.target - self.start)
         return min(self.velocity / self.acceleration, math.sqrt(way / self.acceleration))
 
-    @property
+    @cached_property
     def end_s(self) -> float:
         """When it is there."""
         ramp = self.ramp_s
@@ -60,6 +61,18 @@ class Move:
         way = abs(self.target - self.start)
         steady = self.acceleration * ramp * np.clip(since - ramp, 0.0, max(total - 2.0 * ramp, 0.0))
         gone = np.where(left < ramp, way - down, up + steady)
+        return self.start + math.copysign(1.0, self.target - self.start) * gone
+
+    def where(self, time_s: float) -> float:
+        """The same at one time, without the cost of arrays: a stage is looked at fifty times a second."""
+        ramp, total = self.ramp_s, self.end_s - self.begin_s
+        since = min(max(time_s - self.begin_s, 0.0), total)
+        left = total - since
+        if left < ramp:
+            gone = abs(self.target - self.start) - 0.5 * self.acceleration * left**2
+        else:
+            steady = self.acceleration * ramp * min(max(since - ramp, 0.0), max(total - 2.0 * ramp, 0.0))
+            gone = 0.5 * self.acceleration * min(since, ramp) ** 2 + steady
         return self.start + math.copysign(1.0, self.target - self.start) * gone
 
 
@@ -98,7 +111,8 @@ class Axis:
 
     def at(self, at_s: float) -> float:
         """Position at a time."""
-        return float(self.positions(np.array([at_s]))[0])
+        place = max(bisect_right(self.moves, at_s, key=_begin) - 1, 0)
+        return self.moves[place].where(at_s) if self.moves else self.rest
 
     def positions(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions at ascending times, shape (N,)."""

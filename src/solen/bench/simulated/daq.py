@@ -1,0 +1,185 @@
+"""A data acquisition that is not there: it samples simulated prints many times while their emitters switch.
+
+The idea: emitters take turns; each is on for the first half of its slot and off for the second. A receiver follows with
+its own time constant, that of a first order: within a phase its voltage runs from where it stood to where the light of
+that phase holds it, and where it stood is what a switching that has gone on for long leaves (`settling`). One converter
+takes the inputs one after the other, so that each is sampled a little after the one before. What switches runs by the
+instrument's clock or by one of its own, and both by another than the run's.
+
+The interface: `SimulatedDaq`, a `Daq`; `settling` of two voltages.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.clock import Clock
+from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
+from solen.bench.rig import RoomLight
+from solen.bench.simulated.prints import Print
+from solen.bench.simulated.room import light_mw_cm2
+from solen.readout import noisy
+from solen.readout.emitter import REFERENCE_C
+
+FloatArray = NDArray[np.float64]
+
+AT_ONCE = 20_000
+"""Samples that are worked out at once, so that memory stays small however long nobody read."""
+CONVERT_S = 14e-6
+"""From one input to the next where the rate leaves the time: as the slowest converter takes, and 10 µs to settle."""
+SYNC_V = 3.3
+LONG = 20.0
+"""Time constants after which a switch is over."""
+
+
+@dataclass
+class SimulatedDaq:
+    """A `Daq` in the program itself.
+
+    Attributes
+    ----------
+    clock
+        Of the run.
+    prints
+        The sensors on it.
+    angle_deg
+        Angles of the sensors at ascending times.
+    room
+        Light of the room.
+    setup
+        What is asked of it.
+    rng
+        Draws noise and phases.
+    ppm, outside_ppm
+        How much faster its clock runs than the run's, and that of what switches the emitters from outside.
+    """
+
+    clock: Clock
+    prints: tuple[Print, ...]
+    angle_deg: Callable[[FloatArray], FloatArray]
+    room: RoomLight
+    setup: Setup
+    rng: np.random.Generator
+    ppm: float = 20.0
+    outside_ppm: float = -60.0
+    name: str = "simulated data acquisition"
+    losses: DaqLosses = field(default_factory=DaqLosses)
+    _begun_s: float | None = None
+    _next: int = 0
+    _flicker: float = 0.0
+    _turn: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.rate_hz, self.switch_hz = self.setup.rate_hz, self.setup.switch_hz
+        spread_s = 1.0 / (self.rate_hz * len(self.setup.channels))
+        self.convert_s = max(1.0 / MODELS[self.setup.model].rate_hz, min(CONVERT_S, spread_s))
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Of a converter without error: volts by one step for each count."""
+        return np.tile([0.0, self._step_V], (len(self.setup.channels), 1))
+
+    def start(self) -> None:
+        """Begin to sample; a switching from outside is somewhere in its turn."""
+        self._begun_s, self._next = self.clock.now_s(), 0
+        self._flicker = float(self.rng.uniform(0.0, 2.0 * math.pi))
+        self._turn = float(self.rng.uniform()) if self.setup.switching == "external" else 0.0
+
+    def read(self) -> Samples:
+        """Samples that were taken and not read yet."""
+        first, parts = self._next, [np.zeros((0, len(self.setup.channels)), np.int16)]
+        if self._begun_s is not None:
+            since_s = self.clock.now_s() - self._begun_s
+            taken = math.floor(since_s * self.rate_hz * (1.0 + 1e-6 * self.ppm) + 1e-9)
+            while self._next < taken:
+                parts.append(self._samples(min(taken - self._next, AT_ONCE)))
+        return Samples(0, first, np.concatenate(parts))
+
+    def stop(self) -> None:
+        """Emitters off."""
+        self._begun_s = None
+
+    def close(self) -> None:
+        """Emitters off."""
+        self.stop()
+
+    @property
+    def _step_V(self) -> float:
+        return self.prints[0].circuit.adc.step_V
+
+    def _samples(self, n: int) -> NDArray[np.int16]:
+        """The next samples."""
+        number = self._next + np.arange(n)
+        self._next += n
+        time = (self._begun_s or 0.0) + number / (self.rate_hz * (1.0 + 1e-6 * self.ppm))
+        counts = np.zeros((n, len(self.setup.channels)), np.int16)
+        for one in self.prints:
+            inputs = [one.wires.right - 1, one.wires.left - 1]
+            counts[:, inputs] = np.rint(self._read(one, inputs, time) / self._step_V)
+        if self.setup.synced:
+            adc = self.prints[0].circuit.adc
+            high = self._since_on(time + self.convert_s * self.setup.inputs, 1) < self._on_share
+            read = adc.read(SYNC_V * high + adc.noise_V * self.rng.standard_normal(n))
+            counts[:, -1] = np.rint(read / self._step_V)
+        return counts
+
+    @property
+    def _on_share(self) -> float:
+        return 0.5 / self.setup.emitters
+
+    def _since_on(self, time_s: FloatArray, emitter: int) -> FloatArray:
+        """Share of a period since an emitter went on last, in [0, 1)."""
+        ppm = self.ppm if self.setup.switching == "counter" else self.outside_ppm
+        turns = (time_s - (self._begun_s or 0.0)) * self.switch_hz * (1.0 + 1e-6 * ppm) + self._turn
+        return np.asarray((turns - (emitter - 1) / self.setup.emitters) % 1.0)
+
+    def _read(self, one: Print, inputs: list[int], time_s: FloatArray) -> FloatArray:
+        """Volts (N, 2) that the converter reads of a print's receivers."""
+        circuit = replace(one.circuit, samples=1)
+        shares = one.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
+        light = light_mw_cm2(self.room, time_s, self._flicker)
+        since = np.stack(
+            [self._since_on(time_s + self.convert_s * place, one.wires.emitter) for place in inputs], axis=1
+        )
+        lit = since < self._on_share
+        line = circuit.load_line(circuit.current_mA(np.where(lit, shares, 0.0), light))
+        settling_s = 1e-6 * circuit.time_constant_us
+        after_s = np.where(lit, since, since - self._on_share) / self.switch_hz
+        moving = (after_s < LONG * settling_s).any(axis=1)
+        other = circuit.load_line(circuit.current_mA(np.where(lit, 0.0, shares)[moving], light[moving])).volts
+        before_s = np.where(lit, 1.0 - self._on_share, self._on_share)[moving] / self.switch_hz
+        volts = line.volts.copy()
+        volts[moving] = settling(volts[moving], other, after_s[moving], before_s, 1.0 / self.switch_hz, settling_s)
+        return noisy(circuit, replace(line, volts=volts), REFERENCE_C, self.rng)
+
+
+def settling(
+    volts: FloatArray,
+    other: FloatArray,
+    after_s: FloatArray,
+    before_s: FloatArray,
+    period_s: float,
+    settling_s: FloatArray,
+) -> FloatArray:
+    """Volts of a first order that switches between two levels for ever.
+
+    Parameters
+    ----------
+    volts, other
+        Levels of this phase and of the one before, shape (N, R).
+    after_s, before_s
+        Time since the switch, and length of the phase before, shape (N, R).
+    period_s, settling_s
+        Length of both phases together, and time constants (R,).
+
+    Returns
+    -------
+    array
+        Shape (N, R). At the switch it stands (other - volts) (1 - e^(-before/τ)) / (1 - e^(-period/τ)) from its level,
+        which is 1 where a phase lasts long.
+    """
+    whole = np.expm1(-before_s / settling_s) / np.expm1(-period_s / settling_s)
+    return np.asarray(volts + (other - volts) * whole * np.exp(-after_s / settling_s))

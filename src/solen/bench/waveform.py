@@ -1,0 +1,183 @@
+"""A data acquisition's samples, on their way from a journal into a file and from the file into readings.
+
+The idea: samples may be far more than memory holds. They go from the journal into the file record by record, as the
+counts they are; then the file is read again window by window, and in each the emitters' phases are found and readings
+made. Windows overlap, and each gives the readings after the last of the one before, so that none is lost or double at a
+border, however little the two differ in where an edge lies.
+
+The interface: `Waveform` takes a file and a journal; `Waveform.readings` gives readings by sensor.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
+from solen.bench.clocks import OnRun, on_run
+from solen.bench.daq import Setup, volts_of
+from solen.bench.journal import Journaled
+from solen.bench.phases import clock_of, states
+from solen.errors import DataError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+Sensor = Mapping[str, Any]
+
+WINDOW_S = 10.0
+"""Samples that are worked on at once."""
+OVERLAP = 4
+"""Frames, each of a period, that a window looks beyond its borders."""
+ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """Frames without a gap: from one place to another, the line of their clock, and which stretch of the run it is."""
+
+    begin: int
+    end: int
+    line: OnRun
+    name: str
+
+
+class Waveform:
+    """Samples of a journal, written to a file as they are.
+
+    Parameters
+    ----------
+    file
+        An open netCDF file, whose root gets ``counts``.
+    journaled
+        The journal.
+
+    Attributes
+    ----------
+    part, stretch, number
+        Of each frame, shape (F,): part of the run, stretch without a gap, number of its first sample in that.
+    time_s
+        Of each frame's first sample on the clock of the run, shape (F,).
+    remarks
+        Windows that gave no readings, in words.
+    """
+
+    def __init__(self, file: Any, journaled: Journaled) -> None:
+        told = journaled.header["daq"]
+        self._setup = Setup(**told["setup"] | {"channels": tuple(told["setup"]["channels"])})
+        self._rate_hz, self._switch_hz, self._convert_s = told["rate_hz"], told["switch_hz"], told["convert_s"]
+        self._coefficients = np.array(told["coefficients"])
+        self.remarks: list[str] = []
+        frames = journaled.counts["samples"]
+        self.part, self.stretch = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
+        self.number, self.time_s = np.zeros(frames, np.int64), np.zeros(frames)
+        self._counts = _variable(file, frames * self._setup.frame, self._setup)
+        self._fill(journaled)
+        self._stretches = list(self._lined(journaled.streams["came"]))
+
+    @property
+    def lines(self) -> dict[str, OnRun]:
+        """The instrument's clock on the run's, by part and stretch."""
+        return {stretch.name: stretch.line for stretch in self._stretches}
+
+    def readings(self, sensors: Sequence[Sensor]) -> Iterator[tuple[Sensor, Demodulated, BoolArray]]:
+        """Readings of each sensor, window by window, and which of them are new."""
+        last: dict[str, float] = {}
+        half_s = 0.5 / self._setup.switch_hz
+        for stretch in self._stretches:
+            for begin, end in self._windows(stretch):
+                for sensor, found in self._window(stretch, begin, end, sensors):
+                    until = self._until(stretch, end)
+                    kept = found.of(sensor["emitter"]) & (found.time_s < until)
+                    kept &= found.time_s > last.get(sensor["name"], -np.inf) + half_s
+                    if kept.any():
+                        last[sensor["name"]] = float(found.time_s[kept][-1])
+                    yield sensor, found, kept
+
+    def _fill(self, journaled: Journaled) -> None:
+        """Counts into the file, record by record, and what each frame is."""
+        at, frame = 0, self._setup.frame
+        for rows in journaled.blocks("samples"):
+            here = slice(at, at + len(rows))
+            self.part[here], self.stretch[here], self.number[here] = rows["part"], rows["stretch"], rows["number"]
+            counts = rows["counts"].reshape(-1, len(self._setup.channels))
+            self._counts[at * frame : (at + len(rows)) * frame] = counts
+            at += len(rows)
+
+    def _lined(self, came: NDArray[np.void]) -> Iterator[_Stretch]:
+        """Stretches in their order; a sample has come when it was taken."""
+        which = np.stack([self.part, self.stretch], axis=1).astype(np.int64)
+        edges = (np.flatnonzero(np.diff(which, axis=0).any(axis=1)) + 1).tolist()
+        for begin, end in zip([0, *edges], [*edges, len(which)], strict=True):
+            if begin == end:
+                continue
+            part, stretch = which[begin]
+            mine = came[(came["part"] == part) & (came["stretch"] == stretch)]
+            taken_s = mine["number"] / self._rate_hz if len(mine) else np.zeros(1)
+            line = on_run(taken_s, mine["t_s"] if len(mine) else np.zeros(1))
+            self.time_s[begin:end] = line.at(self.number[begin:end] / self._rate_hz)
+            yield _Stretch(begin, end, line, f"{part}.{stretch}")
+
+    def _windows(self, stretch: _Stretch) -> Iterator[tuple[int, int]]:
+        """Frames of windows of about the same length."""
+        frames = stretch.end - stretch.begin
+        pieces = max(1, round(frames * self._setup.frame / (WINDOW_S * self._rate_hz)))
+        edges = np.linspace(stretch.begin, stretch.end, pieces + 1).astype(int).tolist()
+        yield from pairwise(edges)
+
+    def _until(self, stretch: _Stretch, end: int) -> float:
+        return np.inf if end == stretch.end else float(self.time_s[end])
+
+    def _window(
+        self, stretch: _Stretch, begin: int, end: int, sensors: Sequence[Sensor]
+    ) -> Iterator[tuple[Sensor, Demodulated]]:
+        """Readings of every sensor in a window and a little beyond."""
+        low, high = max(begin - OVERLAP, stretch.begin), min(end + OVERLAP, stretch.end)
+        frame = self._setup.frame
+        volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
+        taken_s = (self.number[low] + np.arange(len(volts))) / self._rate_hz
+        try:
+            seen = self._seen(sensors)
+            clock = clock_of(taken_s, volts[:, seen], self._setup, self._switch_hz)
+            place = float(np.mean(seen)) if self._setup.switching == "external" else 0.0
+            for sensor in sensors:
+                yield sensor, self._subtracted(volts, taken_s, clock, place, stretch.line, sensor)
+        except DataError as bad:
+            span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
+            self.remarks.append(f"no readings from {span}: {bad}")
+
+    def _seen(self, sensors: Sequence[Sensor]) -> list[int]:
+        """Channels that show the switching: the sync, or all that are wired; the clock is that of their middle."""
+        if self._setup.synced:
+            return [self._setup.inputs]
+        return [sensor[side] - 1 for sensor in sensors for side in ("right", "left")]
+
+    def _subtracted(
+        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: OnRun, sensor: Sensor
+    ) -> Demodulated:
+        """Readings of a sensor's two inputs; a sample is used where both are in the same phase.
+
+        ``place`` is the channel at whose conversions the clock's phase is.
+        """
+        inputs = [sensor["right"] - 1, sensor["left"] - 1]
+        delays = self._convert_s * (np.array(inputs) - place)
+        right, left = (states(clock, delay, 1e-6 * self._setup.settle_us, self._setup.emitters) for delay in delays)
+        time = line.at(taken_s + self._convert_s * float(np.mean(inputs)))
+        low, high = volts_of(np.repeat(ENDS, volts.shape[1], axis=1), self._coefficients)[:, inputs]
+        state = np.where(right == left, right, -1)
+        return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))
+
+
+def _variable(file: Any, samples: int, setup: Setup) -> Any:
+    file.dimensions = {"sample": samples, "channel": len(setup.channels)}
+    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if samples else {}
+    chunks = (min(samples, 1 << 14), len(setup.channels)) if samples else None
+    counts = file.create_variable("counts", ("sample", "channel"), np.int16, chunks=chunks, **kept)
+    counts.attrs["units"] = "1"
+    counts.attrs["long_name"] = (
+        "samples as the converter counts; volts are the sum of coefficients times powers of them"
+    )
+    counts.attrs["channels"] = " ".join(setup.channels)
+    return counts

