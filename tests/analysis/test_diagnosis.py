@@ -259,7 +259,7 @@ def test_a_turned_angle_is_refused() -> None:
 def test_intervals_hold_where_the_model_is_off() -> None:
     """Waves of the kind that the misfit is taken for, drawn anew each time, do not spoil the intervals."""
     one, draw = model(response()), np.random.default_rng(5)
-    hits, draws = {name: 0 for name in (OFFSET, SPREAD, "gain right", "gain left")}, 500
+    hits, draws = dict.fromkeys((OFFSET, SPREAD, "gain right", "gain left"), 0), 500
     waves = np.cos(np.pi * np.arange(12)[:, None] * np.linspace(0.0, 1.0, ANGLES.size))
     for _ in range(draws):
         true = truth(one, **TRUTHS[0])
