@@ -6,6 +6,7 @@ new one, never a part of it.
 
 import contextlib
 import errno
+import glob
 import os
 import secrets
 import shutil
@@ -81,7 +82,7 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
     try:
         for path, data in contents.items():
             target = _target(path)
-            temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+            temporary = target.with_name(f"{_hidden(target)}{secrets.token_hex(6)}.tmp")
             ready[path] = (temporary, target)
             _write_new(temporary, data, like=target)
         for path in ready:
@@ -103,6 +104,19 @@ def remove(path: Path) -> None:
             path.unlink()
     except OSError as bad:
         raise OutputError(str(path), limit=f"cannot be removed: {bad.strerror or bad}", remedy="remove it") from None
+
+
+def remove_left(path: Path) -> None:
+    """Remove what was left by whoever was killed while writing this file. Nobody else may be writing it."""
+    target = _target(path)
+    for left in target.parent.glob(f"{glob.escape(_hidden(target))}*.tmp"):
+        with contextlib.suppress(OSError):
+            left.unlink()
+
+
+def _hidden(target: Path) -> str:
+    """Beginning of the temporary names of a file."""
+    return f".{target.name[:100]}."
 
 
 def _target(path: Path) -> Path:

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solen.bench.frames import (
+    ANEW,
     ANSWER,
     HEAD,
     SAMPLES,
@@ -100,12 +101,21 @@ def test_a_period_that_comes_twice_is_taken_once() -> None:
     assert reader.losses == Losses(doubled=2)
 
 
+def test_frames_that_each_come_twice_are_no_restart() -> None:
+    reader = FrameReader(LAYOUT)
+    found = reader.feed(b"".join(one + one for one in frames(periods(10))))
+    assert found.number.tolist() == list(range(10))
+    assert reader.losses == Losses(doubled=10)
+
+
 def test_a_board_that_restarts_is_noticed() -> None:
     reader = FrameReader(LAYOUT)
     reader.feed(b"".join(frames(periods(50, first=100))))
     after = reader.feed(b"".join(frames(periods(10))))
     assert reader.losses == Losses(doubled=2, restarts=1)
     assert after.number.tolist() == list(range(150, 158))
+    assert after.flags.tolist() == [ANEW] + [0] * 7
+    assert after.board_us.tolist() == periods(10).board_us[2:].tolist()  # its clock began anew as well
 
 
 def test_numbers_and_time_go_on_where_they_wrap() -> None:

@@ -1,4 +1,4 @@
-"""An hour of four sensors: recorded and analysed in the time and memory that are promised, by the ways that are fast."""
+"""An hour of four sensors: recorded and analysed within the time and memory promised."""
 
 import json
 import os

@@ -1,10 +1,7 @@
 """Runs on a simulated rig: what is sampled, what a stop or a kill leaves, what is refused."""
 
 import json
-import os
-import subprocess
-import sys
-import time
+import math
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +20,9 @@ from solen.bench.simulated.prints import prints_of
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, OutputError, SpecError
 from solen.pipeline import bench as pipeline
+from solen.pipeline.analyse import Request, analyse
 from solen.sensor import Sensor
-from solen.spec import load
+from solen.spec import load, save, with_values
 
 
 def asked(folder: Path, **more: Any) -> pipeline.Asked:
@@ -153,29 +151,6 @@ def test_a_changed_protocol_is_not_taken_up(bench: Path, monkeypatch: pytest.Mon
         pipeline.run(asked(bench, resume=True))
 
 
-def killed(bench: Path, after_s: float) -> tuple[float, Any]:
-    """Kill a run in real time; time of the run at the kill, by the wall's clock, and what is in the journal."""
-    command = [sys.executable, "-m", "solen", "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out"]
-    with subprocess.Popen([*command, "--real-time"], cwd=bench, env=os.environ | {"PYTHONUNBUFFERED": "1"}) as child:
-        journal = bench / "out" / "protocol.journal"
-        while not (journal.exists() and journal.stat().st_size > 4000):
-            assert child.poll() is None
-            time.sleep(0.01)
-        begun = time.time() - journal.stat().st_mtime  # at most one reading late
-        time.sleep(after_s)
-        child.kill()
-    return after_s - begun, read_journal(journal)
-
-
-def test_a_killed_run_loses_less_than_half_a_second(bench: Path) -> None:
-    lasted, found = killed(bench, 1.1)
-    board = found.streams["board"]
-    assert board["number"].tolist() == list(range(len(board)))
-    assert len(board) * 0.005 >= lasted - 0.5
-    done = pipeline.recover(bench / "out" / "protocol.journal")
-    assert (done["outcome"], done["periods"]) == ("killed", len(board))
-
-
 class Silent:
     """A board that says nothing."""
 
@@ -273,11 +248,53 @@ def test_bad_rigs_are_told_in_one_line(bench: Path, change: tuple[str, str], tol
     assert not (bench / "out").exists()
 
 
+@pytest.mark.parametrize("kind", ["rotation", "bend"])
+def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
+    rig = (bench / "rig.toml").read_text(encoding="utf-8")
+    stage = '[stage]\nmodel = "M-111.1DG"\nlever_mm = 40.0\n[board]'
+    (bench / "rig.toml").write_text(rig.replace("[board]", stage), encoding="utf-8")
+    protocol = (bench / "protocol.toml").read_text(encoding="utf-8")
+    protocol = protocol.replace("to_deg", "to_mm").replace("velocity_deg", "velocity_mm").replace("15.0", "8.0")
+    (bench / "protocol.toml").write_text(protocol.replace("-3.0", "-2.0").replace("3.0", "2.0"), encoding="utf-8")
+    save(bench / "sensor.toml", with_values(load(bench / "sensor.toml"), {"motion.kind": kind}))
+    found = pipeline.run(asked(bench))
+    told = analyse(Request((Path(found["recording"]),)))["sensors"]["A"]["receivers"]
+    reach = math.degrees(math.atan(2.0 / 40.0))
+    for side, at in (("right", 0), ("left", -1)):
+        angles, volts = told[side]["angle_deg"], told[side]["mean_V"]
+        assert (angles[0], angles[-1]) == pytest.approx((-reach, reach), abs=0.1)  # a step of the grid
+        assert volts[at] < volts[-1 - at] - 1.0  # brighter is lower, and negative angles brighten the right receiver
+    assert told["right"]["swing_V"] > 1.0
+
+
+def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
+    bench: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    for resume, after in ((False, 1), (True, 2)):
+        with pytest.raises(KeyboardInterrupt):
+            pipeline.run(asked(bench, resume=resume), watch=stopping(after, KeyboardInterrupt()))
+    found = pipeline.run(asked(bench, resume=True))
+    with h5netcdf.File(found["recording"], "r") as file:
+        cuts = json.loads(file.attrs["cut_short"])
+        root, read = file.variables["time_s"][...], file.groups["A"].variables["time_s"][...]
+    assert len(cuts) == 2
+    for begin_s, end_s in cuts:
+        assert ((root > begin_s) & (root < end_s)).any()
+        assert not ((read > begin_s + 0.01) & (read < end_s)).any()
+    told = analyse(Request((Path(found["recording"]),)))
+    assert [len(one["cycles"]) for one in told["sensors"].values()] == [3, 3]
+    assert not [line for line in told["warnings"] if "not whole" in line]
+
+
 def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
     pipeline.new(tmp_path / "bench")
     for name in ("rotation", "bending"):
         assert load_protocol(tmp_path / "bench" / f"{name}.toml").cycles == 6
-    assert load_rig(tmp_path / "bench" / "rig.toml").inputs == 8
+    for name, kind in (("rig", "rotation"), ("rig-bending", "bend")):
+        rig = load_rig(tmp_path / "bench" / f"{name}.toml")
+        assert (rig.inputs, rig.stage.lever_mm) == (8, 40.0 if kind == "bend" else None)
+        assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
     with pytest.raises(OutputError, match="exists already"):
         pipeline.new(tmp_path / "bench")
 

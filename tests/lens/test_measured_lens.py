@@ -161,6 +161,15 @@ def test_drawn_outlines_scatter_as_the_profile_is_known() -> None:
     assert np.array_equal(found.drawn_within(0).z_mm(x), found.z_mm(x))
 
 
+def test_the_curve_of_a_drawn_outline_turns_normals_by_far_less_than_the_uncertainty() -> None:
+    found = lens(profile(noise_um(0.5), 0.0005))
+    for drawn in (found.drawn_within(1), found.drawn_within(2)):
+        x, z = drawn.front.points(np.linspace(0.0, 1.0, 4001)[5:-5]).T
+        lean = np.arctan(np.gradient(z, x)) - np.arctan(drawn.slope(x))
+        assert 1e3 * np.std(lean) < 0.1 * found.fit.u_slope_mrad
+        assert len(drawn.front.pieces) < 0.6 * len(found.drawn_within(0).front.pieces) + 5
+
+
 def test_errors_of_a_drawn_outline_go_together_over_the_stated_length() -> None:
     found = lens(profile(noise_um(0.5), 0.0005))
     track, length_mm = found.fit.track, found.fit.correlation_mm

@@ -100,20 +100,32 @@ class Catalogue:
             raise OutputError(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 
-def row_of(path: Path) -> Row:
-    """Row of a closed run; `DataError` where a file is none."""
+def header_of(path: Path) -> dict[str, Any]:
+    """Header of a closed run: what its journal began with; `DataError` where a file is none."""
+    with _reading(path) as file:
+        return dict(json.loads(file.attrs["header"]))
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[Any]:
     import h5netcdf
 
     try:
         with h5netcdf.File(path, "r") as file:
-            header = json.loads(file.attrs["header"])
-            times = file.variables["time_s"]
-            periods = times.shape[0]
-            duration = float(times[-1] - times[0]) if periods else 0.0
-            outcome = str(file.attrs["outcome"])
+            yield file
     except (OSError, KeyError, ValueError) as bad:
         reason = " ".join(str(bad).split())
         raise DataError(str(path), limit=f"is no recording of solen bench run: {reason}") from None
+
+
+def row_of(path: Path) -> Row:
+    """Row of a closed run; `DataError` where a file is none."""
+    with _reading(path) as file:
+        header = json.loads(file.attrs["header"])
+        times = file.variables["time_s"]
+        periods = times.shape[0]
+        duration = float(times[-1] - times[0]) if periods else 0.0
+        outcome = str(file.attrs["outcome"])
     return Row(
         file=path.name,
         sha256=_sha256(path),

@@ -3,14 +3,17 @@
 The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. What
 came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
 sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
-volts of its two receivers, on less the mean of off before and after. Nothing is smoothed, nothing left out. The file
-is written under a temporary name and renamed; the journal is left to whoever called.
+volts of its two receivers, on less the mean of off before and after. Nothing is smoothed. A cycle that was cut short in
+a run that was taken up is done anew: it stays in the root and is left out of the groups. The file is written under a
+temporary name and renamed; the journal is left to whoever called.
 
 The interface: `closed` writes the file of a journal; extra ``netcdf``.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from numpy.typing import NDArray
 from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.bench.clocks import OnRun, on_run
+from solen.bench.frames import ANEW
 from solen.bench.journal import Journaled, Rows
 from solen.bench.waveform import Waveform
 from solen.extras import need
@@ -102,10 +106,14 @@ def _periods(file: Any, journaled: Journaled) -> Content:
     """Write what a board sampled."""
     board, header = journaled.streams["board"], journaled.header
     time_s, lines = _times(journaled)
-    _attributes(file, journaled, {str(part): line for part, line in lines.items()})
+    _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
     _sampled(file, board, time_s, header)
-    sensors = header["sensors"]
-    return time_s, {one["name"]: _sensor(file, one, list(_readings(one, journaled, time_s))) for one in sensors}, []
+    sensors, cuts = header["sensors"], cut_short(journaled)
+    return (
+        time_s,
+        {one["name"]: _sensor(file, one, list(_readings(one, journaled, time_s, cuts))) for one in sensors},
+        [],
+    )
 
 
 def _waveform(file: Any, journaled: Journaled) -> Content:
@@ -123,9 +131,10 @@ def _waveform(file: Any, journaled: Journaled) -> Content:
     _variable(
         file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
     )
+    cuts = cut_short(journaled)
     parts: dict[str, list[Columns]] = {sensor["name"]: [] for sensor in header["sensors"]}
     for sensor, found, kept in wave.readings(header["sensors"]):
-        parts[sensor["name"]].append(_columns(found, kept, journaled.streams["stage"], header))
+        parts[sensor["name"]].append(_columns(found, kept, journaled, cuts))
     readings = {one["name"]: _sensor(file, one, parts.pop(one["name"])) for one in header["sensors"]}
     file.attrs["remarks"] = json.dumps(wave.remarks)
     return wave.time_s, readings, wave.remarks
@@ -137,18 +146,48 @@ def outcome_of(journaled: Journaled) -> str:
     return ends[-1] if ends and ends[-1] != "begun" else "killed"
 
 
-def _times(journaled: Journaled) -> tuple[FloatArray, dict[int, OnRun]]:
-    """Time of each period on the run's clock, and the line of each part of the run."""
+def losses_of(journaled: Journaled) -> dict[str, int]:
+    """What the board's line lost, over all parts that came to say so."""
+    told: Counter[str] = Counter()
+    for event in journaled.events:
+        told.update(event.get("losses", {}))
+    return dict(told)
+
+
+def stretches(board: Rows) -> list[tuple[int, int]]:
+    """First and last place, less one, of what was sampled by one clock: a part, up to a restart of the board."""
+    edges = np.flatnonzero((np.diff(board["part"].astype(np.int64)) != 0) | (board["flags"][1:] & ANEW != 0)) + 1
+    return list(zip([0, *edges.tolist()], [*edges.tolist(), len(board)], strict=True)) if len(board) else []
+
+
+def cut_short(journaled: Journaled) -> list[tuple[float, float]]:
+    """Times of the run from the last whole cycle of a part to where the next part is at rest."""
+    found, whole_s, open_s = [], -math.inf, None
+    for event in journaled.events:
+        if event["what"] == "begun" and event["part"] > 0 and open_s is None:
+            open_s = whole_s
+        elif event["what"] in {"at rest", "cycle done"}:
+            whole_s = event["t_s"]
+            if open_s is not None:
+                found.append((open_s, whole_s))
+                open_s = None
+    return found if open_s is None else [*found, (open_s, math.inf)]
+
+
+def _times(journaled: Journaled) -> tuple[FloatArray, list[OnRun]]:
+    """Time of each period on the run's clock, and the line of each stretch."""
     board, came = journaled.streams["board"], journaled.streams["came"]
-    times, lines = np.zeros(len(board)), {}
-    for part in np.unique(board["part"]).tolist():
-        mine, arrivals = board["part"] == part, came[came["part"] == part]
-        numbers, board_s = board["number"][mine], 1e-6 * board["board_us"][mine].astype(float)
+    times, lines = np.zeros(len(board)), []
+    for first, last in stretches(board):
+        mine = board[first:last]
+        numbers, board_s = mine["number"], 1e-6 * mine["board_us"].astype(float)
+        held = (came["part"] == mine["part"][0]) & (came["number"] >= numbers[0]) & (came["number"] <= numbers[-1])
+        arrivals = came[held]
         # a period has come when it is over
         over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
-        came_s = arrivals["t_s"] if len(arrivals) else over
-        lines[part] = on_run(over, came_s)
-        times[mine] = lines[part].at(board_s)
+        line = on_run(over, arrivals["t_s"] if len(arrivals) else over)
+        lines.append(line)
+        times[first:last] = line.at(board_s)
     return times, lines
 
 
@@ -163,6 +202,8 @@ def _attributes(file: Any, journaled: Journaled, lines: Mapping[str, OnRun]) -> 
     file.attrs["header"] = json.dumps(header)
     file.attrs["events"] = json.dumps(journaled.events)
     file.attrs["clock"] = json.dumps({name: vars(line) for name, line in lines.items()})
+    file.attrs["cut_short"] = json.dumps([[max(a, 0.0), b] for a, b in cut_short(journaled) if b < math.inf])
+    file.attrs["losses"] = json.dumps(losses_of(journaled))
     file.attrs["lost_bytes"] = journaled.lost_bytes
 
 
@@ -177,7 +218,7 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "time_s", ("period",), time_s, "s", "start of the period on the clock of the run")
     _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
     _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
-    _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault")
+    _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault, 4 board restarted")
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(board) else {}
     dims = ("period", "emitter", "phase", "input")
     chunks = (min(len(board), AT_ONCE), *counts.shape[1:]) if len(board) else None
@@ -224,11 +265,12 @@ _COLUMNS = {
 }
 
 
-def _readings(sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray) -> Iterator[dict[str, NDArray[Any]]]:
-    """Readings of a sensor, stretch by stretch without a change of part."""
+def _readings(
+    sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
+) -> Iterator[Columns]:
+    """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
     board, header = journaled.streams["board"], journaled.header
-    edges = np.flatnonzero(np.diff(board["part"].astype(np.int64))) + 1
-    for first, last in zip([0, *edges], [*edges, len(board)], strict=True):
+    for first, last in stretches(board):
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
@@ -236,7 +278,7 @@ def _readings(sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArra
             kept = found.of(sensor["emitter"]) & (found.time_s >= time_s[begin])
             if end < last:
                 kept &= found.time_s < time_s[end]
-            yield _columns(found, kept, journaled.streams["stage"], header)
+            yield _columns(found, kept, journaled, cuts)
 
 
 def _subtracted(
@@ -257,8 +299,12 @@ def _subtracted(
 
 
 def _columns(
-    found: Demodulated, kept: NDArray[np.bool_], stage: Rows, header: Mapping[str, Any]
-) -> dict[str, NDArray[Any]]:
+    found: Demodulated, kept: NDArray[np.bool_], journaled: Journaled, cuts: Sequence[tuple[float, float]]
+) -> Columns:
+    """Columns of readings that are kept, but for those of cycles that were cut short."""
+    for cut_s, rest_s in cuts:
+        kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
+    stage, header = journaled.streams["stage"], journaled.header
     time = found.time_s[kept]
     position = np.interp(time, stage["t_s"], stage["position"]) if len(stage) else np.full(len(time), np.nan)
     return {
@@ -281,7 +327,7 @@ def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
-    chunks = (min(len(values), 4 * AT_ONCE),) if len(values) else None
+    chunks = (min(len(values), 4 * AT_ONCE), *values.shape[1:]) if len(values) else None
     variable = group.create_variable(name, dims, values.dtype, data=values, chunks=chunks, **kept)
     variable.attrs["units"] = unit
     variable.attrs["long_name"] = told

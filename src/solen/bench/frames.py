@@ -18,7 +18,8 @@ offset bytes what
 ====== ===== ==========================================================================================
 
 The payload of samples: time of the period's start by the board's clock in µs (4 bytes, wraps), number of emitters E,
-number of receivers R, flags (1 where a period was late, 2 where an emitter is at fault), one byte of nought, then for
+number of receivers R, flags (1 where a period was late, 2 where an emitter is at fault; a reader adds 4 to the first
+period after a restart, where the board's clock begins anew), one byte of nought, then for
 each emitter R samples with it on and R with it off, 2 bytes each, as the converter counts.
 
 The interface: `Layout`; `sample_frames` makes frames of many periods at once, `frame` any one; `FrameReader.feed` takes
@@ -38,7 +39,7 @@ from solen.errors import BenchError
 SYNC = b"\xa5\x5a"
 VERSION = 1
 SAMPLES, ANSWER = 1, 2
-LATE, FAULT = 1, 2
+LATE, FAULT, ANEW = 1, 2, 4
 LONGEST_PAYLOAD = 4096
 """More than 16 emitters and 64 receivers need; a length beyond it is a garbled one."""
 Other = tuple[int, bytes]
@@ -97,9 +98,9 @@ class Periods:
     number
         Number of the period since the first, shape (N,); it goes on where the wire's own begins again.
     board_us
-        Start by the board's clock in µs, going on likewise, shape (N,).
+        Start by the board's clock in µs, going on likewise but for a restart, where it begins anew, shape (N,).
     flags
-        `LATE`, `FAULT`, shape (N,).
+        `LATE`, `FAULT`, and `ANEW` at the first period after a restart of the board, shape (N,).
     counts
         Shape (N, emitters, 2, receivers): 0 with the emitter on, 1 with it off again.
     """
@@ -236,13 +237,14 @@ class FrameReader:
             if kind != SAMPLES or not fits:
                 self.losses.other += 1
                 continue
+            restarts = self.losses.restarts
             number = self._unwrapped(wire_number)
             if number is None:
                 self.losses.doubled += 1
                 continue
             numbers.append(number)
             times.append(self._time(us))
-            flags.append(flag)
+            flags.append(flag | ANEW if self.losses.restarts > restarts else flag & ~ANEW)
             rows.append(payload[PERIOD.size :])
         shape = (len(rows), self.layout.emitters, 2, self.layout.receivers)
         counts = np.frombuffer(b"".join(rows), "<u2").astype(np.uint16).reshape(shape)
@@ -301,6 +303,7 @@ class FrameReader:
             if not self._restarted(wire_number):
                 return None
             ahead = 0
+        self._again = (-2, 0)
         self.losses.dropped += ahead
         number = self._next + ahead
         self._next = number + 1
@@ -314,7 +317,7 @@ class FrameReader:
         if run < RESTART_AFTER or self._next is None:
             return False
         self.losses.restarts += 1
-        self._shift = self._next - wire_number
+        self._shift, self._us = self._next - wire_number, None
         return True
 
     def _time(self, us: int) -> int:

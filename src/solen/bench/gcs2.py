@@ -40,6 +40,8 @@ ERRORS = {
 }
 """What the controller means by its error codes; others are told by their number."""
 STOPPED = 10
+STOPPING_S = 0.05
+"""By then everything has come that was on its way when a stop was sent."""
 STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
 _READY, _BUSY = b"\xb1", b"\xb0"
 
@@ -156,8 +158,13 @@ class Gcs2Stage:
         return self._value("ONT?") == "1"
 
     def stop(self) -> None:
-        """Stop at once; the controller reports that as an error, which is taken from it."""
+        """Stop at once; the controller reports that as an error, which is taken from it.
+
+        What it still says to an earlier question, as whoever pressed Ctrl-C did not wait for it, is dropped.
+        """
         self._send(STOP_ALL)
+        self._clock.sleep(STOPPING_S)
+        self._lines.forget()
         code = self._error()
         if code not in {0, STOPPED}:
             raise self._refusal(_meaning(code), "look after the stage")

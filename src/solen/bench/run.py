@@ -8,6 +8,7 @@ that a run that was ended or killed is taken up after the last one.
 The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
 """
 
+import datetime as dt
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,6 +80,11 @@ def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Jo
     told = {**sampling.told(), "stage": stage.name, "unit": stage.unit}
     positions = np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")])
     return Journal.create(path, {**header, **told}, {**sampling.streams(), "stage": positions})
+
+
+def utc_now() -> str:
+    """The computer's date and time, to a thousandth of a second."""
+    return dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
 
 
 def cycles_done(before: Journaled | None) -> int:
@@ -154,11 +160,12 @@ class _Runner:
     def all(self) -> None:
         """From the beginning, or the first cycle that is not done, to the end."""
         self.on.stage.reference()
-        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1)
+        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc_now())
         self.on.board.start()
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
         self._go(self._home())
+        self.journal.event(self.now_s, "at rest")
         self._stay(self.protocol.rest_s)
         for cycle in range(self.done + 1, self.protocol.cycles + 1):
             self._cycle = cycle

@@ -4,7 +4,7 @@ import datetime as dt
 import math
 import platform
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from importlib.resources import files as resources
 from pathlib import Path
@@ -14,23 +14,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen import __version__, files
-from solen.bench.catalogue import NAME, Catalogue
+from solen.bench.catalogue import NAME, Catalogue, header_of
 from solen.bench.clock import Clock, Still, Wall
 from solen.bench.close import Closed, check_installed, closed
 from solen.bench.frames import Layout
 from solen.bench.journal import SUFFIX, Journal, Journaled, read_journal
+from solen.bench.lock import Lock
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.run import Instruments, Watch, begin, cycles_done, parts_of
 from solen.bench.run import run as run_protocol
-from solen.errors import BenchError, DataError, OutputError, SpecError
-from solen.spec import load, template, with_values
+from solen.errors import BenchError, DataError, OutputError, SolenError, SpecError
+from solen.spec import loads, template, with_values
 from solen.spec.toml import dumps
 
-EXAMPLES = {"rotation": "rotation", "bending": "bending", "simulated": "rig", "simulated-daq": "rig-daq"}
+EXAMPLES = {
+    "rotation": "rotation",
+    "bending": "bending",
+    "rig": "simulated",
+    "rig-bending": "simulated-bending",
+    "rig-daq": "simulated-daq",
+}
+"""Files to start from, and what is shipped as each."""
 CHIP_MM = 0.2
-"""Width of the chip in the shipped rig's design: a point emitter's response saturates within a degree."""
+"""Width of the chip in the shipped rigs' designs: a point emitter's response saturates within a degree."""
+DESIGNS: dict[str, dict[str, Any]] = {
+    "sensor": {"emitter.width_mm": CHIP_MM},
+    "sensor-bending": {"emitter.width_mm": CHIP_MM, "motion.kind": "bend"},
+}
+"""Designs of the shipped rigs: what differs from the template."""
 READ_S = 0.1
 """How often a board is read: what a kill may cost."""
 READ_SIMULATED_S = 1.0
@@ -71,19 +84,19 @@ class Asked:
 
 
 def new(folder: Path) -> dict[str, Any]:
-    """Write protocols, simulated rigs and their design into a folder; existing files are never overwritten."""
+    """Write protocols, simulated rigs and their designs into a folder; existing files are never overwritten."""
     contents: dict[Path, files.Content] = {}
-    for name, stem in EXAMPLES.items():
-        text = (resources("solen.bench") / "examples" / f"{name}.toml").read_text(encoding="utf-8")
-        contents[folder / f"{stem}.toml"] = text.encode()
-    design = folder / "sensor.toml"
-    contents[design] = template().encode()
+    for name, shipped in EXAMPLES.items():
+        text = (resources("solen.bench") / "examples" / f"{shipped}.toml").read_text(encoding="utf-8")
+        contents[folder / f"{name}.toml"] = text.encode()
+    for name, values in DESIGNS.items():
+        design = with_values(loads(template()), values)
+        contents[folder / f"{name}.toml"] = dumps(design).encode()
     with files.output_folder(folder):
         for target in contents:
             if target.exists():
                 raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
         files.write_all(contents)
-        files.write_text(design, dumps(with_values(load(design), {"emitter.width_mm": CHIP_MM})))
     return {"files": sorted(str(path) for path in contents)}
 
 
@@ -103,9 +116,12 @@ def run(asked: Asked, *, watch: Watch | None = None, say: Say | None = None) -> 
     name = asked.name or asked.protocol.stem
     path, target = asked.out / f"{name}{SUFFIX}", asked.out / f"{name}.nc"
     _check_name(name)
-    with files.output_folder(asked.out):
-        if target.exists():
+    with files.output_folder(asked.out), Lock(path):
+        if target.exists() and not (path.exists() and _is_of(target, path)):
             raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
+        if path.exists() and not asked.resume:
+            limit, remedy = "exists already: a run that was not closed", "solen bench recover, or --resume"
+            raise BenchError(str(path), limit=limit, remedy=remedy)
         journal, before = _journal_to_resume(path, asked, rig, protocol) if asked.resume else (None, None)
         with instruments(rig, protocol, asked, before, say) as (on, more):
             if journal is None:
@@ -120,9 +136,10 @@ def recover(path: Path) -> dict[str, Any]:
     if path.suffix != SUFFIX:
         raise SpecError(str(path), limit=f"a journal ends in {SUFFIX}", remedy="name the journal of the run")
     target = path.with_suffix(".nc")
-    if target.exists():
-        raise OutputError(str(target), limit="exists already", remedy="move it away")
-    return _close(path, target)
+    with Lock(path):
+        if target.exists() and not _is_of(target, path):
+            raise OutputError(str(target), limit="exists already", remedy="move it away")
+        return _close(path, target)
 
 
 def recordings(folder: Path, *, look: bool = False) -> dict[str, Any]:
@@ -140,14 +157,28 @@ def recordings(folder: Path, *, look: bool = False) -> dict[str, Any]:
 
 
 def _close(path: Path, target: Path) -> dict[str, Any]:
-    """Close a journal, take the recording into the catalogue, and only then remove the journal."""
+    """Close a journal, take the recording into the catalogue, and only then remove the journal.
+
+    Whoever is killed on the way leaves the journal; a recording that was written by then is written anew.
+    """
+    files.remove_left(target)
     journaled = read_journal(path)
     done = closed(journaled, target)
     row = Catalogue(target.parent).add(target)
     if row.periods != journaled.counts["samples" if "daq" in journaled.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
-    path.unlink()
+    files.remove(path)
     return _told(done, journaled) | {"simulated": row.simulated}
+
+
+def _is_of(target: Path, journal: Path) -> bool:
+    """Whether a recording was made of a journal that is still there: who closed it was killed before removing it."""
+    try:
+        return header_of(target) == {
+            key: value for key, value in read_journal(journal).header.items() if key != "streams"
+        }
+    except DataError:
+        return False
 
 
 def _told(done: Closed, journaled: Journaled) -> dict[str, Any]:
@@ -253,8 +284,9 @@ def instruments(
     try:
         yield Instruments(stage, board, clock, _read_every_s(rig, protocol, asked)), more
     finally:
-        board.close()
-        stage.close()
+        for one in (board, stage):  # how the run ended is what matters, and what could not be stopped is in its journal
+            with suppress(SolenError):
+                one.close()
 
 
 def _simulated(

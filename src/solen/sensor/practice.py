@@ -123,7 +123,9 @@ class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
     """Why a part has no meaning for a design."""
 
 
-def practice(sensor: Sensor, own: Response, progress: Progress | None = None) -> Practice:
+def practice(
+    sensor: Sensor, own: Response, progress: Progress | None = None, *, chip: Response | None = None
+) -> Practice:
     """Compare a sensor with its neighbours over the angles of its response in power.
 
     Parameters
@@ -134,8 +136,10 @@ def practice(sensor: Sensor, own: Response, progress: Progress | None = None) ->
         Its response in power.
     progress
         Called with the share done, up to 1.
+    chip
+        What is known of its response in power with a chip of `CHIP_MM`, where the design is a point.
     """
-    found, skipped = _Neighbours(sensor, own), dict[str, str]()
+    found, skipped = _Neighbours(sensor, own, chip), dict[str, str]()
 
     def part(name: str, make: Callable[[], T], done: float) -> T | None:
         made: T | None = None
@@ -168,6 +172,7 @@ class _Neighbours:
 
     sensor: Sensor
     own: Response
+    known_chip: Response | None = None
 
     @property
     def light(self) -> Light:
@@ -220,7 +225,7 @@ class _Neighbours:
         return self._with({"emitter.width_mm": self.extent.width_mm})
 
     def chip(self) -> Response:
-        known = None if self.extent.kind == "comparison" else self.own
+        known = self.known_chip if self.extent.kind == "comparison" else self.own
         return swept(self.real, self.angles, known)
 
     def chip_shift(self, point: Response | None, chip: Response | None) -> Shift | None:

@@ -2,8 +2,9 @@
 
 The idea: the same body, emitter and material with two lenses. What lies between their responses is what printing did;
 how well that is known follows from outlines drawn within the uncertainty of the measured profile. These are traced at
-some of the angles, as each costs as much as the design itself. Beside the design's own emitter a chip is compared,
-where the design states none: the step of a point hides what a real one shows.
+some of the angles, and less closely than the lens itself: eight outlines tell an uncertainty to a quarter. Light of a
+point is integrated, as it jumps; of a chip, whose light is smooth, a fan of `DRAWN_RAYS` is enough. Beside the design's
+own emitter a chip is compared, where the design states none: the step of a point hides what a real one shows.
 
 The interface: `printed` of a sensor with a measured lens, which returns a `Printed`.
 """
@@ -18,16 +19,19 @@ from solen.errors import DesignError
 from solen.lens import MeasuredLens
 from solen.sensor.off_index import STANDARD_ERROR, swept
 from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
-from solen.sensor.response import Response
+from solen.sensor.response import Response, contrast, powers
 from solen.sensor.sensor import Progress, Sensor
 from solen.spec import with_values
+from solen.trace.adaptive import is_extended
 
 MOST_ANGLES, MOST_SAMPLED_ANGLES = 13, 5
 """Angles at most at which the two are compared: integrated, and sampled as in space."""
 DRAWS = 8
 """Outlines drawn within the uncertainty; a standard uncertainty is known to a quarter by so many."""
-DRAWN_TOLERANCE, DRAWN_CHIP_TOLERANCE = 1e-4, 1e-3
-"""Within what fraction of the emitted power light through a drawn outline is integrated: of a point, of a chip."""
+DRAWN_TOLERANCE = 1e-4
+"""Within what fraction of the emitted power light of a point through a drawn outline is integrated."""
+DRAWN_RAYS = 2**14
+"""Rays of a chip through a drawn outline: a contrast is known to some 5e-4 by them."""
 
 Floats = NDArray[np.float64]
 
@@ -168,12 +172,10 @@ def _comparison(
     if not isinstance(lens, MeasuredLens):
         raise AssertionError("checked before")
     before, after = swept(designed, angles, known[1]), swept(sensor, angles, known[0])
-    tolerance = DRAWN_CHIP_TOLERANCE if sensor.light.width_mm > 0.0 else DRAWN_TOLERANCE
     away = []
     for number in range(1, draws + 1):
         drawn = replace(sensor, cut=lens.drawn_within(number))
-        found = drawn.power(angles, standard_error=STANDARD_ERROR, tolerance=tolerance)
-        away.append(found.contrast - after.contrast)
+        away.append(_contrasts(drawn, after) - after.contrast)
         if progress is not None:
             progress(number / draws)
     u_shape = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros(len(angles))
@@ -186,6 +188,20 @@ def _comparison(
         null_deg=(nulls[0], nulls[1]),
         u_null_deg=_u_null(after, u_shape, nulls[1]),
     )
+
+
+def _contrasts(drawn: Sensor, found: Response) -> Floats:
+    """Contrasts (N,) with a drawn outline at the angles of a response; NaN where no light arrives.
+
+    Where that was integrated for a point, or sampled, so are these; else a fan tells them.
+    """
+    angles, scene = found.angle_deg.tolist(), drawn.scene(float(found.angle_deg[0]))
+    integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in found.traces)
+    if integrated or scene.is_random or scene.extrusion is not None:
+        return drawn.power(angles, standard_error=STANDARD_ERROR, tolerance=DRAWN_TOLERANCE).contrast
+    readings = [powers(drawn.trace(angle, "power", DRAWN_RAYS)) for angle in angles]
+    values = [contrast(one["right"], one["left"]) for one in readings]
+    return np.array([np.nan if value is None else value for value in values])
 
 
 def _u_null(response: Response, u_shape: Floats, null_deg: float | None) -> float | None:

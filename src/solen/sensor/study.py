@@ -68,8 +68,10 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
     found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
-    case = found.case
-    return replace(found, practice=practice(case.sensor, case.power, _part(progress, parts - 2, parts, 2)))
+    case, beside = found.case, found.printed
+    chip = None if beside is None or beside.chip is None else beside.chip.printed
+    told = _part(progress, parts - 2, parts, 2)
+    return replace(found, practice=practice(case.sensor, case.power, told, chip=chip))
 
 
 def _beside_design(found: Study, progress: Progress | None) -> Study:

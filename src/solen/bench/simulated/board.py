@@ -69,7 +69,7 @@ class SimulatedBoard:
 
     def start(self) -> None:
         """Begin to light and to sample."""
-        self._begun_s = self.clock.now_s()
+        self._begun_s, self._next = self.clock.now_s(), 0
         self._phase = float(self.rng.uniform(0.0, 2.0 * math.pi))
 
     def read(self) -> Periods:

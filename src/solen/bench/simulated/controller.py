@@ -39,6 +39,10 @@ class BoardController:
         Whether its emitters take turns.
     lose
         Numbers of periods that it samples and whose frames never leave it.
+    double
+        Numbers of periods whose frames leave it twice.
+    restart
+        Set, it begins anew at once while its emitters take turns: number and clock from 0.
     """
 
     clock: Clock
@@ -46,6 +50,8 @@ class BoardController:
     name: str = "solen emitter board (simulated)"
     lit: bool = False
     lose: set[int] = field(default_factory=set)
+    double: set[int] = field(default_factory=set)
+    restart: bool = False
     _commands: FrameReader = field(init=False)
     _configured: bool = False
     _heard_s: float = 0.0
@@ -68,8 +74,16 @@ class BoardController:
             self._dark()
         if not self.lit:
             return b""
+        if self.restart:
+            self.restart = False
+            self.board.start()
         periods = self.board.read()
-        kept = [place for place, number in enumerate(periods.number.tolist()) if number not in self.lose]
+        kept = [
+            place
+            for place, number in enumerate(periods.number.tolist())
+            for _ in range(1 + (number in self.double))
+            if number not in self.lose
+        ]
         return sample_frames(self.board.layout, periods.taken(kept))
 
     def _answered(self, kind: int, payload: bytes) -> bytes:

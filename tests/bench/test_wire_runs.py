@@ -1,0 +1,211 @@
+"""A whole run over the wire: stage and board behind sockets, with the faults of real ones, from start to analysis."""
+
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5netcdf
+import numpy as np
+import pytest
+
+from solen.bench.clock import Wall
+from solen.bench.frames import ANEW, Layout
+from solen.bench.journal import read_journal
+from solen.bench.rig import load_rig
+from solen.bench.run import Tick
+from solen.bench.simulated.board import SimulatedBoard
+from solen.bench.simulated.controller import BoardController
+from solen.bench.simulated.gcs2 import Gcs2Controller
+from solen.bench.simulated.prints import prints_of
+from solen.bench.simulated.wire import Served
+from solen.errors import BenchError
+from solen.pipeline import bench as pipeline
+from solen.pipeline.analyse import Request, analyse
+
+CYCLES = 2
+
+
+@dataclass
+class Wires:
+    """A rig on the other side of two sockets: what the run is not told."""
+
+    folder: Path
+    stage: Gcs2Controller
+    board: BoardController
+    to_stage: Served
+    to_board: Served
+
+    def run(self, watch: Callable[[Tick], None] | None = None) -> dict[str, Any]:
+        asked = pipeline.Asked(self.folder / "protocol.toml", self.folder / "wired.toml", self.folder / "out")
+        return pipeline.run(asked, watch=watch)
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        return list(read_journal(self.folder / "out" / "protocol.journal").events)
+
+    def stands(self) -> bool:
+        return not self.stage.axis.moving(self.stage.clock.now_s())
+
+    def goes_dark(self, within_s: float) -> bool:
+        due = time.monotonic() + within_s
+        while self.board.lit and time.monotonic() < due:
+            time.sleep(0.01)
+        return not self.board.lit
+
+
+@pytest.fixture
+def wires(bench: Path) -> Iterator[Wires]:
+    """The simulated rig of the folder as controllers on loopback sockets, and a rig file that names these."""
+    rig, clock = load_rig(bench / "rig.toml"), Wall()
+    stage = Gcs2Controller(clock, reference_s=0.05, offset=0.0)
+    prints = prints_of(rig, bench, 3.0, np.random.default_rng([rig.seed, 0]))
+    sampler = SimulatedBoard(
+        clock,
+        prints,
+        lambda time_s: stage.axis.positions(time_s),
+        rig.ambient,
+        Layout(rig.emitters, rig.inputs),
+        0.005,
+        np.random.default_rng(1),
+    )
+    board = BoardController(clock, sampler)
+    text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", f"cycles = {CYCLES}")
+    (bench / "protocol.toml").write_text(text, encoding="utf-8")
+    with Served(stage) as to_stage, Served(board) as to_board:
+        lines = f'[stage]\ndriver = "gcs2"\nport = "{to_stage.url}"\n'
+        lines += f'[board]\ndriver = "serial"\nport = "{to_board.url}"\n'
+        wired = (bench / "rig.toml").read_text(encoding="utf-8").replace("[board]\ntrim_v = 1.0\n", lines)
+        (bench / "wired.toml").write_text(wired[: wired.index("[ambient]")], encoding="utf-8")
+        yield Wires(bench, stage, board, to_stage, to_board)
+
+
+def at(moment_s: float, what: Callable[[], Any]) -> Callable[[Tick], None]:
+    """Does something once, so long after the run's first look."""
+    began: list[float] = []
+
+    def watch(tick: Tick) -> None:
+        began.append(tick.t_s)
+        if len(began) > 1 and began[-2] - began[0] < moment_s <= tick.t_s - began[0]:
+            what()
+
+    return watch
+
+
+def volts_at(found: dict[str, Any], sensor: str, side: str, angle: float) -> float:
+    told = found["sensors"][sensor]["receivers"][side]
+    return float(np.interp(angle, told["angle_deg"], [np.nan if one is None else one for one in told["mean_V"]]))
+
+
+def test_from_the_wire_to_the_response(wires: Wires) -> None:
+    found = wires.run()
+    assert (found["outcome"], found["cycles"], found["simulated"]) == ("done", CYCLES, False)
+    assert not any(found["losses"].values())
+    assert not wires.board.lit
+    assert wires.stands()
+    told = analyse(Request((Path(found["recording"]),)))
+    lens = {(side, angle): volts_at(told, "A", side, angle) for side in ("right", "left") for angle in (-2.8, 2.8)}
+    assert lens["right", -2.8] < lens["right", 2.8] - 1.0  # brighter is lower: -3 degrees brighten the right receiver
+    assert lens["left", 2.8] < lens["left", -2.8] - 1.0
+    # what the same prints give without a wire, but for where the stage was between two looks at it
+    there = pipeline.run(
+        pipeline.Asked(wires.folder / "protocol.toml", wires.folder / "rig.toml", wires.folder / "out", "straight")
+    )
+    straight = analyse(Request((Path(there["recording"]),)))
+    for (side, angle), volts in lens.items():
+        assert volts == pytest.approx(volts_at(straight, "A", side, angle), abs=0.1)
+
+
+def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_told(wires: Wires) -> None:
+    wires.board.lose, wires.board.double = {40, 41, 90}, {60, 61, 62, 63}
+
+    def garble() -> None:
+        wires.to_board.faults.garbage = b"\xa5\x5a\x01\x01\x40\x00 noise on the line"
+
+    first, second = at(0.8, garble), at(1.6, lambda: setattr(wires.board, "restart", True))
+
+    def both(tick: Tick) -> None:
+        first(tick)
+        second(tick)
+
+    found = wires.run(both)
+    losses = found["losses"]
+    assert found["outcome"] == "done"
+    assert losses["restarts"] == 1
+    assert losses["doubled"] >= 4
+    assert losses["dropped"] >= 3
+    assert losses["garbled"] + losses["skipped_bytes"] > 0
+    with h5netcdf.File(found["recording"], "r") as file:
+        time_s, number = file.variables["time_s"][...], file.variables["number"][...]
+        assert int(np.sum(file.variables["flags"][...] & ANEW != 0)) == 1
+        assert len(json.loads(file.attrs["clock"])) == 2
+        assert json.loads(file.attrs["losses"]) == losses
+    assert len(np.unique(number)) == len(number)
+    assert (np.diff(time_s) > 0.0).all()
+    assert time_s[-1] - time_s[0] < 20.0  # a clock that began anew is no leap in time
+    assert set(analyse(Request((Path(found["recording"]),)))["sensors"]) == {"A", "B"}
+
+
+FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {
+    "board deaf": ("has said nothing for 2", lambda on: setattr(on.to_board.faults, "deaf", True), 3.0),
+    "board unplugged": ("the line is gone", lambda on: setattr(on.to_board.faults, "gone", True), 0.5),
+    "stage deaf": ("no answer within 1 s", lambda on: setattr(on.to_stage.faults, "deaf", True), 0.0),
+    "stage unplugged": ("the line is gone", lambda on: setattr(on.to_stage.faults, "gone", True), 0.0),
+    "stage blocked": ("error 1024, motion error", lambda on: on.stage.stall(), 0.0),
+    "garbage from the stage": (
+        "which is no text",
+        lambda on: setattr(on.to_stage.faults, "garbage", b"\xff\xfe\n\xfd\n"),
+        0.0,
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", [*FAULTS])
+def test_a_fault_in_the_middle_ends_the_run_with_emitters_off_and_the_stage_stopped(wires: Wires, fault: str) -> None:
+    told, happens, dark_s = FAULTS[fault]
+    with pytest.raises(BenchError, match=told) as refusal:
+        wires.run(at(0.9, lambda: happens(wires)))
+    assert len(str(refusal.value).splitlines()) == 1
+    if fault == "board unplugged":  # nobody serves what is unplugged: its own watchdog
+        time.sleep(2.1)
+        wires.board.answer(b"")
+    assert wires.goes_dark(dark_s)
+    if "stage" not in fault or fault == "stage blocked":
+        assert wires.stands()
+    else:  # it cannot be told to stop, and says so; it ends its move by itself
+        time.sleep(0.5)
+        assert wires.stands()
+    events = [event["what"] for event in wires.events]
+    assert events[-1] == "fault"
+    assert ("not stopped" in events) == (fault not in {"stage blocked", "garbage from the stage"})
+    kept = pipeline.recover(wires.folder / "out" / "protocol.journal")
+    assert kept["outcome"] == "fault"
+    assert kept["periods"] > 100
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+def test_ctrl_c_switches_off_and_stops(wires: Wires) -> None:
+    words = ["bench", "run", "protocol.toml", "--rig", "wired.toml", "--out", "out"]
+    line = [sys.executable, "-m", "solen", *words]
+    with subprocess.Popen(line, cwd=wires.folder, stderr=subprocess.PIPE, text=True, encoding="utf-8") as child:
+        while not wires.stage.axis.moving(wires.stage.clock.now_s()) or len(wires.stage.axis.moves) < 3:
+            assert child.poll() is None
+            time.sleep(0.005)
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=20.0)
+    assert child.returncode == 130
+    assert "Traceback" not in said
+    assert not wires.board.lit
+    assert wires.stands()
+    assert abs(wires.stage.axis.at(wires.stage.clock.now_s())) < 2.99  # on the way, not where it was sent
+    events = [event["what"] for event in wires.events]
+    assert events[-1] == "stopped"
+    assert "not stopped" not in events
+    with contextlib.suppress(BenchError):
+        assert pipeline.recover(wires.folder / "out" / "protocol.journal")["outcome"] == "stopped"
