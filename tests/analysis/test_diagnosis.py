@@ -126,7 +126,7 @@ def check_nominal(found: dict[str, FloatArray], draws: int) -> None:
 
 
 def test_intervals_hold_at_their_rate() -> None:
-    check_nominal(coverage(TRUTHS[0], 150, Rough(), 1), 150)
+    check_nominal(coverage(TRUTHS[0], 100, Rough(), 1), 100)
 
 
 @pytest.mark.evidence

@@ -4,7 +4,7 @@ The idea: everything is fitted that the recording determines. A number whose unc
 telling is not told: it is held at the design's value, and with what it cannot be told apart is read from the direction
 in which the curves hardly change.
 
-The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` with its `Estimate`s.
+The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` and each `Estimate` of it.
 """
 
 import math
