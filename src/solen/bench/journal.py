@@ -226,6 +226,21 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
     return Journaled(header, found, tuple(events), end, whole, size - whole, path, counts)
 
 
+def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
+    """Whole records from a place on, 0 for the first: kind, stream and payload of each; and where the next begins."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        place = max(begin, len(MAGIC))
+        file.seek(place)
+        found = list(_records(file, size))
+    return found, place + sum(_HEAD.size + len(payload) for _, _, payload in found)
+
+
+def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
+    """Columns of each stream, in the order of their numbers, by what a header says; `DataError` where it is none."""
+    return _dtypes(header, path)
+
+
 def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
     """Rows of each stream, one after the other."""
     at = dict.fromkeys(data, 0)
