@@ -107,7 +107,7 @@ class Setup:
     switch_hz: float
     switching: Switching = "external"
     model: str = "USB-6218"
-    range_v: float = 5.0
+    range_v: float = 10.0
     terminal: Terminal = "rse"
     enable: str | None = None
     settle_us: float = 300.0

@@ -105,6 +105,7 @@ class NiDaq:
                 counts = np.zeros((channels, stream.avail_samp_per_chan), np.int16)
                 if counts.shape[1]:
                     reader = self._ni.stream_readers.AnalogUnscaledReader(stream)
+                    reader.verify_array_shape = False  # it asks the driver for the number of channels each time
                     got = reader.read_int16(counts, counts.shape[1], timeout=1.0)
                     counts = counts.ravel()[: channels * got].reshape(channels, got)
         except _OverrunError as bad:

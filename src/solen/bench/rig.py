@@ -93,7 +93,7 @@ class DaqOf(Strict):
     rate_hz: Annotated[Number, Field(ge=100, le=250_000)] = Field(
         10_000.0, description="Samples of each input per second."
     )
-    range_v: Positive = Field(5.0, description="Its range, ± V.")
+    range_v: Positive = Field(10.0, description="Its range, ± V: one that goes beyond the circuit's supply.")
     terminal: Literal["rse", "nrse", "differential"] = Field("rse", description="How inputs are wired.")
     channels: Annotated[tuple[Text, ...], Field(min_length=1, max_length=64)] | None = Field(
         None, description="Its analog inputs for the rig's inputs 1, 2, …; default: ai0, ai1, …"
@@ -109,7 +109,9 @@ class DaqOf(Strict):
     settle_us: NotNegative = Field(300.0, description="Left out after each switch, in µs.")
     buffer_s: Annotated[Number, Field(ge=1, le=60)] = Field(10.0, description="What the computer holds, in s.")
     trim_v: Positive | None = Field(None, description="As of a simulated board.")
-    noise_uv: NotNegative = Field(118.0, description="Noise of a simulated one's converter, in µV.")
+    noise_uv: NotNegative | None = Field(
+        None, description="Noise of a simulated one's converter, in µV; default: of its range by the part."
+    )
 
     @model_validator(mode="after")
     def _is_there(self) -> Self:

@@ -108,8 +108,6 @@ class Daq(Protocol):
         Samples of each channel, and pulses of its counters, per second, as the instrument has them by its own clock.
     convert_s
         From one channel's sample to the next channel's.
-    coefficients
-        Volts = Σ c[k] countsᵏ of each channel, shape (channels, order + 1).
     """
 
     name: str
@@ -120,7 +118,7 @@ class Daq(Protocol):
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
-        """Of its converter, by channel."""
+        """Volts = Σ c[k] countsᵏ of each channel, shape (channels, order + 1)."""
 
     @property
     def losses(self) -> DaqLosses:

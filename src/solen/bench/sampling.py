@@ -145,7 +145,7 @@ class DaqSampling:
         whole = len(counts) // self._frame
         rows = np.zeros(whole, self._rows)
         rows["stretch"], rows["number"] = samples.stretch, first + self._frame * np.arange(whole)
-        rows["counts"] = counts[: whole * self._frame].reshape(whole, self._frame, -1)
+        rows["counts"] = counts[: whole * self._frame].reshape(rows["counts"].shape)
         self._left = counts[whole * self._frame :]
         if whole == 0:
             return Taken(rows, (), None, samples.remarks)

@@ -11,12 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.bench.rig import Rig, SensorOf
 from solen.errors import BenchError
+from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
 from solen.sensor import Sensor
 from solen.spec import Design, load, with_values
@@ -100,7 +102,7 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
-    circuit = replace(circuit, adc=_converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
+    circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
     fractions = np.column_stack([response.right, response.left])
     if rig.sampler.trim_v is not None:
         circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
@@ -109,12 +111,14 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     return made
 
 
-def _converter(rig: Rig) -> Adc:
+def converter(rig: Rig) -> Adc:
     """Of the board from 0 up, of a data acquisition on both sides of 0."""
     board, daq = rig.board, rig.daq
     if daq is None:
         return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
-    return Adc(daq.model, 16, -daq.range_v, daq.range_v, 1e-6 * daq.noise_uv)
+    part = cast(AdcPart, library_part(daq.model))  # of that kind in the library that is shipped
+    adc = Adc.of(part, daq.range_v, (-daq.range_v, daq.range_v))
+    return adc if daq.noise_uv is None else replace(adc, noise_V=1e-6 * daq.noise_uv)
 
 
 def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:

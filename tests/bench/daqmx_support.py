@@ -1,0 +1,243 @@
+"""A USB-6218 behind NI-DAQmx's C functions, as `nidaqmx` calls them, and the conversation with it in writing.
+
+The package itself runs as it is: each function takes its arguments as ctypes would pass them, by the argument types
+that the package states, writes them down as the C call they make, and answers by what the instrument would hold. Errors
+of the driver are answered where a test asks for them. Numbers of attributes and constants are those of NIDAQmx.h.
+"""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+READ = {0x1223: "AvailSampPerChan"}
+TIMING = {0x1344: "SampClk.Rate", 0x1848: "AIConv.Rate"}
+CHANNEL = {0x1930: "AI.DevScalingCoeff", 0x1178: "CO.Pulse.Freq", 0x18E1: "CO.Pulse.Term"}
+SYSTEM = {0x1272: "MajorVersion", 0x1923: "MinorVersion", 0x2F22: "UpdateVersion", 0x193B: "DevNames"}
+WORDS = {
+    -200220: "Device identifier is invalid.\nDevice Specified: Dev9",
+    -50103: "The specified resource is reserved. The operation could not be completed as specified.",
+    -200279: "The application is not able to keep up with the hardware acquisition.",
+    -200361: "Onboard device memory overflow.",
+    -88709: "The specified operation cannot be performed because a task has been aborted or a device is being removed.",
+    -200170: "Physical channel specified does not exist on this device.",
+    -200999: "Words that nobody foresaw.\nSecond line",
+}
+SILENT = {
+    "DAQmxGetSystemInfoAttribute",
+    "DAQmxGetTaskAttribute",
+    "DAQmxGetExtendedErrorInfo",
+    "DAQmxSetRuntimeEnvironment",
+}
+"""Calls that the package makes for itself."""
+
+
+class Function:
+    """One C function: arguments as ctypes takes them, written down, and answered."""
+
+    def __init__(self, library: "Library", name: str) -> None:
+        self.argtypes: list[Any] | None = None
+        self._library, self._name = library, name
+
+    def __call__(self, *given: Any) -> int:
+        for kind, value in zip(self.argtypes or (), given, strict=False):
+            kind.from_param(value)  # refuses what the C function would not take
+        named = len(self.argtypes or ())
+        plain = [_plain(value) for value in given[:named]] + [_plain_more(value) for value in given[named:]]
+        if self._name not in SILENT:
+            self._library.said.append(
+                f"{self._name.removeprefix('DAQmx')}({', '.join(_written(one) for one in plain)})"
+            )
+        code = self._library.faults.get(self._name, [])
+        if code and (now := code.pop(0)):
+            self._library.words = WORDS[now]
+            return now
+        answer: Callable[..., int | None] = getattr(self._library, "_" + self._name.removeprefix("DAQmx"))
+        return answer(*plain) or 0
+
+
+class Pointer:
+    """Where an answer goes."""
+
+    def __init__(self, to: Any) -> None:
+        self.to = to
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "_obj"):
+        return Pointer(value._obj)
+    if isinstance(value, bytes):
+        return value.decode()
+    if isinstance(value, ctypes.Array | np.ndarray) or (isinstance(value, ctypes.c_void_p) and value.value is None):
+        return value
+    return value.value if isinstance(value, ctypes._SimpleCData) else value
+
+
+def _plain_more(value: Any) -> Any:
+    """Of what a function takes beyond its stated types, an address is where an array's answer goes."""
+    return Pointer(value) if isinstance(value, ctypes.c_void_p) else _plain(value)
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, Pointer):
+        return "&"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}[{value.size}]" if value.dtype == np.int16 else str(value.astype(int).tolist())
+    if isinstance(value, ctypes.Array):
+        return f"char[{len(value)}]"
+    return f"{value:g}" if isinstance(value, float) else repr(value)
+
+
+class Library:
+    """The C library.
+
+    Attributes
+    ----------
+    said
+        Calls in their order.
+    faults
+        Error codes that the next calls of a function are answered with; 0 for none.
+    waiting
+        Counts (channels, N) that were sampled and not read.
+    lines, running
+        Levels of static lines, and counters that put out pulses.
+    tasks
+        Numbers of tasks that are not cleared, each with its channels.
+    missing
+        Functions that an older driver does not have.
+    """
+
+    devices: ClassVar = {"Dev1": "USB-6218 (BNC)", "Dev2": "USB-6009"}
+    coefficients = (1.5e-3, 1.6e-4, 2e-13, -1e-18)
+
+    def __init__(self) -> None:
+        self.said: list[str] = []
+        self.faults: dict[str, list[int]] = {}
+        self.words = ""
+        self.waiting = np.zeros((0, 0), np.int16)
+        self.lines: dict[str, bool] = {}
+        self.running: set[int] = set()
+        self.tasks: dict[int, list[str]] = {}
+        self.missing: set[str] = {"DAQmxInternalGetLastCreatedChan"}
+        self._made, self._rate, self._frequency = 0, 0.0, 0.0
+        self._functions: dict[str, Function] = {}
+
+    def __getattr__(self, name: str) -> Function:
+        if not name.startswith("DAQmx") or name in self.missing or not hasattr(type(self), "_" + name[5:]):
+            raise AttributeError(name)
+        return self._functions.setdefault(name, Function(self, name))
+
+    @property
+    def dark(self) -> bool:
+        """Whether nothing lights an emitter: no counter runs, every line is low, and no task is held."""
+        return not self.running and not any(self.lines.values()) and not self.tasks
+
+    def _SetRuntimeEnvironment(self, *_: Any) -> None:
+        pass
+
+    def _GetSystemInfoAttribute(self, attribute: int, to: Any, size: int = 0) -> int:
+        if SYSTEM[attribute] == "DevNames":
+            return _text(", ".join(self.devices), to, size)
+        to.to.value = 20
+        return 0
+
+    def _GetDeviceAttribute(self, device: str, attribute: int, to: Any, size: int) -> int:
+        assert attribute == 0x631
+        if device not in self.devices:
+            self.words = WORDS[-200220]
+            return -200220
+        return _text(self.devices[device], to, size)
+
+    def _GetExtendedErrorInfo(self, to: Any, _: int) -> None:
+        to.value = self.words.encode()
+
+    def _CreateTask(self, _: str, to: Pointer) -> None:
+        self._made += 1
+        self.tasks[self._made] = []
+        to.to.value = self._made
+
+    def _GetTaskAttribute(self, task: int, attribute: int, to: Any, size: int) -> int:
+        assert attribute == 0x1276
+        return _text(f"_unnamedTask<{task}>", to, size)
+
+    def _CreateAIVoltageChan(self, task: int, channel: str, *_: Any) -> None:
+        self.tasks[task].append(channel)
+
+    def _CreateCOPulseChanFreq(self, task: int, counter: str, *more: Any) -> None:
+        self.tasks[task].append(counter)
+        self._frequency = more[4]
+
+    def _CreateDOChan(self, task: int, line: str, *_: Any) -> None:
+        self.tasks[task].append(line)
+
+    def _CfgSampClkTiming(self, _task: int, _: str, rate: float, *__: Any) -> None:
+        self._rate = 20e6 / round(20e6 / rate)  # a whole number of ticks of 20 MHz
+
+    def _CfgImplicitTiming(self, *_: Any) -> None:
+        pass
+
+    def _CfgDigEdgeStartTrig(self, *_: Any) -> None:
+        pass
+
+    def _SetBufferAttribute(self, _task: int, attribute: int, _: int) -> None:
+        assert attribute == 0x186C
+
+    def _SetChanAttribute(self, _task: int, _channel: str, attribute: int, _: str) -> None:
+        assert CHANNEL[attribute] == "CO.Pulse.Term"
+
+    def _GetTimingAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
+        to.to.value = self._rate if TIMING[attribute] == "SampClk.Rate" else 71_428.0
+
+    def _GetChanAttribute(self, _task: int, _channel: str, attribute: int, to: Any, size: int = 0) -> int:
+        if CHANNEL[attribute] == "CO.Pulse.Freq":
+            to.to.value = self._frequency
+            return 0
+        if size == 0:
+            return len(self.coefficients)
+        values = (ctypes.c_double * size)(*self.coefficients)
+        ctypes.memmove(to.to.value, values, ctypes.sizeof(values))
+        return 0
+
+    def _GetReadAttribute(self, _task: int, attribute: int, to: Pointer) -> None:
+        assert READ[attribute] == "AvailSampPerChan"
+        to.to.value = self.waiting.shape[1]
+
+    def _TaskControl(self, *_: Any) -> None:
+        pass
+
+    def _StartTask(self, task: int) -> None:
+        if any("ctr" in channel for channel in self.tasks[task]):
+            self.running.add(task)
+
+    def _StopTask(self, task: int) -> None:
+        self.running.discard(task)
+
+    def _ClearTask(self, task: int) -> None:
+        self.running.discard(task)
+        del self.tasks[task]
+
+    def _ReadBinaryI16(
+        self, task: int, n: int, _timeout: float, fill: int, to: NDArray[np.int16], size: int, got: Pointer, *_: Any
+    ) -> None:
+        assert fill == 0  # grouped by channel
+        assert size >= n * len(self.tasks[task])
+        to.ravel()[: self.waiting.size] = self.waiting[:, :n].ravel()
+        got.to.value = n
+        self.waiting = self.waiting[:, n:]
+
+    def _WriteDigitalLines(
+        self, task: int, n: int, auto: bool, _timeout: float, _layout: int, data: NDArray[np.bool_], *_: Any
+    ) -> None:
+        assert (n, bool(auto)) == (1, True)
+        (line,) = self.tasks[task]
+        self.lines[line] = bool(data[0])
+
+
+def _text(text: str, to: Any, size: int) -> int:
+    """How a string is answered: its length where no place is given."""
+    if size == 0:
+        return len(text) + 1
+    to.value = text.encode()
+    return 0

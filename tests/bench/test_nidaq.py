@@ -1,0 +1,247 @@
+"""The driver of the USB-6218, by the C calls that `nidaqmx` makes of it: written conversations, and every fault."""
+
+import importlib
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from solen.bench.clock import Still
+from solen.bench.daq import Setup
+from solen.bench.nidaq import NiDaq
+from solen.bench.roles import Daq
+from solen.bench.sampling import DaqSampling
+from solen.errors import BenchError
+from tests.bench.daqmx_support import Library
+
+PREPARED = """
+GetDeviceAttribute('Dev1', 1585, char[0], 0)
+GetDeviceAttribute('Dev1', 1585, char[15], 15)
+CreateTask('', &)
+CreateDOChan(1, 'Dev1/port1/line0', '', 1)
+WriteDigitalLines(1, 1, True, 1, 0, [0], &, None)
+ClearTask(1)
+CreateTask('', &)
+CreateCOPulseChanFreq(2, 'Dev1/ctr0', '', 10373, 10214, 0, 200, 0.5)
+SetChanAttribute(2, 'Dev1/ctr0', 6369, '/Dev1/PFI4')
+CfgImplicitTiming(2, 10123, 1000)
+CfgDigEdgeStartTrig(2, '/Dev1/ai/StartTrigger', 10280)
+TaskControl(2, 3)
+GetChanAttribute(2, 'Dev1/ctr0', 4472, &)
+CreateTask('', &)
+CreateAIVoltageChan(3, 'Dev1/ai0', '', 10083, -10, 10, 10348, '')
+CreateAIVoltageChan(3, 'Dev1/ai1', '', 10083, -10, 10, 10348, '')
+CfgSampClkTiming(3, '', 10000, 10280, 10123, 100000)
+SetBufferAttribute(3, 6252, 100000)
+TaskControl(3, 3)
+GetTimingAttribute(3, 4932, &)
+GetTimingAttribute(3, 6216, &)
+GetChanAttribute(3, 'Dev1/ai0', 6448, &, 0)
+GetChanAttribute(3, 'Dev1/ai0', 6448, &, 4)
+GetChanAttribute(3, 'Dev1/ai1', 6448, &, 0)
+GetChanAttribute(3, 'Dev1/ai1', 6448, &, 4)
+"""
+RUN = """
+StartTask(2)
+StartTask(3)
+GetReadAttribute(3, 4643, &)
+ReadBinaryI16(3, 3, 1, 0, int16[6], 6, &, None)
+ClearTask(2)
+ClearTask(3)
+CreateTask('', &)
+CreateDOChan(4, 'Dev1/port1/line0', '', 1)
+WriteDigitalLines(4, 1, True, 1, 0, [0], &, None)
+ClearTask(4)
+"""
+
+
+@pytest.fixture
+def library(monkeypatch: pytest.MonkeyPatch) -> Library:
+    """NI-DAQmx with a USB-6218 that is not there."""
+    _lib = importlib.import_module("nidaqmx._lib")
+    made = Library()
+    for name in ("_windll", "_cdll"):
+        monkeypatch.setattr(_lib.lib_importer, name, _lib.DaqFunctionImporter(made))
+    monkeypatch.setattr(_lib.lib_importer, "_encoding", "utf-8")
+    return made
+
+
+def setup(**more: object) -> Setup:
+    asked = {"channels": ("ai0", "ai1"), "synced": False, "rate_hz": 10_000.0, "emitters": 1, "switch_hz": 200.0}
+    return Setup(**asked | {"switching": "counter"} | more)  # type: ignore[arg-type]  # a test may ask for anything
+
+
+def test_a_conversation_from_beginning_to_end(library: Library) -> None:
+    daq = NiDaq(Still(), "Dev1", setup())
+    assert isinstance(daq, Daq)
+    assert library.said == PREPARED.split("\n")[1:-1]
+    library.said.clear()
+    daq.start()
+    assert library.running == {2}
+    library.waiting = np.array([[1, -2, 3], [32_767, -32_768, 6]], np.int16)
+    samples = daq.read()
+    assert (samples.stretch, samples.first) == (0, 0)
+    assert samples.counts.tolist() == [[1, 32_767], [-2, -32_768], [3, 6]]
+    daq.stop()
+    daq.close()  # a second time says nothing
+    assert library.said == RUN.split("\n")[1:-1]
+    assert library.dark
+    assert daq.coefficients.shape == (2, 4)
+    assert tuple(daq.coefficients[1]) == library.coefficients
+    assert daq.rate_hz == 10_000.0
+    assert daq.convert_s == pytest.approx(14e-6, rel=1e-4)
+
+
+def test_two_counters_take_turns_and_a_line_enables_what_is_outside(library: Library) -> None:
+    NiDaq(Still(), "Dev1", setup(emitters=2)).close()
+    pulses = [said for said in library.said if said.startswith("CreateCO")]
+    assert pulses == [
+        "CreateCOPulseChanFreq(3, 'Dev1/ctr0', '', 10373, 10214, 0, 200, 0.25)",
+        "CreateCOPulseChanFreq(4, 'Dev1/ctr1', '', 10373, 10214, 0.0025, 200, 0.25)",
+    ]
+    daq = NiDaq(Still(), "Dev1", setup(switching="external", enable="port1/line7", terminal="differential"))
+    assert library.said[-10].endswith("10106, -10, 10, 10348, '')")
+    assert library.lines["Dev1/port1/line7"] is False
+    daq.start()
+    assert library.lines["Dev1/port1/line7"] is True
+    daq.stop()
+    assert library.lines["Dev1/port1/line7"] is False
+
+
+def test_a_rate_that_divides_no_clock_is_told_as_the_instrument_has_it(library: Library) -> None:
+    assert library.dark
+    daq = NiDaq(Still(), "Dev1", setup(rate_hz=13_000.0))
+    assert daq.rate_hz == pytest.approx(20e6 / 1538)
+    daq.close()
+
+
+def test_what_was_overwritten_is_counted_and_sampling_begun_anew(library: Library) -> None:
+    clock = Still()
+    daq = NiDaq(clock, "Dev1", setup())
+    sampling = DaqSampling(daq)
+    daq.start()
+    library.waiting = np.zeros((2, 70), np.int16)
+    assert len(sampling.read().rows) == 1  # a frame is a period, 50 samples; 20 wait
+    clock.sleep(12.0)
+    library.faults["DAQmxReadBinaryI16"] = [-200279]
+    library.waiting = np.zeros((2, 100), np.int16)
+    library.said.clear()
+    taken = sampling.read()
+    assert taken.last is None
+    assert taken.remarks == (
+        "USB-6218 Dev1: samples were overwritten before the program read them; "
+        "about 119930 samples of each channel are lost",
+    )
+    assert library.said[2:] == ["StopTask(2)", "StopTask(3)", "StartTask(2)", "StartTask(3)"]
+    library.waiting = np.ones((2, 100), np.int16)
+    after = sampling.read()
+    assert (after.rows["stretch"].tolist(), after.rows["number"].tolist()) == ([1, 1], [0, 50])
+    assert after.rows["counts"].min() == 1  # none of the 20 from before the gap
+    assert daq.losses.as_dict() == {"samples": 119_930, "overruns": 1}
+    daq.close()
+
+
+def test_overruns_that_follow_one_another_end_the_run(library: Library) -> None:
+    daq = NiDaq(Still(), "Dev1", setup())
+    daq.start()
+    library.faults["DAQmxGetReadAttribute"] = [-200361] * 3
+    daq.read()
+    daq.read()
+    with pytest.raises(BenchError, match=r"own memory was full .*, 3 times in 10 s; lower daq\.rate_hz") as told:
+        daq.read()
+    assert len(str(told.value).splitlines()) == 1
+    assert library.dark
+
+
+@pytest.mark.parametrize(
+    ("function", "code", "told"),
+    [
+        ("DAQmxTaskControl", -50103, r"is in use by another program or task \(NI-DAQmx error -50103\); close that"),
+        ("DAQmxCreateAIVoltageChan", -200170, r"has no such channel or line .*; compare the rig file's \[daq\]"),
+        ("DAQmxStartTask", -88709, r"was unplugged or reset \(NI-DAQmx error -88709\); check its cable"),
+        ("DAQmxReadBinaryI16", -88709, r"was unplugged or reset \(NI-DAQmx error -88709\); check its cable"),
+        ("DAQmxGetReadAttribute", -200999, r"cannot read: Words that nobody foresaw. \(NI-DAQmx error -200999\)$"),
+        ("DAQmxWriteDigitalLines", -50103, r"is in use by another program"),
+        ("DAQmxCreateTask", -50103, r"is in use by another program"),
+    ],
+)
+@pytest.mark.parametrize("nth", [0, 1])
+def test_a_fault_is_one_line_and_leaves_everything_dark(
+    library: Library, function: str, code: int, told: str, nth: int
+) -> None:
+    library.faults[function] = [0] * nth + [code]
+
+    def use() -> None:
+        daq = NiDaq(Still(), "Dev1", setup(enable="port1/line7"))
+        daq.start()
+        for _ in range(2):
+            library.waiting = np.zeros((2, 5), np.int16)
+            daq.read()
+
+    with pytest.raises(BenchError, match=told) as refusal:
+        use()
+    assert len(str(refusal.value).splitlines()) == 1
+    assert library.dark
+
+
+def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
+    daq = NiDaq(Still(), "Dev1", setup())
+    daq.start()
+    library.faults["DAQmxWriteDigitalLines"] = [-88709]
+    with pytest.raises(BenchError, match=r"its lines could not be set low: emitters may be on .*; cut their supply"):
+        daq.stop()
+    assert not library.tasks
+
+
+def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None:
+    with pytest.raises(BenchError, match="device Dev9; is no device that NI-DAQmx knows; there are Dev1, Dev2"):
+        NiDaq(Still(), "Dev9", setup())
+    with pytest.raises(BenchError, match="device Dev2; is a USB-6009, not a USB-6218"):
+        NiDaq(Still(), "Dev2", setup())
+    library.missing.add("DAQmxCfgImplicitTiming")
+    with pytest.raises(BenchError, match=r"NI-DAQmx; is too old for nidaqmx; install a newer NI-DAQmx from ni\.com"):
+        NiDaq(Still(), "Dev1", setup())
+    assert library.dark
+
+
+def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    _lib = importlib.import_module("nidaqmx._lib")
+
+    def none() -> None:
+        raise _lib.DaqNotFoundError(_lib._DAQ_NOT_FOUND_MESSAGE)
+
+    monkeypatch.setattr(_lib.lib_importer, "_windll", None)
+    monkeypatch.setattr(_lib.lib_importer, "_cdll", None)
+    monkeypatch.setattr(_lib.lib_importer, "_import_lib", none)
+    with pytest.raises(BenchError, match=r"NI-DAQmx; must be installed, and is not; get the driver from ni\.com"):
+        NiDaq(Still(), "Dev1", setup())
+
+
+@pytest.mark.parametrize(
+    ("ask", "told"),
+    [
+        (
+            lambda: setup(rate_hz=130_000.0),
+            r"daq\.rate_hz = 130000\.0; of 2 inputs are 260000 samples per second; one converter serves all inputs of "
+            r"USB-6218 and takes 250000; 125000 or less",
+        ),
+        (
+            lambda: setup(rate_hz=800.0),
+            r"leaves 1\.8 samples of a phase of 2500 µs after 300 µs of settling; 2 are needed",
+        ),
+        (lambda: setup(channels=("ai0", "ai8"), terminal="differential"), "channels = 'ai8'; is no differential input"),
+        (lambda: setup(channels=("ai0", "ai32")), "'ai32'; is no rse input of USB-6218: ai0 to ai31"),
+        (lambda: setup(channels=("ai0", "ai0")), "name an input twice"),
+        (lambda: setup(range_v=3.0), r"range_v = 3\.0; USB-6218 has ±0\.2, 1, 5, 10 V"),
+        (lambda: setup(emitters=3), "take turns; USB-6218 has 2 counters, and its other outputs are not timed"),
+        (lambda: setup(emitters=2, switching="external"), "sync; is needed with 2 emitters in turn"),
+        (lambda: setup(enable="port0/line0"), "static outputs, port1/line0 to port1/line7"),
+        (lambda: setup(enable="port1/line0"), "is the line on which a counter lights an emitter"),
+    ],
+)
+def test_what_the_instrument_cannot_do_is_refused_before_it_is_asked(
+    library: Library, ask: Callable[[], Setup], told: str
+) -> None:
+    with pytest.raises(BenchError, match=told):
+        ask()
+    assert library.said == []
