@@ -25,7 +25,7 @@ from solen.scene import (
     Surface,
 )
 from solen.sensor import Sensor
-from solen.spec import Design, Emitter, Material
+from solen.spec import Design, Material, with_values
 from solen.trace import Limits, Trace, derivative, integrate, trace
 from solen.trace.adaptive import COARSE, Lights
 
@@ -203,7 +203,8 @@ def test_a_loose_tolerance_has_an_uncertainty_that_holds(
     width_mm: float, angle_deg: float, index: float, tolerance: float
 ) -> None:
     """Chips and angles at which rules of few places agree by chance beside a sharp bend."""
-    sensor = Sensor.of(Design(name="chip", material=Material(index=index), emitter=Emitter(width_mm=width_mm)))
+    design = with_values(Design(name="chip", material=Material(index=index)), {"emitter.width_mm": width_mm})
+    sensor = Sensor.of(design)
     truth, found = (sensor.integrate(angle_deg, tolerance=one) for one in (1e-5, tolerance))
     for name, reading in found.detectors.items():
         assert abs(reading.power - truth.detectors[name].power) < found.u <= tolerance
