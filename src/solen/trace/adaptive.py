@@ -242,7 +242,7 @@ def over_places(at: Callable[[float], Found], panels: int, tolerance: float) -> 
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
     points, most = panels * len(rule.nodes), MOST_PLACES * panels
     while points < most and all(panel.found.ended for panel in done):
-        if sum(panel.error for panel in done) <= OUTER_SHARE * tolerance:
+        if math.fsum(panel.error for panel in done) <= OUTER_SHARE * tolerance:
             break
         worst = max(range(len(done)), key=lambda i: done[i].error)
         panel = done.pop(worst)
