@@ -114,6 +114,45 @@ def integrate_many(
         return list(pool.map(lambda one: one.trace(tolerance, most_legs), lights))
 
 
+class Points:
+    """The points of a scene's only source, one by one: what each of them gives every receiver.
+
+    Parameters
+    ----------
+    scene
+        As for `integrate`, with one source.
+    tolerance
+        Of each power, as a fraction of what the point emits.
+
+    Raises
+    ------
+    DesignError
+        As `integrate`, and where there are more sources than one.
+    """
+
+    def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
+        if len(scene.sources) != 1:
+            raise DesignError("sources", value=len(scene.sources), limit="must be one, whose points are asked for")
+        limits = Limits(min_weight=LEAST_SHARE * tolerance)
+        (self._light,) = Lights.of(scene, "power", limits).each
+        self._tolerance = tolerance
+        self._receivers = len(scene.receivers)
+
+    def powers(self, places: Sequence[float]) -> np.ndarray:
+        """Shares (n, receivers) from places (n,), 0 at the right end of the source and 1 at its left one.
+
+        `DesignError` where one is not reached within the tolerance.
+        """
+        rows = []
+        for place in places:
+            found = self._light.point(float(place), self._tolerance, MOST_LEGS)
+            if not (found.ended and found.u <= self._tolerance):
+                limit = f"the light of a point must be integrated to {self._tolerance:g}, and its ways part too often"
+                raise DesignError("emitter", value=f"place {place:.4g}", limit=limit, remedy="trace a fan")
+            rows.append(found.share[: self._receivers])
+        return np.array(rows).reshape(-1, self._receivers)
+
+
 @dataclass(frozen=True)
 class Light:
     """A source in a compiled scene: its points side by side, each in all its colours.
@@ -156,12 +195,12 @@ class Light:
     def integral(self, tolerance: float, most_legs: int) -> Found:
         """Integrate over angles, places and colours."""
         if not self.emission.panels:
-            return self._point(0.5, tolerance, most_legs)
+            return self.point(0.5, tolerance, most_legs)
         return over_places(
-            lambda place: self._point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
+            lambda place: self.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
         )
 
-    def _point(self, place: float, tolerance: float, most_legs: int) -> Found:
+    def point(self, place: float, tolerance: float, most_legs: int) -> Found:
         """All colours of the point at a place."""
         found = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
         return found[0] if len(found) == 1 else together(found, [weight for _, weight in self.colours])

@@ -1,0 +1,311 @@
+"""A sensor diagnosed: its recording's mean curves fitted with the traced response of its design.
+
+The idea: everything is fitted that the recording determines. A number whose uncertainty stays above what is worth
+telling is not told: it is held at the design's value, and with what it cannot be told apart is read from the direction
+in which the curves hardly change.
+
+The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` and each `Estimate` of it.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.analysis.diagnosis.fit import Cycles, Fitted, fit
+from solen.analysis.diagnosis.model import INDEX, LOSS, OFFSET, SPREAD, ZERO, Model
+from solen.analysis.diagnosis.response import Response
+from solen.analysis.diagnosis.table import SIDES, FloatArray
+from solen.analysis.diagnosis.voltage import Bend
+from solen.analysis.response import Passes
+from solen.analysis.signals import side_of
+from solen.analysis.study import Analysed
+from solen.errors import DataError
+
+LEAST_ANGLES = 12
+ZERO_U_DEG, INDEX_U = 0.1, 0.003
+"""How well the zero of the angle and the index of a print are usually known."""
+BEYOND_DEG = 0.5
+"""Beyond the recorded angles the response is traced by so much, for a zero that is elsewhere."""
+PARTNER = 0.9
+"""Correlation from which on a number that is not determined takes part in another's."""
+HELD_FIRST = (LOSS, SPREAD, OFFSET)
+POOR = 0.95
+"""Correlation from which on two numbers are told apart poorly."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number of a diagnosis.
+
+    Attributes
+    ----------
+    name, unit
+        What it is.
+    value, u
+        Its value and standard uncertainty; None where the recording does not determine it.
+    low, high
+        Interval of 95 %; None where there is none.
+    design
+        What the design says of it, None where it says nothing.
+    known_u
+        Standard uncertainty with which it was known beforehand; None where nothing was.
+    u_68
+        Half of the interval of 68 %.
+    """
+
+    name: str
+    unit: str
+    value: float | None
+    u: float | None
+    low: float | None
+    high: float | None
+    design: float | None = None
+    known_u: float | None = None
+    u_68: float | None = None
+
+    @property
+    def determined(self) -> bool:
+        """Whether the recording determines it."""
+        return self.value is not None
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a recording says of a sensor.
+
+    Attributes
+    ----------
+    label
+        Of the sensor.
+    cycles
+        Its curves.
+    fitted
+        The fit.
+    estimates
+        Of every number, by name.
+    held
+        Numbers that the recording does not determine, each with those that it cannot be told apart from.
+    poor
+        Pairs of numbers that are told apart poorly, with their correlation.
+    correlations
+        Of the fitted numbers, (a, a), in the order of ``fitted.active``.
+    left_out
+        Share of the angles that are left out, by receiver.
+    """
+
+    label: str
+    cycles: Cycles
+    fitted: Fitted
+    estimates: dict[str, Estimate]
+    held: dict[str, tuple[str, ...]]
+    poor: tuple[tuple[str, str, float], ...]
+    correlations: FloatArray
+    left_out: dict[str, float]
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Receivers that were fitted."""
+        return self.fitted.model.sides
+
+
+def sides_of(receivers: Sequence[str]) -> dict[str, int]:
+    """Places of the right and the left receiver, of which one may miss; `DataError` where names do not tell them."""
+    found: dict[str, int] = {}
+    for place, name in enumerate(receivers):
+        side = side_of(name)
+        if side and side in found:
+            limit = f"{receivers[found[side]]} and {name} are both the {side} one"
+            raise DataError("receivers", limit=limit, remedy="name one of each with --channel left=… right=…")
+        if side:
+            found[side] = place
+    if not found:
+        limit = f"the names {', '.join(receivers)} do not tell right from left"
+        raise DataError("receivers", limit=limit, remedy="name them with --channel left=… right=…")
+    return {side: found[side] for side in SIDES if side in found}
+
+
+def cycles_of(found: Passes, places: Sequence[int]) -> Cycles:
+    """Curves of each cycle for some receivers, the mean of both ways; where one way is missing, the other."""
+    hidden = np.where(found.clipped, np.nan, found.volts)[..., list(places)]
+    there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
+    both = np.where(there, 1.0, 0.0)
+    ways = both.sum(axis=1)
+    return Cycles(found.angle_deg, np.where(both > 0.0, hidden, 0.0).sum(axis=1) / np.maximum(ways, 1.0))
+
+
+def diagnosed(
+    sensor: Analysed,
+    response: Response,
+    known: Mapping[str, float] | None = None,
+    bend: Bend | None = None,
+    *,
+    rising: bool = False,
+) -> Diagnosis:
+    """Fit a sensor's mean curves and say what they determine.
+
+    Parameters
+    ----------
+    sensor
+        Analysed, with receivers whose names tell right from left.
+    response
+        Of its design, over its angles and `BEYOND_DEG` more to both sides.
+    known
+        Standard uncertainties of what is known beforehand: ``angle.zero_deg``, and the keys of the response's changes.
+    bend
+        Load line of the receivers in the order right, left, where their circuit is known.
+    rising
+        Whether a brighter light is a higher voltage.
+
+    Raises
+    ------
+    DataError
+        Where too few angles are left, or a receiver does not answer as the design does.
+    """
+    places = sides_of(sensor.receivers)
+    cycles = cycles_of(sensor.passes, list(places.values()))
+    if rising:
+        cycles = Cycles(cycles.angle_deg, -cycles.volts)
+    _check(sensor, cycles, places)
+    spreads = {ZERO: ZERO_U_DEG, INDEX: INDEX_U} | dict(known or {})
+    model = Model.of(response, cycles.angle_deg, tuple(places), cycles.swing_V, spreads, bend)
+    fitted, held = _determined(model, cycles)
+    _check_signs(sensor, fitted, places)
+    correlations = _correlations(fitted)
+    left_out = {side: float(1.0 - cycles.valid[:, n].mean()) for n, side in enumerate(places)}
+    estimates = _estimates(fitted, held)
+    return Diagnosis(sensor.label, cycles, fitted, estimates, held, _poor(fitted, correlations), correlations, left_out)
+
+
+def _check(sensor: Analysed, cycles: Cycles, places: Mapping[str, int]) -> None:
+    for n, side in enumerate(places):
+        valid = int(cycles.valid[:, n].sum())
+        if valid < LEAST_ANGLES:
+            limit = f"has {valid} angles that every cycle reaches unclipped; a diagnosis needs {LEAST_ANGLES}"
+            remedy = "record a wider range or lower voltages, or set --step-deg smaller"
+            raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
+
+
+def _check_signs(sensor: Analysed, fitted: Fitted, places: Mapping[str, int]) -> None:
+    """Refuse a gain below zero: the sensor was then turned or named the other way."""
+    for side in places:
+        value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
+        if value + half < 0.0:
+            limit = "answers the other way round than the design: its voltage rises where the design gets brighter"
+            remedy = "turn the angle with --flip-angle, or say --brighter higher"
+            raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
+
+
+def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[str, ...]]]:
+    """The fit of what the curves determine, and what they do not."""
+    active = list(range(len(model.parameters)))
+    held: dict[str, tuple[str, ...]] = {}
+    fitted = fit(model, cycles, active)
+    while (name := _undetermined(fitted)) is not None:
+        held[name] = _partners(fitted, name)
+        active.remove(model.places[name])
+        fitted = fit(model, cycles, active)
+    return fitted, held
+
+
+def _undetermined(fitted: Fitted) -> str | None:
+    """The number to hold next, as its uncertainty is above what is worth telling; None where there is none."""
+    model = fitted.model
+    free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
+    vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
+    fitted_names = {one.name for one in free}
+    for name in HELD_FIRST if vague else ():
+        if name in fitted_names and (name in vague or any(v.startswith(("gain", "offset")) for v in vague)):
+            return name
+    return None
+
+
+def _partners(fitted: Fitted, name: str) -> tuple[str, ...]:
+    """What a number cannot be told apart from: those that go with it in the fit that has them all."""
+    names = [fitted.model.parameters[place].name for place in fitted.active]
+    row = _correlations(fitted)[names.index(name)]
+    return tuple(
+        other for other, with_it in zip(names, row.tolist(), strict=True) if other != name and abs(with_it) > PARTNER
+    )
+
+
+def _correlations(fitted: Fitted) -> FloatArray:
+    sd = np.sqrt(np.diag(fitted.covariance))
+    return np.asarray(fitted.covariance / np.maximum(np.outer(sd, sd), 1e-300))
+
+
+def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of shape numbers that are told apart poorly."""
+    names = [fitted.model.parameters[place].name for place in fitted.active]
+    found = []
+    for i, one in enumerate(names):
+        for j in range(i + 1, len(names)):
+            gains = one.startswith("gain") and names[j].startswith("gain")  # their ratio is told
+            if abs(correlations[i, j]) > POOR and not gains and not names[j].startswith("offset"):
+                found.append((one, names[j], float(correlations[i, j])))
+    return tuple(found)
+
+
+def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, Estimate]:
+    model = fitted.model
+    found = {
+        "emitter_offset_mm": _plain(fitted, OFFSET, "mm", held, model.response.offset_mm),
+        "chip_width_mm": _width(fitted, held),
+        "angle_zero_deg": _plain(fitted, ZERO, "deg", held),
+        "loss_per_mm": _plain(fitted, LOSS, "1/mm", held),
+    }
+    for key in model.response.changes:
+        found[key] = _plain(fitted, key, key.rpartition("_")[2] if "_" in key else "", held)
+    for side in model.sides:
+        found[f"gain_{side}_V"] = _plain(fitted, f"gain {side}", "V", held)
+        found[f"offset_{side}_V"] = _plain(fitted, f"offset {side}", "V", held)
+    if len(model.sides) == 2:
+        found["gain_ratio"] = _ratio(fitted)
+    return found
+
+
+def _plain(fitted: Fitted, name: str, unit: str, held: Mapping[str, object], design: float | None = None) -> Estimate:
+    known = fitted.model.parameters[fitted.model.places[name]].known
+    known_u = None if math.isinf(known) else known
+    if name in held:
+        return Estimate(name, unit, None, None, None, None, design, known_u)
+    value, half = fitted.value(name), fitted.half_width(name)
+    narrow = fitted.half_width(name, 0.6827)
+    return Estimate(name, unit, value, fitted.u(name), value - half, value + half, design, known_u, narrow)
+
+
+def _width(fitted: Fitted, held: Mapping[str, object]) -> Estimate:
+    """Width of the chip by its square, whose interval is even; below 0 it ends at 0."""
+    design = fitted.model.response.width_mm
+    if SPREAD in held:
+        return Estimate("chip width", "mm", None, None, None, None, design)
+    value, half, u = fitted.value(SPREAD), fitted.half_width(SPREAD), fitted.u(SPREAD)
+    width = math.sqrt(max(value, 0.0))
+    low, high = (math.sqrt(max(value + sign * half, 0.0)) for sign in (-1.0, 1.0))
+    own_u = u / (2.0 * width) if value > 2.0 * u else None
+    narrow = None if own_u is None else fitted.half_width(SPREAD, 0.6827) / (2.0 * width)
+    return Estimate("chip width", "mm", width, own_u, low, high, design, None, narrow)
+
+
+def _ratio(fitted: Fitted) -> Estimate:
+    """Gain of the right receiver over that of the left."""
+    places = [int(np.flatnonzero(fitted.active == fitted.model.places[f"gain {side}"])[0]) for side in SIDES]
+    right, left = (fitted.value(f"gain {side}") for side in SIDES)
+    block = fitted.covariance[np.ix_(places, places)]
+    slope = np.array([1.0 / left, -right / left**2])
+    u = float(np.sqrt(max(slope @ block @ slope, 0.0)))
+    share = fitted.half_width("gain right") / fitted.u("gain right")
+    ratio = right / left
+    return Estimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
+
+
+def residual_rms(found: Diagnosis) -> dict[str, float]:
+    """Of each receiver in V."""
+    return dict(zip(found.sides, found.fitted.misfit.rms_V.tolist(), strict=True))
+
+
+def model_V(found: Diagnosis) -> NDArray[np.float64]:
+    """Fitted curves (n, r)."""
+    return found.fitted.model.volts(found.fitted.values)

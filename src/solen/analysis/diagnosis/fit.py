@@ -1,0 +1,349 @@
+"""Least squares of a model on mean curves, and how sure each number is by the scatter of the cycles.
+
+The idea. Noise of a recording is not white: it drifts, flickers and lags, so that neighbouring angles err together.
+What can be relied on is that **cycles are repetitions of one another**. The fit is one of least squares, and every
+number is, to first order, a linear function of the curves; applied to each cycle alone that function gives the number's
+own scatter, whatever correlates within a cycle, and its mean over n cycles is as sure as Student's t of n − 1 says. To
+it are added, with the law of propagation:
+
+- what is known only within a spread beforehand (index and the like), as it enters the fit: an observation of its own;
+- **misfit**: what the mean curves depart from the model beyond the scatter of the cycles, within waves of some length.
+  Its size is found from the waves that no parameter can take up, and it is then let into those that they can.
+
+The degrees of freedom of the sum are those of Welch and Satterthwaite.
+
+The interface: `Cycles`, `fit`, `Fitted`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import f as f_distribution
+
+from solen.analysis.diagnosis.model import OFFSET, SPREAD, Model
+from solen.analysis.diagnosis.table import FloatArray
+
+STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
+STARTS_OF_SPREAD = (1.0, 0.25)
+TRIED = 3
+"""Decentres and shares of the chip's spread that a fit is begun with, and how many of these are followed.
+
+They are those of the best straight lines. What is known beforehand is held at first.
+"""
+WAVES = 12
+"""Half waves over the range of angles, from none on, that a misfit is looked for in."""
+MODEL_SHARE = 1e-4
+"""What the table itself may be off by, as a share of a receiver's swing."""
+SIGNIFICANT = 0.05
+"""Chance of a misfit that is none, from which on it counts as one."""
+_ROUNDS = 60
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Curves of the cycles of a recording.
+
+    Attributes
+    ----------
+    angle_deg
+        Even angles, (n,).
+    volts
+        (cycles, n, r), NaN where an angle is left out.
+    """
+
+    angle_deg: FloatArray
+    volts: FloatArray
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Angles of each receiver that every cycle has, (n, r)."""
+        return np.asarray(np.isfinite(self.volts).all(axis=0))
+
+    @property
+    def mean_V(self) -> FloatArray:
+        """(n, r), NaN where an angle is left out."""
+        return np.asarray(np.where(self.valid, self.volts.mean(axis=0), np.nan))
+
+    @property
+    def swing_V(self) -> FloatArray:
+        """Range of each mean curve, (r,)."""
+        mean = self.mean_V
+        return np.asarray(np.nanmax(mean, axis=0) - np.nanmin(mean, axis=0))
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """What mean curves depart from the model by.
+
+    Attributes
+    ----------
+    rms_V
+        Of the residuals, by receiver (r,).
+    ratio, chance
+        Mean square of the residuals' waves over what the scatter of the cycles makes of it, and how often chance alone
+        makes as much; NaN for a single cycle.
+    share
+        Size of the misfit beyond the scatter as a share of the swing; 0 where there is none.
+    """
+
+    rms_V: FloatArray
+    ratio: float
+    chance: float
+    share: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether there is more than chance makes."""
+        return bool(self.chance < SIGNIFICANT)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit.
+
+    Attributes
+    ----------
+    model
+        What was fitted.
+    values
+        Of all parameters, (p,).
+    active
+        Places of those that were fitted, (a,).
+    covariance
+        Of the fitted ones, (a, a).
+    freedom
+        Effective degrees of freedom of each, (a,).
+    residual_V
+        Mean curve less model, (n, r); NaN where an angle is left out.
+    misfit
+        See `Misfit`.
+    information
+        What the curves alone say of all parameters, (p, p), in their scales.
+    """
+
+    model: Model
+    values: FloatArray
+    active: NDArray[np.intp]
+    covariance: FloatArray
+    freedom: FloatArray
+    residual_V: FloatArray
+    misfit: Misfit
+    information: FloatArray
+
+    def u(self, name: str) -> float:
+        """Standard uncertainty of a parameter; inf of one that was not fitted."""
+        place = self._place(name)
+        return float(np.sqrt(self.covariance[place, place])) if place is not None else float("inf")
+
+    def value(self, name: str) -> float:
+        """Value of a parameter."""
+        return float(self.values[self.model.places[name]])
+
+    def half_width(self, name: str, level: float = 0.95) -> float:
+        """Half of the interval of a parameter by Student's t."""
+        from scipy.stats import t
+
+        place = self._place(name)
+        if place is None:
+            return float("inf")
+        return float(t.ppf(0.5 + 0.5 * level, self.freedom[place])) * self.u(name)
+
+    def _place(self, name: str) -> int | None:
+        found = np.flatnonzero(self.active == self.model.places[name])
+        return int(found[0]) if found.size else None
+
+
+def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray | None = None) -> Fitted:
+    """Least squares of a model on the mean of the cycles.
+
+    Parameters
+    ----------
+    model
+        Of the same angles and receivers.
+    cycles
+        At least two for intervals.
+    active
+        Places of the parameters that are fitted; the others keep their start.
+    start
+        Values to begin with (p,); by default the best of several decentres.
+    """
+    places = np.array(sorted(active), dtype=np.intp)
+    sd = _first_sd(cycles)
+    values = _started(model, cycles, places, sd) if start is None else _solved(model, cycles, places, sd, start)[0]
+    residual = cycles.mean_V - model.volts(values)
+    again = np.sqrt(np.nanmean(residual**2, axis=0))
+    sd = np.maximum(sd, again)  # where the model misses, curves weigh by what it misses them by
+    values = _solved(model, cycles, places, sd, values)[0]
+    return _fitted(model, cycles, places, sd, values)
+
+
+def _first_sd(cycles: Cycles) -> FloatArray:
+    """Standard deviation of the mean curves of each receiver (r,), never none."""
+    count = len(cycles.volts)
+    least = 1e-6 * cycles.swing_V + 1e-12
+    if count < 2:
+        return np.asarray(1e-3 * cycles.swing_V + least)
+    scatter = np.where(cycles.valid, cycles.volts.var(axis=0, ddof=1), np.nan)
+    return np.asarray(np.sqrt(np.nanmean(scatter, axis=0) / count) + least)
+
+
+def _started(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray) -> FloatArray:
+    """Values of the best of several beginnings."""
+    spread = model.parameters[model.places[SPREAD]].start
+    decentred = {OFFSET} & {model.parameters[place].name for place in places}
+    begun = [
+        model.start(cycles.mean_V, model.response.offset_mm + offset, share * spread)
+        for offset in (STARTS_MM if decentred else (0.0,))
+        for share in STARTS_OF_SPREAD
+    ]
+    costs = [_rest(model, cycles, places, sd, one)[1] for one in begun]
+    unknown = np.array([place for place in places if np.isinf(model.parameters[place].known)], dtype=np.intp)
+    nearest = [_solved(model, cycles, unknown, sd, begun[n]) for n in np.argsort(costs)[:TRIED]]
+    best = min(nearest, key=lambda one: one[1])[0]
+    return _solved(model, cycles, places, sd, best)[0]
+
+
+def _solved(
+    model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, start: FloatArray
+) -> tuple[FloatArray, float]:
+    """Values and sum of squares by the way of Levenberg and Marquardt, in the parameters' scales."""
+    scale = np.array([model.parameters[place].scale for place in places])
+    values, damping = start.copy(), 1e-3
+    rest, cost = _rest(model, cycles, places, sd, values)
+    for _ in range(_ROUNDS):
+        table = _table(model, cycles, places, sd, values) * scale
+        normal, slope = table.T @ table, table.T @ rest
+        size = np.diag(normal) + 1e-12 * np.trace(normal)
+        while True:
+            step = np.linalg.solve(normal + damping * np.diag(size), slope)
+            tried = values.copy()
+            tried[places] += scale * step
+            _keep_within(model, tried)
+            other, less = _rest(model, cycles, places, sd, tried)
+            if less <= cost or damping > 1e8:
+                break
+            damping *= 8.0
+        if not less <= cost:
+            break
+        gained, values, rest, cost = cost - less, tried, other, less
+        damping = max(damping / 12.0, 1e-12)
+        if gained <= 1e-10 * (1e-12 + cost) and np.abs(step).max() < 1e-6:
+            break
+    return values, cost
+
+
+def _keep_within(model: Model, values: FloatArray) -> None:
+    """Hold the chip within what was traced."""
+    reach, at = model.response.reach_mm, model.places
+    values[at[OFFSET]] = np.clip(values[at[OFFSET]], -0.6 * reach, 0.6 * reach)
+    most = 2.0 * (reach - abs(values[at[OFFSET]]))
+    values[at[SPREAD]] = np.clip(values[at[SPREAD]], -(0.1**2), most**2)
+
+
+def _rest(
+    model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray
+) -> tuple[FloatArray, float]:
+    """What is left of the mean curves, and of what is known beforehand, in their standard deviations."""
+    left = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
+    prior = np.array([(model.parameters[p].start - values[p]) / model.parameters[p].known for p in places])
+    rest = np.concatenate([left, prior])
+    return rest, float(rest @ rest)
+
+
+def _table(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray) -> FloatArray:
+    """Derivatives of the model by the parameters in the same units, (observations, a)."""
+    found = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
+    prior = np.diag([1.0 / model.parameters[p].known for p in places])
+    return np.concatenate([found, prior])
+
+
+def _fitted(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray) -> Fitted:
+    valid, count = cycles.valid, len(cycles.volts)
+    width = np.broadcast_to(sd, valid.shape)[valid]
+    everywhere = (model.jacobian(values, range(len(model.parameters))) / sd[:, None])[valid]
+    scale = np.array([one.scale for one in model.parameters])
+    table = everywhere[:, places]
+    known = np.array([1.0 / model.parameters[p].known ** 2 for p in places])
+    inverse = _inverse(table.T @ table + np.diag(known), scale[places])
+    hat = inverse @ table.T  # of curves in their standard deviations
+    left = ((cycles.mean_V - model.volts(values)) / sd)[valid]
+    apart = ((cycles.volts - cycles.mean_V) / sd)[:, valid] if count > 1 else np.zeros((0, len(left)))
+    waves = _waves(cycles) * (np.broadcast_to(cycles.swing_V, valid.shape)[valid] / width)[:, None]
+    share, freedom, misfit = _misfit(left, apart, waves, table, hat, count)
+    moved = apart @ hat.T
+    scattered = moved.T @ moved / (count * (count - 1)) if count > 1 else _white(left, table, inverse)
+    through = hat @ waves
+    missed = share**2 * through @ through.T
+    floor = (MODEL_SHARE**2 / (0.5 * WAVES)) * through @ through.T
+    parts = [
+        (np.diag(scattered), float(count - 1) if count > 1 else max(len(left) - len(places), 1.0)),
+        (np.diag(missed), freedom),
+    ]
+    prior = inverse @ np.diag(known) @ inverse
+    covariance = scattered + missed + floor + prior
+    total = np.diag(covariance)
+    freedoms = total**2 / sum(np.maximum(part, 1e-300) ** 2 / nu for part, nu in parts)
+    residual = np.where(valid, cycles.mean_V - model.volts(values), np.nan)
+    rms = np.sqrt(np.nanmean(residual**2, axis=0))
+    told = Misfit(rms, *misfit, share * np.sqrt(0.5 * WAVES))
+    information = (everywhere * scale).T @ (everywhere * scale)
+    return Fitted(model, values, places, covariance, freedoms, residual, told, information)
+
+
+def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
+    """Inverse of a matrix of normal equations, solved in the parameters' scales."""
+    return np.asarray(np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale))
+
+
+def _white(left: FloatArray, table: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Covariance of a single cycle, whose residuals are all that is known of its noise."""
+    variance = float(left @ left) / max(len(left) - table.shape[1], 1)
+    return np.asarray(variance * inverse @ (table.T @ table) @ inverse)
+
+
+def _waves(cycles: Cycles) -> FloatArray:
+    """Cosines over the range for each receiver apart, (observations, r × WAVES)."""
+    angle, valid = cycles.angle_deg, cycles.valid
+    phase = np.pi * (angle - angle[0]) / (angle[-1] - angle[0])
+    one = np.cos(phase[:, None] * np.arange(WAVES))
+    receivers = valid.shape[1]
+    found = np.zeros((*valid.shape, receivers * WAVES))
+    for n in range(receivers):
+        found[:, n, n * WAVES : (n + 1) * WAVES] = one
+    return np.asarray(found[valid])
+
+
+def _misfit(
+    left: FloatArray, apart: FloatArray, waves: FloatArray, table: FloatArray, hat: FloatArray, count: int
+) -> tuple[float, float, tuple[float, float]]:
+    """Size of the misfit's waves, their degrees of freedom, and the ratio to the cycles' scatter with its chance."""
+    seen = waves - table @ (hat @ waves)
+    basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
+    basis = basis[:, sizes > 1e-3 * sizes[0]]
+    freedom = float(basis.shape[1])
+    found = float(np.sum((basis.T @ left) ** 2))
+    through = float(np.sum((basis.T @ seen) ** 2))
+    if count < 2:
+        return 0.0, freedom, (np.nan, np.nan)
+    parts = (apart - apart @ hat.T @ table.T) @ basis
+    covariance = parts.T @ parts / (count * (count - 1))
+    noise = float(np.trace(covariance))
+    if not noise > 0.0:
+        return float(np.sqrt(found / through)), freedom, (np.inf, 0.0)
+    effective = _effective(covariance, freedom, count - 1)
+    ratio = found / noise
+    chance = float(f_distribution.sf(ratio, effective, effective * (count - 1)))
+    beyond = max(found - noise, 0.0) / through if chance < 0.16 else 0.0
+    return float(np.sqrt(beyond)), freedom, (ratio, chance)
+
+
+def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
+    """Independent waves that correlated ones are as good as, tr² C / tr C², by a scatter S of few deviations.
+
+    E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
+    """
+    trace, square = float(np.trace(scatter)), float(np.sum(scatter**2))
+    unbiased = (square - trace**2 / freedom) / (1.0 + 1.0 / freedom)
+    return float(np.clip(trace**2 / max(unbiased, trace**2 / most), 1.0, most))

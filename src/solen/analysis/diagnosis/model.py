@@ -1,0 +1,165 @@
+"""The model of a recording: every number that makes its mean curves, with what is known of each beforehand.
+
+The interface: `Parameter`; `Model.of` a response and the receivers that were recorded; `Model.volts` of values;
+`Model.jacobian`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solen.analysis.diagnosis.response import INDEX, Response
+from solen.analysis.diagnosis.table import SIDES, FloatArray
+from solen.analysis.diagnosis.voltage import Bend, volts
+
+OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
+LOSS_WORTH = 0.05
+"""Loss along the way, as a share of the light, that is worth telling."""
+_GAUSS = 0.5 / math.sqrt(3.0)
+"""Points of Gauss' rule of two, from the middle of a cell, over its width."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the model.
+
+    Attributes
+    ----------
+    name
+        A key of the design, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left`` and their likes.
+    start
+        Its value by the design.
+    scale
+        What is worth telling: where its uncertainty is larger, the recording does not determine it.
+    known
+        Standard uncertainty with which it is ``start``; inf where nothing is known of it.
+    """
+
+    name: str
+    start: float
+    scale: float
+    known: float = math.inf
+
+
+@dataclass(frozen=True)
+class Model:
+    """Curves (n, r) of the receivers of some sides over angles (n,), by values of its parameters (p,)."""
+
+    response: Response
+    angle_deg: FloatArray
+    sides: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    bend: Bend | None = None
+
+    @classmethod
+    def of(
+        cls,
+        response: Response,
+        angle_deg: FloatArray,
+        sides: tuple[str, ...],
+        swing_V: FloatArray,
+        known: Mapping[str, float],
+        bend: Bend | None = None,
+    ) -> "Model":
+        """Model of curves.
+
+        Parameters
+        ----------
+        response
+            Of the design.
+        angle_deg
+            Even angles of the curves, (n,).
+        sides
+            ``right`` and ``left``, or one of them.
+        swing_V
+            Range of each receiver's curve, (r,).
+        known
+            Standard uncertainties by key, of the angle's zero and of what differs from print to print.
+        bend
+            Load line, where the circuit is known.
+        """
+        way_mm = max(response.path_mm(angle_deg), 1.0)
+        spread = response.width_mm**2
+        shape = [
+            Parameter(OFFSET, response.offset_mm, 0.1),
+            Parameter(SPREAD, spread, 0.1**2 + 0.1 * response.width_mm),
+            Parameter(ZERO, 0.0, 0.5, known.get(ZERO, math.inf)),
+            Parameter(LOSS, 0.0, LOSS_WORTH / way_mm),
+        ]
+        others = [Parameter(key, 0.0, max(known[key], 1e-12), known[key]) for key in response.changes]
+        circuit = []
+        for side, swing in zip(sides, swing_V.tolist(), strict=True):
+            circuit += [Parameter(f"gain {side}", 2.0 * swing, 0.5 * swing), Parameter(f"offset {side}", 0.0, swing)]
+        return cls(response, angle_deg, sides, (*shape, *others, *circuit), bend)
+
+    @cached_property
+    def places(self) -> dict[str, int]:
+        """Place of each parameter by its name."""
+        return {one.name: place for place, one in enumerate(self.parameters)}
+
+    @cached_property
+    def gains(self) -> list[int]:
+        """Places of the gains, receiver by receiver."""
+        return [self.places[f"gain {side}"] for side in self.sides]
+
+    @cached_property
+    def offsets(self) -> list[int]:
+        """Places of the offsets, receiver by receiver."""
+        return [self.places[f"offset {side}"] for side in self.sides]
+
+    @cached_property
+    def _nodes(self) -> FloatArray:
+        """Two angles of each cell; the outermost cells, which the motion does not fill, are their own angle."""
+        half = np.full(self.angle_deg.size, _GAUSS * (self.angle_deg[1] - self.angle_deg[0]))
+        half[[0, -1]] = 0.0
+        return np.concatenate([self.angle_deg - half, self.angle_deg + half])
+
+    def shares(self, values: FloatArray) -> FloatArray:
+        """Shares of light at both points of each cell, (2 n, r)."""
+        at = self.places
+        moved = {key: float(values[at[key]]) for key in self.response.changes}
+        found = self.response.shares(
+            self._nodes + values[at[ZERO]], values[at[OFFSET]], values[at[SPREAD]], moved, values[at[LOSS]]
+        )
+        return found[:, [SIDES.index(side) for side in self.sides]]
+
+    def volts(self, values: FloatArray) -> FloatArray:
+        """Means over the cells, (n, r)."""
+        return self._volts(values, self.shares(values))
+
+    def _volts(self, values: FloatArray, shares: FloatArray) -> FloatArray:
+        found = volts(shares, values[self.gains], values[self.offsets], self.bend)
+        return np.asarray(0.5 * (found[: self.angle_deg.size] + found[self.angle_deg.size :]))
+
+    def jacobian(self, values: FloatArray, active: Sequence[int]) -> FloatArray:
+        """Derivatives (n, r, a) by the active parameters (a,), by central differences."""
+        size = (self.angle_deg.size, len(self.sides))
+        found = np.zeros((*size, len(active)))
+        circuit, shares = {*self.gains, *self.offsets}, self.shares(values)
+        for column, place in enumerate(active):
+            step = 1e-3 * self.parameters[place].scale
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = values.copy()
+                moved[place] += sign * step
+                ends.append(self._volts(moved, shares) if place in circuit else self.volts(moved))
+            found[..., column] = (ends[0] - ends[1]) / (2.0 * step)
+        return found
+
+    def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
+        """Values for a decentre and a chip, with gains and offsets by straight lines through curves (n, r)."""
+        values = np.array([one.start for one in self.parameters])
+        values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
+        shares = self.shares(values)
+        mean = 0.5 * (shares[: self.angle_deg.size] + shares[self.angle_deg.size :])
+        for n, (gain, offset) in enumerate(zip(self.gains, self.offsets, strict=True)):
+            good = np.isfinite(curve[:, n])
+            table = np.column_stack([-mean[good, n], np.ones(int(good.sum()))])
+            values[gain], values[offset] = np.linalg.lstsq(table, curve[good, n], rcond=None)[0]
+        return values
+
+
+__all__ = ["INDEX", "LOSS", "OFFSET", "SPREAD", "ZERO", "Model", "Parameter"]

@@ -1,0 +1,166 @@
+"""What the receivers of a design get, by its emitter's place and width and by what else differs from print to print.
+
+The idea: the table of the design as it is, and for every other number that may differ (index, loss) how the table
+changes with it. Index and the like change little, so that a straight line serves; loss takes its share of the light
+along the way, which is an exponential.
+
+A chip's width enters as its square, the **spread** of the light about the chip's middle: what a narrow chip changes is
+in proportion to it, and a chip of no width is then no edge. The spread may come out below 0, as any number near 0 may.
+
+The interface: `Response.of` a `Sensor`; `Response.shares`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solen.analysis.diagnosis.table import FloatArray, Progress, Table, angles_deg
+from solen.errors import SpecError
+from solen.sensor import Sensor
+from solen.spec import value_at, with_values
+
+INDEX, LOSS = "material.index", "material.absorption_per_mm"
+INDEX_STEP = 0.006
+LOSS_STEP = 0.01
+LEAST_SPREAD_MM2 = 0.02**2
+"""Below this spread the response is continued as the straight line through it and a point."""
+STEPS: Mapping[str, float] = {"emitter.distance_mm": 0.04, "lens.focus_mm": 0.5}
+STEP_SHARE = 0.02
+"""Step of any other number, as a share of its value."""
+LEAST_SHARE = 1e-9
+
+
+@dataclass(frozen=True)
+class Response:
+    """Tables of a design.
+
+    Attributes
+    ----------
+    base
+        Of the design.
+    changes
+        By the key of a number: the step that was taken, and the change of the table by it.
+    lossy
+        The table with `LOSS_STEP` more absorption at some of the angles, less the design's.
+    width_mm, offset_mm
+        Of the design's chip.
+    """
+
+    base: Table
+    changes: Mapping[str, tuple[float, Table]]
+    lossy: Table
+    width_mm: float
+    offset_mm: float
+
+    @classmethod
+    def of(
+        cls,
+        sensor: Sensor,
+        low_deg: float,
+        high_deg: float,
+        keys: Sequence[str] = (),
+        progress: Progress | None = None,
+    ) -> "Response":
+        """Response of a design between two angles, and how it changes with the numbers of some keys.
+
+        Raises
+        ------
+        SpecError
+            Where a key is not one of a real number that the light depends on.
+        DesignError
+            Where the design cannot be traced point by point.
+        """
+        for key in keys:
+            if key != INDEX and (why := sensor.inert(key)):
+                raise SpecError(key, limit=why, remedy="leave it out")
+        parts = 3.0 + len(keys)
+        fine = angles_deg(low_deg, high_deg)
+
+        def part(begin: float, share: float) -> Progress | None:
+            return None if progress is None else lambda done: progress((begin + share * done) / parts)
+
+        base = Table.of(sensor, fine, progress=part(0.0, 2.0))
+        changes = {}
+        for n, key in enumerate(keys):
+            step, other = _stepped(sensor, key)
+            changes[key] = (step, Table.of(other, fine[::2], base.edge, part(2.0 + n, 1.0)).less(base))
+        dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
+        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base.edge, part(parts - 1.0, 1.0)).less(base)
+        return cls(base, changes, lossy, sensor.light.width_mm, sensor.design.emitter.offset_mm)
+
+    @property
+    def reach_mm(self) -> float:
+        """How far from the axis a chip may reach."""
+        return self.base.reach_mm
+
+    def shares(
+        self,
+        angle_deg: FloatArray,
+        offset_mm: float,
+        spread_mm2: float,
+        moved: Mapping[str, float] | None = None,
+        loss_per_mm: float = 0.0,
+    ) -> FloatArray:
+        """Shares of the emitted power (n, 2), right and left, at angles (n,).
+
+        Parameters
+        ----------
+        angle_deg
+            Angles within the table's.
+        offset_mm, spread_mm2
+            Decentre of the emitter, and the square of its chip's width.
+        moved
+            By key, how far a number is from the design's.
+        loss_per_mm
+            Absorption beyond the design's.
+        """
+        if spread_mm2 >= LEAST_SPREAD_MM2:
+            return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), moved or {}, loss_per_mm)
+        least = self._of_width(angle_deg, offset_mm, math.sqrt(LEAST_SPREAD_MM2), moved or {}, loss_per_mm)
+        point = self._of_width(angle_deg, offset_mm, 0.0, moved or {}, loss_per_mm)
+        return np.asarray(point + (least - point) * (spread_mm2 / LEAST_SPREAD_MM2))
+
+    def path_mm(self, angle_deg: FloatArray) -> float:
+        """Mean way of the light that arrives, through the material, by what loss takes of it."""
+        plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
+        lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
+        return float(-math.log1p(lost / plain) / LOSS_STEP)
+
+    def _of_width(
+        self, angle_deg: FloatArray, offset_mm: float, width_mm: float, moved: Mapping[str, float], loss_per_mm: float
+    ) -> FloatArray:
+        found = self.base.chip(angle_deg, offset_mm, width_mm)
+        for key, by in moved.items():
+            if by:
+                step, change = self.changes[key]
+                found = found + (by / step) * change.chip(angle_deg, offset_mm, width_mm)
+        if loss_per_mm:
+            share = 1.0 + self.lossy.chip(angle_deg, offset_mm, width_mm) / np.maximum(found, LEAST_SHARE)
+            found = found * np.clip(share, 0.05, 1.0) ** (loss_per_mm / LOSS_STEP)
+        return found
+
+
+def _stepped(sensor: Sensor, key: str) -> tuple[float, Sensor]:
+    """The step of a number and the sensor beyond it."""
+    if key == INDEX:
+        return INDEX_STEP, _same_lens(Sensor.of(with_values(sensor.design, _of_index(sensor))), sensor)
+    value = value_at(sensor.design, key)
+    if not isinstance(value, float):
+        remedy = "set it in the design"
+        raise SpecError(key, value=value, limit="must be a real number that the design states", remedy=remedy)
+    step = STEPS.get(key, STEP_SHARE * abs(value) or STEP_SHARE)
+    return step, _same_lens(Sensor.of(with_values(sensor.design, {key: value + step})), sensor)
+
+
+def _of_index(sensor: Sensor) -> dict[str, float]:
+    """Values of a print in another index; its lens keeps the shape that it was designed with."""
+    values = {INDEX: sensor.material.index + INDEX_STEP, LOSS: sensor.material.absorption_per_mm}
+    if sensor.has_lens and not sensor.is_drawn and sensor.design.lens.design_index is None:
+        values["lens.design_index"] = sensor.material.index
+    return values
+
+
+def _same_lens(other: Sensor, sensor: Sensor) -> Sensor:
+    return replace(other, cut=sensor.cut) if sensor.is_measured else other

@@ -1,0 +1,163 @@
+"""A diagnosis in words: each number with what it may be off by, what cannot be told, and what to do about it.
+
+The interface: `words` and `advice`, a line each.
+"""
+
+import math
+from collections.abc import Iterator
+
+from solen.analysis.diagnosis.diagnose import Diagnosis, Estimate
+from solen.analysis.diagnosis.model import LOSS, OFFSET, SPREAD, ZERO
+
+NAMES = {
+    OFFSET: "the emitter's decentre",
+    SPREAD: "the chip's width",
+    ZERO: "the zero of the angle",
+    LOSS: "loss in the material",
+    "material.index": "the index",
+    "gain right": "the right receiver's gain",
+    "gain left": "the left receiver's gain",
+    "offset right": "the right receiver's offset",
+    "offset left": "the left receiver's offset",
+}
+SAYS = 0.8
+"""Share of what was known from which on a recording is said to say nothing more."""
+ALIKE = 0.05
+"""Gains that differ by less are alike."""
+NARROW_DEG = 2.0
+"""A range of angles below which a wider one is advised."""
+
+
+def words(found: Diagnosis) -> list[str]:
+    """What the recording says of the sensor, a line for each number; ± is half of an interval of 95 %."""
+    return [*_decentre(found), *_chip(found), *_zero(found), *_loss(found), *_others(found), *_gains(found)]
+
+
+def advice(found: Diagnosis) -> list[str]:
+    """What to do about it, a line each."""
+    return [*_shift(found), *_trim(found), *_record(found)]
+
+
+def pm(one: Estimate, unit: str | None = None) -> str:
+    """A number with half of its interval of 95 %, both to the place that the latter is worth telling to."""
+    if one.value is None or one.low is None or one.high is None:
+        return "not determined"
+    return _pm(one.value, 0.5 * (one.high - one.low), one.unit if unit is None else unit)
+
+
+def _pm(value: float, half: float, unit: str) -> str:
+    digits = 3 if half <= 0.0 or not math.isfinite(half) else max(0, 1 - math.floor(math.log10(half)))
+    digits = min(digits, 9)
+    return f"{value:.{digits}f} ± {half:.{digits}f}" + (unit if unit == "°" else f" {unit}" if unit else "")
+
+
+def _decentre(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates["emitter_offset_mm"]
+    if one.value is None or one.low is None or one.high is None:
+        yield f"the emitter's decentre cannot be told from this recording{_apart(found, OFFSET)}"
+        return
+    side = "right" if one.value >= 0.0 else "left"
+    half = 0.5 * (one.high - one.low)
+    said = f"emitter {_pm(abs(one.value), half, 'mm')} to the {side}"
+    yield said + (", which may be none" if abs(one.value) < half else "")
+
+
+def _chip(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates["chip_width_mm"]
+    if one.value is None or one.high is None or one.low is None:
+        yield f"the chip's width cannot be told from this recording{_apart(found, SPREAD)}"
+    elif one.low <= 0.0 or one.u is None:
+        yield f"chip at most {one.high:.2g} mm wide; it may be a point"
+    else:
+        yield f"chip {pm(one)} wide" + _beside_design(one)
+
+
+def _beside_design(one: Estimate) -> str:
+    """How a number stands to the design's, where that is outside its interval."""
+    if one.design is None or one.low is None or one.high is None or one.low <= one.design <= one.high:
+        return ""
+    return f" (the design says {one.design:g} {one.unit})"
+
+
+def _zero(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates["angle_zero_deg"]
+    if one.u is not None and one.known_u is not None and one.u > SAYS * one.known_u:
+        yield f"the zero of the angle is taken as known to {one.known_u:g}°: the recording says no more of it"
+    elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
+        yield f"the angle's zero is right within {max(-one.low, one.high):.2g}°"
+    elif one.value is not None:
+        turn = "left" if one.value > 0.0 else "right"
+        half = 0.5 * ((one.high or 0.0) - (one.low or 0.0))
+        yield f"at 0° the sensor leans {_pm(abs(one.value), half, '°')} to the {turn}"
+
+
+def _loss(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates["loss_per_mm"]
+    if one.value is None:
+        others = "the gain" if len(found.sides) == 1 else "both gains"
+        yield (
+            f"loss in the material and {others} together cannot be told apart from this recording: only their "
+            "product is known, and gains are given at the design's loss"
+        )
+    else:
+        yield f"loss beyond the design's {pm(one)}"
+
+
+def _others(found: Diagnosis) -> Iterator[str]:
+    for key in found.fitted.model.response.changes:
+        one = found.estimates[key]
+        if one.u is not None and one.known_u is not None and one.u > SAYS * one.known_u:
+            yield f"{key} is taken as the design's ± {one.known_u:g}: the recording says no more of it"
+        else:
+            yield f"{key} differs from the design's by {pm(one)}"
+
+
+def _gains(found: Diagnosis) -> Iterator[str]:
+    for side in found.sides:
+        gain, offset = found.estimates[f"gain_{side}_V"], found.estimates[f"offset_{side}_V"]
+        yield f"{side} receiver: gain {pm(gain)} for all of the emitted light, offset {pm(offset)}"
+    if "gain_ratio" in found.estimates:
+        yield f"right gain over left {pm(found.estimates['gain_ratio'])}"
+    for one, other, correlation in found.poor:
+        yield (
+            f"{NAMES.get(one, one)} and {NAMES.get(other, other)} are told apart poorly "
+            f"(correlation {correlation:+.3f})"
+        )
+
+
+def _apart(found: Diagnosis, name: str) -> str:
+    others = ", ".join(NAMES.get(other, other) for other in found.held.get(name, ()))
+    return f", nor apart from {others}" if others else ": the curves hardly depend on it"
+
+
+def _shift(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates["emitter_offset_mm"]
+    if one.value is None or one.low is None or one.high is None:
+        return
+    if one.low <= 0.0 <= one.high:
+        yield f"the emitter needs no shift: it is centred within {1e3 * max(-one.low, one.high):.2g} µm"
+    else:
+        side = "left" if one.value > 0.0 else "right"
+        half = 0.5e3 * (one.high - one.low)
+        yield f"moving the emitter by {_pm(abs(1e3 * one.value), half, 'µm')} to the {side} would centre the response"
+
+
+def _trim(found: Diagnosis) -> Iterator[str]:
+    one = found.estimates.get("gain_ratio")
+    if one is None or one.value is None or abs(one.value - 1.0) < ALIKE:
+        return
+    side, ratio = ("right", one.value) if one.value > 1.0 else ("left", 1.0 / one.value)
+    yield f"the {side} receiver's load divided by {ratio:.3g} would make both gains alike"
+
+
+def _record(found: Diagnosis) -> Iterator[str]:
+    if LOSS in found.held:
+        yield ("guides of several lengths (solen cutback) tell the loss; the gains are then known with it")
+    if OFFSET in found.held or SPREAD in found.held:
+        yield "a recording with the lens, or over a wider range of angles, would tell the emitter's decentre and chip"
+    angle = found.cycles.angle_deg
+    reach = float(angle[-1] - angle[0])
+    if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(found.held):
+        yield f"the range of {reach:.2g}° is small: a wider one would narrow every interval"
+    if len(found.cycles.volts) < 3:
+        yield "more cycles would tell how sure these numbers are: with fewer than three the intervals are wide"
