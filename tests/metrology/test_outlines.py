@@ -1,6 +1,10 @@
 """A lens in a picture: found wherever it lies and however it is lit, laid on its design, or refused with the reason."""
 
+import dataclasses
+import json
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +17,10 @@ from solen.metrology.nearest import cautions, nearest
 from solen.metrology.outline import measure
 from solen.metrology.register import effective_number, register
 from solen.pipeline.inspect import ideal_of
+from solen.plane import Rigid
+from solen.sensor import Sensor
+from solen.spec import loads
+from solen.spec.objects import CURVES
 from tests.metrology.lens_support import IDEAL, OUTLINE, PLACING, SHAPE, UM_PER_PX, plain, printed, taken
 from tests.metrology.render.micrograph import Level, dark_field, reflected, transmitted
 from tests.metrology.render.optics import gaussian
@@ -250,3 +258,23 @@ def test_two_edges_in_one_are_told_by_their_blur(apart_px: float, told: bool) ->
     found = measure(taken(levels, ground=0.8), IDEAL)
     assert len(found.edges) == 1
     assert any("measured as one" in text for text in found.warnings) == told
+
+
+def test_a_drawn_front_is_looked_at_as_that_of_a_y(tmp_path: Path) -> None:
+    """A body like the Y, drawn lying on its side and away from the origin: the same front, and as symmetric."""
+    lie = Rigid.about((3.0, 1.0), 90.0)
+    front = Sensor.of(shipped()).lens.front.moved(lie)
+    kind = next(name for name, cls in CURVES.items() if cls is type(front))
+    corners = [front.end, lie.point((2.0, 20.0)), lie.point((-2.0, 20.0)), front.start]
+    faces: list[dict[str, Any]] = [{"name": "lens", "curve": {"kind": kind, **dataclasses.asdict(front)}}]
+    faces += [
+        {"name": name, "curve": {"kind": "segment", "a": a, "b": b}}
+        for name, a, b in zip(("wall", "receiver", "wall"), corners, corners[1:], strict=False)
+    ]
+    emitters = [{"point": lie.point((0.0, -1.0)), "axis_deg": 90.0}]
+    drawn = {"solen_outline": 1, "faces": faces, "emitters": emitters}
+    (tmp_path / "own.json").write_text(json.dumps(drawn), encoding="utf-8")
+    text = 'schema = 1\nname = "own"\n[material]\nindex = 1.44\n[body]\nkind = "outline"\nfile = "own.json"\n'
+    ideal = ideal_of(loads(text, folder=tmp_path))
+    assert ideal.is_symmetric
+    assert np.abs(ideal.feet(IDEAL.front_mm[5:-5]).off_mm).max() < 1e-3

@@ -1,5 +1,6 @@
 """What `solen inspect` does: a picture of a printed lens laid on its design, from files to plain data and a figure."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from solen.metrology.profile import front_profile
 from solen.metrology.register import Registration
 from solen.pipeline.design import open_design
 from solen.pipeline.outputs import check_figure, check_out
+from solen.plane import Rigid
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
 
@@ -95,6 +97,10 @@ def inspect(
     return found | {name: str(path) for name, path in written if path is not None}
 
 
+LOWEST_OF = 2001
+"""Points among which the lowest of a drawn front is sought: its vertex."""
+
+
 def ideal_of(design: Design, name: str | None = None) -> Ideal:
     """Front that a design asks for, with the walls beside it; `DataError` where it has no lens of a known front."""
     sensor = Sensor.of(design)
@@ -118,13 +124,17 @@ def ideal_of(design: Design, name: str | None = None) -> Ideal:
 
 
 def _drawn(name: str, body: Body) -> Ideal:
-    """Front of a drawn body: its one face that is called lens."""
+    """Front of a drawn body: its one face that is called lens, turned and moved to where that of a Y lies."""
     fronts = [face for face in body.all_faces if face.part == "lens"]
     if len(fronts) != 1:
         limit = f"has {len(fronts)} faces called lens; one is needed to compare a picture with"
         raise DataError(name, limit=limit, remedy="draw the front as one path on a layer called lens")
     curve = fronts[0].curve
-    return Ideal.of(name, curve)
+    (x0, z0), (x1, z1) = curve.start, curve.end
+    level = curve.moved(Rigid.about((x0, z0), -math.degrees(math.atan2(z1 - z0, x1 - x0))))
+    lowest = float(level.points(np.linspace(0.0, 1.0, LOWEST_OF))[:, 1].min())
+    middle = 0.5 * (level.start[0] + level.end[0])
+    return Ideal.of(name, level.moved(Rigid(shift=(-middle, -lowest))))
 
 
 def _others(design: Design, ideal: Ideal, against: Sequence[Path]) -> list[Ideal]:
