@@ -77,6 +77,37 @@ def test_a_flickering_room_does_not_move_the_clock() -> None:
     assert np.abs(off_by_us(found.phase, phase, 200.0)).max() < SAMPLE_US
 
 
+@pytest.mark.parametrize("emitters", [1, 2, 3])
+def test_emitters_of_unlike_strength_in_a_room_that_warms_are_still_switches(emitters: int) -> None:
+    """10 kHz holds whole samples of a few turns, so that a phase is always seen of the same emitter, or never."""
+    time, values, _ = waveform(4.0, noise=0.002, emitters=emitters)
+    assert find_clock(time, values + 0.3 * time[:, None], 200.0, emitters=emitters).between_share < 0.15
+
+
+def test_a_sample_at_an_edge_is_in_no_slot() -> None:
+    """Emitters switched by the recorder's own clock: the sample at the edge is of one phase or the other by chance."""
+    time, values, _ = waveform(4.0, noise=0.002, start=0.0)
+    draw = np.random.default_rng(4)
+    phase = 200.0 * time % 1.0
+    edge = np.isclose(phase, 0.5) | np.isclose(phase, 0.0) | np.isclose(phase, 1.0)
+    values[edge] = np.where(draw.random(edge.sum()) < 0.5, 4.0, 3.0)[:, None]
+    clock = find_clock(time, values, 200.0)
+    found = subtract(slots_of(time, values, clock.states(0.0), gap_s=clock.shorter_s))
+    assert found.signal[:, 0] == pytest.approx(-1.0, abs=0.005)
+
+
+def test_samples_that_lack_here_and_there_part_no_slot_of_a_known_clock() -> None:
+    time, values, _ = waveform(4.0, noise=0.002)
+    kept = np.random.default_rng(5).random(time.size) > 0.1
+    clock = find_clock(time[kept], values[kept], 200.0)
+    states = clock.states(3e-4)
+    found = subtract(slots_of(time[kept], values[kept], states, gap_s=clock.shorter_s))
+    assert found.counts.missing == {1: 0}
+    assert found.time_s.size == pytest.approx(800, abs=1)
+    parted = subtract(slots_of(time[kept], values[kept], states))
+    assert parted.time_s.size > 1600
+
+
 @pytest.mark.parametrize("part", [2, 3])
 def test_a_part_of_the_rate_is_refused(part: int) -> None:
     """At 100 Hz a period holds two on phases; what stands out there is no clock of one emitter."""

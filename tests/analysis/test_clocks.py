@@ -128,6 +128,21 @@ def test_sides_that_no_name_tells_begin_with_a_positive_one() -> None:
     assert any("first excursion is called positive" in warning for warning in found.warnings)
 
 
+@pytest.mark.parametrize("other", [{"hold_s": 2.0}, {"hold_s": 0.2}, {"speed_deg_per_s": 5.0}], ids=str)
+def test_a_protocol_that_was_another_is_refused(other: dict[str, float]) -> None:
+    signals = made(replace(TRUTH, protocol=Protocol(**other)))  # type: ignore[arg-type]  # its numbers
+    with pytest.raises(DataError, match=r"does not go with ±3° at 15°/s and holds of 0\.8 s"):
+        unseen(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
+
+
+@pytest.mark.parametrize("other", [{"noise_V": 0.3}, {"drift_V_per_min": 3.0}, {"hysteresis_V": 0.3}], ids=str)
+def test_noise_drift_and_hysteresis_are_no_other_protocol(other: dict[str, float]) -> None:
+    signals = made(replace(TRUTH, **other))  # type: ignore[arg-type]  # its numbers
+    wander = 0.5 * np.sin(0.3 * signals.time_s)[:, None]
+    found = unseen(signals.time_s, signals.volts + wander * [0.0, 1.0], signals.receivers, Asked(3.0))
+    assert found.starts_s == pytest.approx(TRUTH.protocol.starts_s(), abs=0.1)
+
+
 def test_what_does_not_repeat_is_refused() -> None:
     time_s = np.arange(0.0, 20.0, 0.005)
     noise = np.random.default_rng(4).standard_normal((time_s.size, 2))

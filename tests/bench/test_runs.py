@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import h5netcdf
@@ -285,6 +286,30 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
     told = analyse(Request((Path(found["recording"]),)))
     assert [len(one["cycles"]) for one in told["sensors"].values()] == [3, 3]
     assert not [line for line in told["warnings"] if "not whole" in line]
+
+
+def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
+    with pytest.raises(OutputError, match=r"protocol\.nc; needs up to 0\..* MB, and 0\.2 MB are free; make room, then"):
+        pipeline.run(asked(bench))
+    monkeypatch.undo()
+    assert [path.name for path in (bench / "out").iterdir()] == ["protocol.journal"]
+    assert pipeline.recover(bench / "out" / "protocol.journal")["outcome"] == "done"
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"seed": -4}, r"--seed = -4; must be from 0 to 2\^63 - 1"),
+        ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; 200 at most; shorten it"),
+        ({"name": "../a"}, "must be the name of a file, without its folder"),
+        ({"resume": True}, "is not there: nothing was left; leave --resume out"),
+    ],
+)
+def test_bad_options_are_told_in_one_line(bench: Path, more: dict[str, Any], told: str) -> None:
+    with pytest.raises((BenchError, SpecError), match=told):
+        pipeline.run(asked(bench, **more))
+    assert not (bench / "out").exists()
 
 
 def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:

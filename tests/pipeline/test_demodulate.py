@@ -125,7 +125,7 @@ def test_missing_slots_are_told(tmp_path: Path) -> None:
         (Options(time="tine"), "", DataError, "tine"),
         (Options(channels=("rihgt",)), "", DataError, "did you mean right"),
         (Options(), "time_s,right (V),other", SpecError, "neither a column of states nor a rate"),
-        (Options(), "clock,right (V),led", DataError, "has no column time"),
+        (Options(), "moment,right (V),led", DataError, "has no column time"),
     ],
 )
 def test_what_cannot_be_is_refused(

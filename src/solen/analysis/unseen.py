@@ -14,6 +14,7 @@ The interface: `Protocol` of what was asked for, `unseen` gives an `Unseen`.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from solen.analysis.clocks import principal
@@ -24,6 +25,9 @@ from solen.recording.model import FloatArray
 _MOST = 1 << 20
 _ALIKE = 0.5  # correlation with itself one cycle later, at least
 _WHOLE = 0.7  # likeness of a cycle to the protocol, relative to the best
+_CELLS = 40
+_MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
+_ELSEWHERE = 0.1  # share of a signal's variance that an angle may leave open
 _SLACK = 0.05  # share of a cycle that the protocol may be longer
 
 
@@ -73,7 +77,7 @@ def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], pr
     Raises
     ------
     DataError
-        Where the signals do not repeat, or their cycle is shorter than the protocol's.
+        Where the signals do not repeat, their cycle is shorter than the protocol's, or they do not go with it.
     """
     sides = pair(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -89,6 +93,9 @@ def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], pr
     first = max(found, key=lambda sign: found[sign].size)
     starts = found[first] + grid[0]
     angle = _angle(time_s, starts, protocol.corners(period, first))
+    inside = (grid >= starts[0]) & (grid < starts[-1] + period)
+    turn = np.searchsorted(starts, grid[inside], side="right")
+    _check_goes_with(_less_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
     rest = period - protocol.shortest_s
     told = [
         f"no angle was recorded: cycles of {period:.4g} s were found in the voltages, and the angle is the one that "
@@ -104,6 +111,28 @@ def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], pr
             "the sign of the angle is that of the convention (right brighter at negative angles), not a finding"
         )
     return Unseen(angle, period, starts, tuple(told))
+
+
+def _less_means(signal: FloatArray, turn: NDArray[np.intp]) -> FloatArray:
+    """A signal less its mean over each cycle, so that what wanders from one to the next is left out."""
+    return np.asarray(signal - (np.bincount(turn, signal) / np.maximum(np.bincount(turn), 1))[turn])
+
+
+def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
+    """`DataError` where a signal is no function of the angle that a protocol had, beyond its noise."""
+    edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
+    cell = np.digitize(angle_deg, edges)
+    count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)
+    apart = signal - (np.bincount(cell, signal, _CELLS) / count)[cell]
+    noise = float(np.median(np.diff(signal, 2) ** 2)) / (6.0 * _MEDIAN_OF_SQUARES)
+    whole = float(signal.var()) - noise
+    rest = float(apart @ apart) / signal.size - noise
+    if whole > 0.0 and rest > _ELSEWHERE * whole:
+        limit = (
+            f"does not go with ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s and holds of "
+            f"{protocol.hold_s:g} s: that motion leaves {100.0 * rest / whole:.0f} % of its variance open"
+        )
+        raise DataError("recording", limit=limit, remedy="state the --speed-deg-per-s and --hold-s that the stage had")
 
 
 def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:

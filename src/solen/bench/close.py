@@ -274,14 +274,14 @@ def _readings(
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            found = _subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
+            found = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
             kept = found.of(sensor["emitter"]) & (found.time_s >= time_s[begin])
             if end < last:
                 kept &= found.time_s < time_s[end]
             yield _columns(found, kept, journaled, cuts)
 
 
-def _subtracted(
+def subtracted(
     counts: NDArray[np.uint16], time_s: FloatArray, sensor: Mapping[str, Any], header: Mapping[str, Any]
 ) -> Demodulated:
     """Demodulated readings of a sensor's two inputs in some periods.

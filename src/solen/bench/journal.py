@@ -112,7 +112,12 @@ class Journal:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None
         journal = cls(path, file, dict(dtypes))
         streams = {name: _descr(dtype) for name, dtype in dtypes.items()}
-        journal._write(MAGIC + _record(HEADER, 0, _json({**header, "streams": streams})))
+        try:
+            journal._write(MAGIC + _record(HEADER, 0, _json({**header, "streams": streams})))
+        except BenchError:
+            file.close()
+            path.unlink(missing_ok=True)
+            raise
         return journal
 
     @classmethod
@@ -190,7 +195,10 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
     """Two passes, so that a long journal needs little more memory than its rows: what there is, then the rows."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
-    if file.read(len(MAGIC)) != MAGIC:
+    begun = file.read(len(MAGIC))
+    if begun != MAGIC and MAGIC.startswith(begun):
+        raise _nothing(path)
+    if begun != MAGIC:
         raise DataError(str(path), limit="is no journal of solen", remedy=f"name a {SUFFIX} file")
     header: dict[str, Any] | None = None
     sizes: dict[int, int] = {}
@@ -208,7 +216,7 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
         elif kind == END:
             end = json.loads(payload)
     if header is None:
-        raise DataError(str(path), limit="was killed before its header was whole: it holds nothing")
+        raise _nothing(path)
     dtypes = _dtypes(header, path)
     counts = {name: sizes.get(number, 0) // dtype.itemsize for number, (name, dtype) in enumerate(dtypes.items())}
     held = {number: name for number, name in enumerate(dtypes) if name not in header.get("bulky", ())}
@@ -216,6 +224,21 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
     _fill(data, file, whole)
     found = {name: np.frombuffer(data[number], dtypes[name]) for number, name in held.items()}
     return Journaled(header, found, tuple(events), end, whole, size - whole, path, counts)
+
+
+def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
+    """Whole records from a place on, 0 for the first: kind, stream and payload of each; and where the next begins."""
+    with path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        place = max(begin, len(MAGIC))
+        file.seek(place)
+        found = list(_records(file, size))
+    return found, place + sum(_HEAD.size + len(payload) for _, _, payload in found)
+
+
+def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
+    """Columns of each stream, in the order of their numbers, by what a header says; `DataError` where it is none."""
+    return _dtypes(header, path)
 
 
 def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
@@ -226,6 +249,10 @@ def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
         if kind == ROWS and stream in data:
             data[stream][at[stream] : at[stream] + len(payload)] = payload
             at[stream] += len(payload)
+
+
+def _nothing(path: Path) -> DataError:
+    return DataError(str(path), limit="holds nothing: its run was killed as it began", remedy="remove it")
 
 
 def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:

@@ -141,8 +141,11 @@ def _live() -> Iterator[tuple[Callable[["Tick"], None] | None, Callable[[str], N
     from rich.live import Live
     from rich.text import Text
 
-    with Live(Text("beginning"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
-        yield (lambda tick: live.update(Text(_line(tick)))), (lambda text: live.update(Text(text)))
+    def shown(text: str) -> Text:
+        return Text(text, no_wrap=True, overflow="ellipsis")
+
+    with Live(shown("beginning"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
+        yield (lambda tick: live.update(shown(_line(tick)))), (lambda text: live.update(shown(text)))
 
 
 def _line(tick: "Tick") -> str:

@@ -3,6 +3,7 @@
 import datetime as dt
 import math
 import platform
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -49,6 +50,10 @@ READ_S = 0.1
 READ_SIMULATED_S = 1.0
 READ_SIMULATED_MOST_S = 10.0
 """A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
+ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
+"""A recording takes no more room than its journal so many times, and so many bytes."""
+LONGEST_NAME = 200
+"""Of a recording, in bytes: with its ends it must be the name of a file everywhere."""
 PAUSE_S = 1.0
 """At least so much later a run is taken up than it was left."""
 Say = Callable[[str], None]
@@ -111,6 +116,8 @@ def run(asked: Asked, *, watch: Watch | None = None, say: Say | None = None) -> 
     check_installed()
     protocol, rig = load_protocol(asked.protocol), load_rig(asked.rig)
     if asked.seed is not None:
+        if not 0 <= asked.seed < 1 << 63:
+            raise SpecError("--seed", value=asked.seed, limit="must be from 0 to 2^63 - 1")
         rig = rig.model_copy(update={"seed": asked.seed})
     _check_together(protocol, rig, asked)
     name = asked.name or asked.protocol.stem
@@ -162,6 +169,7 @@ def _close(path: Path, target: Path) -> dict[str, Any]:
     Whoever is killed on the way leaves the journal; a recording that was written by then is written anew.
     """
     files.remove_left(target)
+    _check_room(path, target)
     journaled = read_journal(path)
     done = closed(journaled, target)
     row = Catalogue(target.parent).add(target)
@@ -169,6 +177,15 @@ def _close(path: Path, target: Path) -> dict[str, Any]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
     files.remove(path)
     return _told(done, journaled) | {"simulated": row.simulated}
+
+
+def _check_room(path: Path, target: Path) -> None:
+    """`OutputError` where the disk has no room for the recording of a journal."""
+    needed = int(ROOM_OF_JOURNAL * path.stat().st_size) + ROOM_BYTES if path.exists() else 0
+    free = shutil.disk_usage(target.absolute().parent).free if path.exists() else 0
+    if free < needed:
+        limit = f"needs up to {1e-6 * needed:.2g} MB, and {1e-6 * free:.2g} MB are free"
+        raise OutputError(str(target), limit=limit, remedy=f"make room, then solen bench recover {path.name}")
 
 
 def _is_of(target: Path, journal: Path) -> bool:
@@ -206,6 +223,9 @@ def _check_together(protocol: Protocol, rig: Rig, asked: Asked) -> None:
 
 
 def _check_name(name: str) -> None:
+    if len(name.encode()) > LONGEST_NAME:
+        limit = f"is {len(name.encode())} bytes long; {LONGEST_NAME} at most"
+        raise SpecError("--name", value=f"{name[:20]}…", limit=limit, remedy="shorten it")
     if not name or any(sign in name for sign in '/\\:*?"<>|') or name.startswith("."):
         raise SpecError("--name", value=name, limit="must be the name of a file, without its folder")
 

@@ -56,6 +56,7 @@ def demodulate(
         samples.state,
         settle_s=samples.settle_s if samples.clock is None else 0.0,
         limits=limits_of(samples, options),
+        gap_s=None if samples.clock is None else samples.clock.shorter_s,
     )
     kernel = next(one for one in KERNELS if one == options.kernel)
     found = subtract(slots, kernel)

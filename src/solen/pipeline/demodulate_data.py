@@ -12,6 +12,7 @@ from solen.analysis.demodulation.rejection import KERNELS
 from solen.analysis.demodulation.slots import FloatArray, IntArray
 from solen.errors import DataError, SpecError
 from solen.pipeline.outputs import check_choice
+from solen.pipeline.told import told, told_receivers
 from solen.recording import Channel, Recording
 
 TIMES = ("time", "t", "timestamp", "zeit")
@@ -75,7 +76,7 @@ def samples_of(recording: Recording, options: Options) -> Samples:
     settle_s = 1e-6 * (SETTLE_US if options.settle_us is None else options.settle_us)
     on: On = "low" if options.on == "low" else "high"
     clock = find_clock(time_s, values, options.rate_hz, on=on, emitters=options.emitters)
-    shorter_us = 1e6 * min(clock.on_share, 1.0 - clock.on_share) / clock.rate_hz
+    shorter_us = 1e6 * clock.shorter_s
     if 1e6 * settle_s >= shorter_us:
         limit = f"leaves nothing of the shorter phase, which lasts {shorter_us:.0f} µs"
         raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
@@ -103,7 +104,9 @@ def beside(recording: Recording, options: Options, at_s: FloatArray) -> dict[str
 
 
 def _time(recording: Recording, options: Options) -> Channel:
-    return recording.channel(options.time) if options.time else recording.need(*TIMES)
+    if options.time:
+        return recording.channel(options.time)
+    return recording.find(*TIMES) or told(recording, "time") or recording.need(*TIMES)
 
 
 def _names(channels: tuple[Channel, ...]) -> set[str]:
@@ -115,6 +118,7 @@ def _channels(recording: Recording, options: Options, time: Channel) -> tuple[Ch
     if options.channels:
         return tuple(recording.channel(name) for name in options.channels)
     found = tuple(one for one in recording.channels if named_unit(one)[1] in VOLTAGES and one.name != time.name)
+    found = found or tuple(told_receivers([one for one in recording.channels if one is not time]))
     if not found:
         names = ", ".join(one.name for one in recording.channels)
         limit = f"no column is in V; there are {names}"

@@ -360,7 +360,7 @@ def demodulated(one: Sampled, rate_hz: float, emitters: int, settle_us: float) -
     """
     clock = find_clock(one.base.time_s, one.volts, rate_hz, emitters=emitters)
     states = clock.states(1e-6 * settle_us, emitters)
-    found = subtract(slots_of(one.base.time_s, one.volts, states))
+    found = subtract(slots_of(one.base.time_s, one.volts, states, gap_s=clock.shorter_s))
     made = {}
     for emitter in found.emitters:
         here = found.of(emitter)

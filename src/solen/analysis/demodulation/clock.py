@@ -22,6 +22,8 @@ from solen.errors import DataError
 On = Literal["low", "high"]
 
 LEAST_PERIODS, BLOCK_PERIODS = 8, 32
+AT_EDGE = 0.45
+"""Steps of the samples from an edge within which one may be of either side."""
 LEAST_SAMPLES = 6
 """Samples in a period: an edge, a settled and a spare one on each side."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
@@ -66,7 +68,11 @@ class Clock:
     between_share: float = 0.0
 
     def states(self, settle_s: float, emitters: int = 1) -> IntArray:
-        """State of each sample (N,): settling ones, and those within three jitters of the next edge, are dropped."""
+        """State of each sample (N,): settling ones, and those at an edge, are dropped.
+
+        An edge is known to its jitter, three of which are kept from it, and between two samples; where a recorder and
+        the emitters share a clock the one at the edge may be of either side, period by period.
+        """
         turns = np.floor(self.phase).astype(np.int64)
         inside = self.phase - turns
         is_on = inside < self.on_share
@@ -75,7 +81,14 @@ class Clock:
         whole = turns - turns.min() if turns.size else turns
         state = np.where(is_on, whole % emitters + 1, OFF)
         guard = 3e-6 * self.jitter_us
-        return np.asarray(np.where((since < settle_s + guard) | (until < guard), DROPPED, state), dtype=np.int64)
+        apart = AT_EDGE * (self.phase[-1] - self.phase[0]) / max(len(self.phase) - 1, 1) / self.rate_hz
+        edge = (since < guard + max(settle_s, apart)) | (until < guard + apart)
+        return np.asarray(np.where(edge, DROPPED, state), dtype=np.int64)
+
+    @property
+    def shorter_s(self) -> float:
+        """The shorter of the two phases: samples that lack for less of a time hide none."""
+        return min(self.on_share, 1.0 - self.on_share) / self.rate_hz
 
 
 def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On = "low", emitters: int = 1) -> Clock:
@@ -104,15 +117,15 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     _check(time_s, stated)
     start = time_s - time_s[0]
     near = _strongest(start, signal, stated)
-    middle, turns, clearness = _followed(start, signal, near)
+    middle, turns, clearness, level = _followed(start, signal, near)
     if clearness < CLEAR:
         limit = f"no modulation stands out near it: {clearness:.1f} times its noise, where {CLEAR:g} are needed"
         raise DataError("rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or a column of states")
     slope, u_slope, rough = _line(middle, turns)
     phase = near * start + _between(middle, turns, start)
-    folded = _folded(phase, signal)
+    folded = _folded(phase, level)
     _check_once(folded, rate_hz)
-    rise, on_share, depth, between_share = _edges(folded)
+    rise, on_share, depth = _edges(folded)
     phase -= rise
     phase -= np.floor(phase[0] + 1e-9)
     wander = turns - np.polyval(np.polyfit(middle, turns, 1), middle)
@@ -126,7 +139,7 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
         on_share=on_share,
         depth=depth,
         clearness=clearness,
-        between_share=between_share,
+        between_share=_between_share(phase, level, emitters),
     )
 
 
@@ -153,8 +166,13 @@ def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
     return float(frequency[near][int(np.argmax(power[near]))])
 
 
-def _followed(start: FloatArray, signal: FloatArray, rate_hz: float) -> tuple[FloatArray, FloatArray, float]:
-    """Middle of each block, its phase in turns against a clock of that rate, and how clearly it stands out."""
+def _followed(
+    start: FloatArray, signal: FloatArray, rate_hz: float
+) -> tuple[FloatArray, FloatArray, float, FloatArray]:
+    """Middle of each block, its phase in turns against a clock of that rate, and how clearly it stands out.
+
+    Last the signal less the mean of each block, which a drift of the room does not move.
+    """
     periods = min(BLOCK_PERIODS, max(2, int(start[-1] * rate_hz) // 4))
     block = np.minimum((start * rate_hz / periods).astype(np.int64), int(start[-1] * rate_hz / periods) - 1)
     count = np.bincount(block)
@@ -166,7 +184,7 @@ def _followed(start: FloatArray, signal: FloatArray, rate_hz: float) -> tuple[Fl
     turns = np.unwrap(np.angle(fundamental)) / (2.0 * np.pi)
     line = np.median(np.abs(fundamental))
     beside = _noise(start, level, rate_hz, block, count)
-    return np.bincount(block, start) / count, turns, float(line / beside) if beside > 0.0 else np.inf
+    return np.bincount(block, start) / count, turns, float(line / beside) if beside > 0.0 else np.inf, level
 
 
 def _noise(start: FloatArray, level: FloatArray, rate_hz: float, block: IntArray, count: IntArray) -> float:
@@ -199,13 +217,22 @@ def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatA
     return found
 
 
-def _folded(phase: FloatArray, signal: FloatArray) -> FloatArray:
-    """Mean signal by the phase, in bins of one period."""
-    place = np.floor((phase % 1.0) * BINS).astype(np.int64) % BINS
-    count = np.bincount(place, minlength=BINS)
+def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray:
+    """Mean signal by the phase, in bins of one period, or of several turns."""
+    bins = turns * BINS
+    place = np.floor((phase % turns) * BINS).astype(np.int64) % bins
+    count = np.bincount(place, minlength=bins)
     filled = np.flatnonzero(count)
-    means = np.bincount(place, signal, minlength=BINS)[filled] / count[filled]
-    return np.interp(np.arange(BINS), filled, means, period=BINS)
+    means = np.bincount(place, signal, minlength=bins)[filled] / count[filled]
+    return np.interp(np.arange(bins), filled, means, period=bins)
+
+
+def _between_share(phase: FloatArray, signal: FloatArray, emitters: int) -> float:
+    """Share of a period between a quarter and three quarters of its height, each emitter's of its own."""
+    waves = _folded(phase, signal, emitters).reshape(emitters, BINS)
+    low, high = np.percentile(waves, [10, 90], axis=1)
+    above = waves - 0.5 * (low + high)[:, None]
+    return float((np.abs(above) < 0.25 * (high - low)[:, None]).mean())
 
 
 def _levels(folded: FloatArray) -> tuple[float, float]:
@@ -223,13 +250,12 @@ def _check_once(folded: FloatArray, rate_hz: float) -> None:
         raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=f"try {rises * rate_hz:g}, or more emitters")
 
 
-def _edges(folded: FloatArray) -> tuple[float, float, float, float]:
-    """Phase of the rise of the folded signal, share of it above half its height, its height, and its share between."""
+def _edges(folded: FloatArray) -> tuple[float, float, float]:
+    """Phase of the rise of the folded signal, share of it above half its height, and its height."""
     low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)
-    between = np.abs(above) < 0.25 * (high - low)
-    return rise, float((fall - rise) % 1.0), high - low, float(between.mean())
+    return rise, float((fall - rise) % 1.0), high - low
 
 
 def _crossing(above: FloatArray) -> float:

@@ -60,6 +60,7 @@ def slots_of(
     *,
     settle_s: float = 0.0,
     limits: tuple[FloatArray, FloatArray] | None = None,
+    gap_s: float | None = None,
 ) -> Slots:
     """Slots of samples.
 
@@ -75,6 +76,9 @@ def slots_of(
         Time from a slot's first sample during which samples are left out.
     limits
         Lowest and highest value of each channel, both (C,): a sample there is taken as cut off.
+    gap_s
+        Time without samples from which on two of one state are of two slots; by default one and a half usual steps.
+        Where every phase is known to last longer, fewer samples hide none.
 
     Raises
     ------
@@ -82,7 +86,7 @@ def slots_of(
         Where times do not ascend or there are no samples.
     """
     _check(time_s, values, state)
-    begins = _begins(time_s, state)
+    begins = _begins(time_s, state, gap_s)
     if begins.all():
         return _single(time_s, values, state, settle_s, limits)
     slot = np.cumsum(begins) - 1
@@ -144,11 +148,11 @@ def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
         )
 
 
-def _begins(time_s: FloatArray, state: IntArray) -> BoolArray:
+def _begins(time_s: FloatArray, state: IntArray, gap_s: float | None) -> BoolArray:
     """Whether a sample begins a slot: another state, or a gap in time before it."""
     steps = np.diff(time_s)
-    usual = float(np.median(steps)) if steps.size else 0.0
-    return np.concatenate([[True], (np.diff(state) != 0) | (steps > BREAK * usual)])
+    usual = BREAK * float(np.median(steps)) if steps.size else 0.0
+    return np.concatenate([[True], (np.diff(state) != 0) | (steps > max(usual, gap_s or 0.0))])
 
 
 def _at_limit(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:

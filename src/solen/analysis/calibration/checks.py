@@ -1,0 +1,134 @@
+"""What a calibration is worth, by what it has not seen: a cycle left out, a print left out.
+
+The idea: the rest is calibrated as if what is left out had never been recorded; then it is decoded and held against the
+angle of the stage. The share of readings within their bands tells whether the bands can be believed; readings of one
+cycle err together, so that the share of a single recording scatters more than its number of readings suggests.
+
+The interface: `leave_one_cycle_out` and `leave_one_sensor_out`, both a `Check` with a `Part` for each thing left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.analysis.calibration.decoder import Decoded, Decoder
+from solen.analysis.calibration.fit import Calibration, calibrated, mean_of
+from solen.analysis.calibration.training import Samples, Training
+from solen.recording.model import FloatArray
+
+_MOST_FOLDS = 20
+_MOST_READINGS = 40_000
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one cycle, or one print, showed: errors are decoded less true angles."""
+
+    name: str
+    readings: int
+    rms_deg: float
+    bias_deg: float
+    worst_deg: float
+    within_68: float
+    within_95: float
+    outside: float
+    ambiguous: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """All of it together, and in its parts.
+
+    ``true_deg``, ``angle_deg``, ``low_deg`` and ``high_deg`` (68 and 95 %, (n, 2)) are its readings.
+    """
+
+    whole: Part
+    parts: tuple[Part, ...]
+    true_deg: FloatArray = field(repr=False)
+    angle_deg: FloatArray = field(repr=False)
+    low_deg: FloatArray = field(repr=False)
+    high_deg: FloatArray = field(repr=False)
+
+
+def leave_one_cycle_out(training: Training) -> Check | None:
+    """Each cycle decoded by the others; None with fewer than three. Many cycles are left out in twenty groups."""
+    if training.cycles < 3:
+        return None
+    folds = np.array_split(np.arange(training.cycles), min(training.cycles, _MOST_FOLDS))
+    names, found = [], []
+    for fold in folds:
+        out = np.isin(np.arange(training.cycles), fold)
+        names.append(f"cycle {fold[0] + 1}" if fold.size == 1 else f"cycles {fold[0] + 1} to {fold[-1] + 1}")
+        samples = training.samples.part(out[training.samples.cycle])
+        found.append(_held(calibrated(training.only(~out)), _thinned(samples, len(folds))))
+    return _check(names, found)
+
+
+def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
+    """Each print decoded by the others, of which two at least must be left; None with fewer than three."""
+    if len(ones) < 3:
+        return None
+    found = []
+    for place, training in enumerate(trainings):
+        others = [one for number, one in enumerate(ones) if number != place]
+        found.append(_held(mean_of(others), _thinned(training.samples, len(ones))))
+    return _check([one.label for one in trainings], found)
+
+
+def decoded_by(calibration: Calibration, training: Training) -> Check:
+    """A print decoded by a calibration that is not its own."""
+    return _check([training.label], [_held(calibration, _thinned(training.samples, 1))])
+
+
+def _thinned(samples: Samples, folds: int) -> Samples:
+    every = -(-samples.angle_deg.size * folds // _MOST_READINGS)
+    return samples.part(np.arange(samples.angle_deg.size) % max(every, 1) == 0)
+
+
+def _held(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decoded]:
+    low, high = calibration.angle_deg[[0, -1]]
+    inside = samples.part((samples.angle_deg >= low) & (samples.angle_deg <= high))
+    return inside.angle_deg, Decoder(calibration).decode(inside.volts)
+
+
+def _check(names: Sequence[str], found: Sequence[tuple[FloatArray, Decoded]]) -> Check:
+    parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, found, strict=True))
+    weight = np.array([part.readings for part in parts], dtype=float)
+    weight /= max(weight.sum(), 1.0)
+
+    def mean(name: str) -> float:
+        return float(weight @ np.array([getattr(part, name) for part in parts]))
+
+    errors = np.concatenate([decoded.angle_deg - true for true, decoded in found])
+    whole = Part(
+        name="all",
+        readings=errors.size,
+        rms_deg=float(np.sqrt(np.mean(errors**2))),
+        bias_deg=float(errors.mean()),
+        worst_deg=float(np.abs(errors).max()),
+        within_68=mean("within_68"),
+        within_95=mean("within_95"),
+        outside=mean("outside"),
+        ambiguous=mean("ambiguous"),
+    )
+    columns = [
+        np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")
+    ]
+    return Check(whole, parts, np.concatenate([true for true, _ in found]), *columns)
+
+
+def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:
+    """Errors of decoded angles and how often their bands hold the true ones."""
+    errors = decoded.angle_deg - true_deg
+    return Part(
+        name=name,
+        readings=errors.size,
+        rms_deg=float(np.sqrt(np.mean(errors**2))),
+        bias_deg=float(errors.mean()),
+        worst_deg=float(np.abs(errors).max()),
+        within_68=float(decoded.holds(true_deg, 0).mean()),
+        within_95=float(decoded.holds(true_deg, 1).mean()),
+        outside=float(decoded.outside.mean()),
+        ambiguous=float(decoded.ambiguous.mean()),
+    )

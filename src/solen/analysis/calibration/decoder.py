@@ -1,0 +1,450 @@
+"""Voltages to angles by a calibration: the likelihood of every angle, and what it says.
+
+The idea: between neighbouring points the curve in the plane of both voltages is straight, so that the nearest angle of
+each piece has a closed form. Pieces whose best is far below the very best are left out; the rest fall into stretches of
+angles that touch. Over each stretch the likelihood, a t distribution about the rising and the falling curve, each with
+half the weight, is laid on a fine grid of its own, however narrow it is. All angles of the calibrated range are equally
+likely beforehand. A stretch's share of the whole is its probability, its band the shortest that holds 68 or 95 % of
+it. Where two stretches count, the reading is ambiguous and both are given.
+
+A receiver whose reading is clipped says only that the true voltage lies at or beyond it.
+
+The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `reference` has the same slowly.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+from scipy.stats import f as f_distribution
+
+from solen.analysis.calibration.fit import Calibration, at_angles
+from solen.recording.model import FloatArray
+
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
+
+LEVELS = (0.68, 0.95)
+OUTSIDE = 1e-3
+"""A reading that would be so rare on the curve lies outside of it."""
+_DROP = 8.0  # of the log-likelihood, below its largest, that still counts
+_POINTS = 64  # of a stretch's own grid
+_AT_ONCE = 512
+_MOST_PIECES = 4000
+_FLAT = 0.1  # of a standard deviation that the curve may lie beside its straight pieces
+_COUNTS = 0.01  # probability of a stretch that is told
+_TINY = 1e-6  # of a piece
+_SHORT = 1e-9  # standard deviations: a piece is given at least this length
+_DEEPEST = 200.0  # below the best log-likelihood that there is, readings are on no piece and all are looked at
+_SURE = 1.0 - LEVELS[1]
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """Angles of readings.
+
+    Attributes
+    ----------
+    angle_deg
+        Median of the most probable stretch, (n,).
+    low_deg, high_deg
+        Its bands of 68 and 95 %, (n, 2).
+    probability
+        Of that stretch.
+    right
+        Probability of a negative angle, which is to the right.
+    distance
+        Squared distance of the voltages from the curve in units of their covariance.
+    outside, ambiguous, clipped
+        Whether the voltages are on no point of the curve, on several, or at the end of what the recorder shows.
+    at_end
+        Whether the band reaches an end of the calibrated range: the angle may lie beyond.
+    other
+        The readings (k,) that other stretches belong to.
+    other_deg, other_probability
+        Their bands of 95 % (k, 2), and how probable they are.
+    """
+
+    angle_deg: FloatArray
+    low_deg: FloatArray
+    high_deg: FloatArray
+    probability: FloatArray
+    right: FloatArray
+    distance: FloatArray
+    outside: BoolArray
+    ambiguous: BoolArray
+    clipped: BoolArray
+    at_end: BoolArray
+    other: IntArray
+    other_deg: FloatArray
+    other_probability: FloatArray
+
+    def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
+        """Whether the bands of a level (0 or 1) hold the true angles; at the second, any stretch's may."""
+        found = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
+        if level == len(LEVELS) - 1 and self.other.size:
+            true = angle_deg[self.other]
+            inside = (self.other_deg[:, 0] <= true) & (true <= self.other_deg[:, 1])
+            found[self.other[inside]] = True
+        return np.asarray(found)
+
+
+@dataclass(frozen=True)
+class _Metric:
+    """How far voltages are from each straight piece, for the receivers that are not clipped.
+
+    With (V_left, V_right, 1) times `along` a reading's place along a piece is found, 0 to 1 within it, and times
+    `aside` its distance from the piece's line, in units of the covariance; `square` is the squared length of the piece.
+    """
+
+    along: FloatArray  # (3, 2 k): all rising pieces, then all falling ones
+    aside: FloatArray  # (3, 2 k)
+    square: FloatArray  # (2 k,)
+    constant: FloatArray  # (k,), minus half the logarithm of the determinant
+    size: int
+    tops: FloatArray  # log-likelihoods, ascending, and the largest squared distance that may still count beside each
+    reach: FloatArray
+
+
+class Decoder:
+    """A calibration made ready.
+
+    Parameters
+    ----------
+    calibration
+        What is known of the sensor.
+    gain_percent
+        Standard deviation of a common factor of the light, as an emitter's that ages or warms.
+    dark_V
+        Voltage without light, which that factor leaves alone.
+    """
+
+    def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
+        self.calibration = calibration
+        total, freedom = calibration.law()
+        if gain_percent:
+            light = calibration.curves_V.mean(axis=0) - dark_V
+            total = total + (0.01 * gain_percent) ** 2 * light[:, :, None] * light[:, None, :]
+        self.nodes_deg = _nodes(calibration, total)
+        curves = at_angles(calibration.angle_deg, calibration.curves_V, self.nodes_deg)
+        self._start, self._step = curves[:, :-1], np.diff(curves, axis=1)
+        middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
+        self._covariance = _between_points(calibration.angle_deg, total, middle)
+        self._freedom = np.interp(middle, calibration.angle_deg, freedom)
+        self._width = float(self.nodes_deg[1] - self.nodes_deg[0])
+        self._limit = 2.0 * np.asarray(f_distribution.isf(OUTSIDE, 2, np.minimum(self._freedom, 1e6)))
+        self._metrics: dict[tuple[bool, bool], _Metric] = {}
+        self._noise_deg = self._reading_noise(calibration)
+
+    @property
+    def pieces(self) -> int:
+        """How many straight pieces the curve has."""
+        return int(self._freedom.size)
+
+    @property
+    def range_deg(self) -> tuple[float, float]:
+        """Ends of the calibrated range."""
+        return float(self.nodes_deg[0]), float(self.nodes_deg[-1])
+
+    def noise_deg(self, angle_deg: FloatArray) -> FloatArray:
+        """Standard deviation of an angle by the noise of a reading alone, (n,)."""
+        return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
+
+    def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
+        """Angles of readings.
+
+        Parameters
+        ----------
+        volts
+            Left and right, (n, 2), finite.
+        clipped
+            1 where a reading stands at the upper end of what the recorder shows, −1 at the lower, else 0, (n, 2).
+        """
+        marks = np.zeros(volts.shape, dtype=np.int8) if clipped is None else clipped
+        parts = [
+            self._some(volts[begin : begin + _AT_ONCE], marks[begin : begin + _AT_ONCE])
+            for begin in range(0, max(len(volts), 1), _AT_ONCE)
+        ]
+        return _joined(parts)
+
+    def _some(self, volts: FloatArray, marks: NDArray[np.int8]) -> Decoded:
+        """Readings in groups of one kind of clipping."""
+        if not marks.any():
+            return self._alike(volts, (0, 0))
+        kinds, kind = np.unique(marks, axis=0, return_inverse=True)
+        kind = kind.reshape(-1)
+        rows = [np.flatnonzero(kind == number) for number in range(len(kinds))]
+        parts = [self._alike(volts[row], (int(k[0]), int(k[1]))) for row, k in zip(rows, kinds, strict=True)]
+        return _restored(parts, rows)
+
+    def _metric(self, marks: tuple[int, int]) -> _Metric:
+        """Linear forms of the receivers that are not clipped."""
+        key = (marks[0] == 0, marks[1] == 0)
+        if key not in self._metrics:
+            self._metrics[key] = self._new_metric(np.flatnonzero(key))
+        return self._metrics[key]
+
+    def _new_metric(self, kept: IntArray) -> _Metric:
+        whiten, constant = np.zeros((self.pieces, 2, 2)), np.zeros(self.pieces)
+        if kept.size:
+            root = np.linalg.cholesky(self._covariance[:, kept[:, None], kept])
+            whiten[:, : kept.size, kept] = np.linalg.inv(root)
+            constant = -np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        step = np.einsum("kij,dkj->dki", whiten, self._step)
+        step[(step**2).sum(axis=-1) < _SHORT**2] = [_SHORT, 0.0]
+        square = (step**2).sum(axis=-1)
+        across = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.sqrt(square)[..., None]
+        along, aside = (self._form(one, whiten) for one in (step / square[..., None], across))
+        tops = np.linspace(constant.min() - _DEEPEST, constant.max(), 400)
+        allowed = [self._allowed(np.array([top]), slice(None), constant, kept.size).max() for top in tops.tolist()]
+        return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
+
+    def _form(self, direction: FloatArray, whiten: FloatArray) -> FloatArray:
+        """Whitened voltages from the beginning of each piece along a direction, as a linear form, (3, 2 k)."""
+        slope = np.einsum("dki,kij->dkj", direction, whiten)
+        level = -(slope * self._start).sum(axis=-1, keepdims=True)
+        return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
+
+    def _allowed(self, top: FloatArray, piece: slice | IntArray, constant: FloatArray, size: int) -> FloatArray:
+        """Squared distance at which the log-likelihood is as far below the top as still counts."""
+        freedom = self._freedom[piece]
+        most = np.minimum(2.0 * (constant[piece] - top + _DROP) / (freedom + size), 500.0)
+        return np.asarray(freedom * np.expm1(most))
+
+    def _alike(self, volts: FloatArray, marks: tuple[int, int]) -> Decoded:
+        metric = self._metric(marks)
+        row, place, along, distance = self._near(volts, metric, all_of_it=any(marks))
+        piece = place % self.pieces
+        best = metric.constant[piece] + self._law(distance, piece, metric.size)
+        if any(marks):
+            best = best + self._beyond(volts[row], self._point(place, along), piece, marks)
+        top = np.full(len(volts), -np.inf)
+        np.maximum.at(top, row, best)
+        kept = best >= top[row] - _DROP
+        row, place, along, distance, best = row[kept], place[kept], along[kept], distance[kept], best[kept]
+        first = best == top[row]
+        nearest, limit = np.zeros(len(volts)), np.zeros(len(volts))
+        nearest[row[first]], limit[row[first]] = distance[first], self._limit[place[first] % self.pieces]
+        return self._told(
+            volts, marks, metric, self._stretches(row, place, along, distance, top, metric), nearest, limit
+        )
+
+    def _near(
+        self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
+    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+        """Readings and pieces that may count, the reading's place along that piece, and its squared distance."""
+        three = np.column_stack([volts, np.ones(len(volts))])
+        along = three @ metric.along
+        distance = three @ metric.aside
+        distance *= distance
+        over = along - np.clip(along, 0.0, 1.0)
+        over *= over
+        over *= metric.square
+        distance += over
+        if all_of_it:
+            row, place = np.divmod(np.arange(distance.size), distance.shape[1])
+            return row, place, along.ravel(), distance.ravel()
+        least = distance.argmin(axis=1)
+        piece = least % self.pieces
+        top = metric.constant[piece] + self._law(distance[np.arange(len(volts)), least], piece, metric.size)
+        below = np.maximum(np.searchsorted(metric.tops, top, side="right") - 1, 0)
+        reach = np.where(top < metric.tops[0], np.inf, metric.reach[below])
+        row, place = np.nonzero(distance <= reach[:, None])
+        return row, place, along[row, place], distance[row, place]
+
+    def _law(self, distance: FloatArray, piece: IntArray, size: int) -> FloatArray:
+        """Logarithm of the t distribution but for its constant."""
+        freedom = self._freedom[piece]
+        return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
+
+    def _point(self, place: IntArray, along: FloatArray) -> FloatArray:
+        """Voltages of the curve at places along its pieces, (..., 2)."""
+        start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
+        return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
+
+    def _beyond(self, volts: FloatArray, curve: FloatArray, piece: IntArray, marks: tuple[int, int]) -> FloatArray:
+        """Log-probability that clipped receivers would show their limit."""
+        found = np.zeros(piece.shape)
+        for place, mark in enumerate(marks):
+            if mark:
+                sd = np.sqrt(self._covariance[piece, place, place])
+                found = found + log_ndtr(mark * (curve[..., place] - volts[..., place]) / sd)
+        return found
+
+    def _stretches(
+        self,
+        row: IntArray,
+        place: IntArray,
+        along: FloatArray,
+        distance: FloatArray,
+        top: FloatArray,
+        metric: _Metric,
+    ) -> tuple[IntArray, FloatArray, FloatArray]:
+        """Reading of each stretch, and its ends in degrees: where the likelihood is not far below the best."""
+        piece, square = place % self.pieces, metric.square[place]
+        over = along - np.clip(along, 0.0, 1.0)
+        allowed = self._allowed(top[row], piece, metric.constant, metric.size)
+        half = np.sqrt(np.maximum(allowed - (distance - square * over * over), 0.0) / square)
+        low, high = piece + np.clip(along - half, 0.0, 1.0), piece + np.clip(along + half, 0.0, 1.0)
+        key = row * (self.pieces + 2) + piece  # pieces of one stretch have neighbouring keys, of either direction
+        order = np.argsort(key, kind="stable")
+        begins = np.flatnonzero(np.diff(key[order], prepend=-2) > 1)
+        lows, highs = np.minimum.reduceat(low[order], begins), np.maximum.reduceat(high[order], begins)
+        first, last = self.range_deg
+        lows, highs = first + (lows - _TINY) * self._width, first + (highs + _TINY) * self._width
+        highs = np.where(highs > last - _TINY * self._width, last, highs)
+        return row[order][begins], np.maximum(lows, first), highs
+
+    def _told(
+        self,
+        volts: FloatArray,
+        marks: tuple[int, int],
+        metric: _Metric,
+        stretches: tuple[IntArray, FloatArray, FloatArray],
+        distance: FloatArray,
+        limit: FloatArray,
+    ) -> Decoded:
+        row, low, high = stretches
+        grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _POINTS)
+        density = self._density(volts, row, grid, marks, metric)
+        mass = (density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])) * (high - low)  # rule of the trapezium
+        share = mass / np.bincount(row, mass, len(volts))[row]
+        lowest, upmost = _bands(density, grid)
+        median = _median(density, grid)
+        right = (density * (grid < 0.0)).sum(axis=1) / density.sum(axis=1)
+        order = np.lexsort((share, row))
+        main = order[np.flatnonzero(np.diff(row[order], append=-1) != 0)]
+        others = np.flatnonzero((share >= _COUNTS) & ~np.isin(np.arange(row.size), main))
+        ends = self.range_deg
+        near = 0.51 * (high - low)[main] / _POINTS
+        at_end = (lowest[main, 1] <= ends[0] + near) | (upmost[main, 1] >= ends[1] - near)
+        return Decoded(
+            angle_deg=median[main],
+            low_deg=lowest[main],
+            high_deg=upmost[main],
+            probability=share[main],
+            right=np.clip(np.bincount(row, share * right, len(volts)), 0.0, 1.0),
+            distance=distance,
+            outside=distance > limit,
+            ambiguous=share[main] < 1.0 - _SURE,
+            clipped=np.full(len(volts), any(marks)),
+            at_end=at_end,
+            other=row[others].astype(np.intp),
+            other_deg=np.column_stack([lowest[others, 1], upmost[others, 1]]),
+            other_probability=share[others],
+        )
+
+    def _density(
+        self, volts: FloatArray, row: IntArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
+    ) -> FloatArray:
+        """Likelihood of angles (m, p) for the readings ``row`` (m,), as a share of each reading's largest."""
+        where = (angle_deg - self.nodes_deg[0]) / self._width
+        piece = np.clip(where.astype(np.intp), 0, self.pieces - 1)
+        held = where - piece
+        freedom, constant = self._freedom[piece], metric.constant[piece]
+        three = np.column_stack([volts, np.ones(len(volts))])[row].T[..., None]
+        both = []
+        for way in range(2):
+            place = piece + way * self.pieces
+            distance = (np.take(metric.aside, place, axis=1) * three).sum(axis=0)
+            distance *= distance
+            over = (np.take(metric.along, place, axis=1) * three).sum(axis=0) - held
+            distance += metric.square[place] * over * over
+            law = constant - 0.5 * (freedom + metric.size) * np.log1p(distance / freedom)
+            if any(marks):
+                law += self._beyond(volts[row][:, None], self._point(place, held), piece, marks)
+            both.append(law)
+        highest = np.full(len(volts), -np.inf)
+        np.maximum.at(highest, row, np.maximum(both[0].max(axis=1), both[1].max(axis=1)))
+        return np.asarray(sum(np.exp(law - highest[row, None]) for law in both))
+
+    def _reading_noise(self, calibration: Calibration) -> FloatArray:
+        """Standard deviation of the decoded angle by the noise alone, of each piece."""
+        middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
+        slope = self._step.mean(axis=0) / self._width
+        toward = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
+        size = np.maximum((toward * slope).sum(axis=-1), 1e-300)
+        noise = _between_points(calibration.angle_deg, calibration.noise, middle)
+        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", toward, noise, toward)) / size)
+
+
+def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
+    """Angles between which the curve may be taken for straight."""
+    bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
+    sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
+    most = float(np.max(bend / (_FLAT * sd)))
+    grid = calibration.angle_deg
+    parts = int(np.clip(math.ceil(math.sqrt(most)), 1, max(1, _MOST_PIECES // (grid.size - 1))))
+    return np.linspace(grid[0], grid[-1], parts * (grid.size - 1) + 1)
+
+
+def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -> FloatArray:
+    """Matrices (g, 2, 2) at other angles, on straight lines."""
+    place = np.clip(np.searchsorted(grid, where) - 1, 0, grid.size - 2)
+    share = ((where - grid[place]) / (grid[place + 1] - grid[place]))[:, None, None]
+    return np.asarray((1.0 - share) * matrices[place] + share * matrices[place + 1])
+
+
+def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends of the shortest bands of each level, (m, 2): where the density crosses the height that holds so much."""
+    ordered = -np.sort(-density, axis=1)
+    total = np.cumsum(ordered, axis=1) - 0.5 * ordered
+    rows, last = np.arange(len(density)), density.shape[1] - 1
+    lows, highs = [], []
+    for level in LEVELS:
+        wanted = level * (total[:, -1] + 0.5 * ordered[:, -1])
+        count = np.clip((total < wanted[:, None]).sum(axis=1), 1, last)
+        share = (wanted - total[rows, count - 1]) / np.maximum(total[rows, count] - total[rows, count - 1], 1e-300)
+        upper, lower = ordered[rows, count - 1], ordered[rows, count]
+        height = upper - np.clip(share, 0.0, 1.0) * (upper - lower)
+        above = density >= height[:, None]
+        lows.append(_crossing(density, grid, above.argmax(axis=1), -1, height))
+        highs.append(_crossing(density, grid, last - above[:, ::-1].argmax(axis=1), 1, height))
+    return np.column_stack(lows), np.column_stack(highs)
+
+
+def _crossing(density: FloatArray, grid: FloatArray, place: IntArray, side: int, height: FloatArray) -> FloatArray:
+    """Where the density falls below a height beyond the outermost point above it, or the grid's own end."""
+    rows = np.arange(len(grid))
+    beyond = np.clip(place + side, 0, grid.shape[1] - 1)
+    inner, outer = density[rows, place], density[rows, beyond]
+    share = np.clip((inner - height) / np.maximum(inner - outer, 1e-300), 0.0, 1.0)
+    return np.asarray(grid[rows, place] + share * (grid[rows, beyond] - grid[rows, place]))
+
+
+def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
+    total = np.cumsum(density, axis=1) - 0.5 * density
+    half = 0.5 * density.sum(axis=1)
+    place = np.clip((total < half[:, None]).sum(axis=1), 1, grid.shape[1] - 1)
+    rows = np.arange(len(grid))
+    below, above = total[rows, place - 1], total[rows, place]
+    share = np.clip((half - below) / np.maximum(above - below, 1e-300), 0.0, 1.0)
+    return np.asarray(grid[rows, place - 1] + share * (grid[rows, place] - grid[rows, place - 1]))
+
+
+def _fields(one: Decoded) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    for name in Decoded.__dataclass_fields__:
+        yield name, getattr(one, name)
+
+
+def _joined(parts: list[Decoded]) -> Decoded:
+    """Parts one after the other."""
+    if len(parts) == 1:
+        return parts[0]
+    offsets = np.cumsum([0, *(len(one.angle_deg) for one in parts[:-1])])
+    joined = {name: np.concatenate([getattr(one, name) for one in parts]) for name, _ in _fields(parts[0])}
+    joined["other"] = np.concatenate([one.other + offset for one, offset in zip(parts, offsets, strict=True)])
+    return Decoded(**joined)
+
+
+def _restored(parts: list[Decoded], rows: list[IntArray]) -> Decoded:
+    """Parts of scattered readings in the order of the readings."""
+    joined = _joined(parts)
+    order = np.concatenate(rows)
+    back = np.argsort(order)
+    told = {name: value[back] for name, value in _fields(joined) if not name.startswith("other")}
+    others = {name: value for name, value in _fields(joined) if name.startswith("other")}
+    return Decoded(**told, **(others | {"other": order[joined.other]}))  # type: ignore[arg-type]

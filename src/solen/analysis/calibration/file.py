@@ -1,0 +1,256 @@
+"""A calibration as it is saved: the curves and covariances, what was moved and how, where it comes from, its checks.
+
+The interface: `CalibrationFile`, `load` of a path, `text_of` one; `Motion` and `Circuit` say what a calibration is for,
+and `differences` in what a recording is of another kind.
+"""
+
+import json
+import math
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.analysis.calibration.fit import Calibration
+from solen.errors import DataError
+from solen.files import read_text
+from solen.recording.model import FloatArray
+from solen.spec.strict import NotNegative, Number, Strict, Text, migrated, refused, told_of
+
+SCHEMA = 1
+SUFFIX = ".calibration.json"
+KIND = "calibration"
+
+Pair = tuple[Number, Number]
+Three = tuple[Number, Number, Number]
+"""Variance of left, covariance, variance of right."""
+Column = Annotated[tuple[Number, ...], Field(min_length=5, max_length=100_000)]
+
+
+class Motion(Strict):
+    """What was moved, and how far."""
+
+    table: ClassVar[str] = "motion"
+    error: ClassVar[type[DataError]] = DataError
+
+    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null where nothing says.")
+    pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
+    parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
+    low_deg: Number | None = Field(None, description="Lowest angle that was gone to.")
+    high_deg: Number | None = Field(None, description="Highest angle.")
+    speed_deg_per_s: Number | None = Field(None, description="Median speed of the ramps.")
+    protocol: Text | None = Field(None, description="Name of the protocol.")
+
+
+class Circuit(Strict):
+    """What the voltages are."""
+
+    table: ClassVar[str] = "circuit"
+    error: ClassVar[type[DataError]] = DataError
+
+    ambient: Literal["subtracted", "not subtracted"] | None = Field(
+        None, description="Whether ambient light was taken out of the voltages."
+    )
+    emitter_current_ma: Number | None = Field(None, description="Current of the emitter, by the design.")
+    load_ohm: Number | None = Field(None, description="Load resistor of the receivers, by the design.")
+    design_sha256: Text | None = Field(None, description="Checksum of the design file's text.")
+
+
+class Curves(Strict):
+    """Voltages over the angles; each pair is left, right."""
+
+    table: ClassVar[str] = "curves"
+    error: ClassVar[type[DataError]] = DataError
+
+    angle_deg: Column = Field(description="Angles, ascending, in degrees.")
+    rising_v: tuple[Pair, ...] = Field(description="Mean of the rising ways.")
+    falling_v: tuple[Pair, ...] = Field(description="Mean of the falling ways.")
+    noise_v2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
+    repeat_v2: tuple[Three, ...] = Field(description="Covariance of a new cycle, with the error of the mean.")
+    between_v2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single one.")
+    samples: tuple[NotNegative, ...] = Field(description="Samples that the covariances rest on.")
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        size = len(self.angle_deg)
+        for name in ("rising_v", "falling_v", "noise_v2", "repeat_v2", "between_v2", "samples"):
+            if len(getattr(self, name)) != size:
+                raise refused(name, f"must have {size} entries, one for each angle", value=len(getattr(self, name)))
+        if not (np.diff(self.angle_deg) > 0.0).all():
+            raise refused("angle_deg", "must ascend")
+        for name in ("noise_v2", "repeat_v2", "between_v2"):
+            a, b, c = np.array(getattr(self, name)).T
+            if (a < 0.0).any() or (c < 0.0).any() or (b * b > a * c * (1.0 + 1e-9) + 1e-300).any():
+                raise refused(name, "holds what is no covariance")
+        return self
+
+
+class Part(Strict):
+    """What a check showed: errors are decoded less true angles."""
+
+    error: ClassVar[type[DataError]] = DataError
+
+    name: Text = Field(description="What was left out.")
+    readings: Annotated[int, Field(ge=0)] = Field(description="Readings decoded.")
+    rms_deg: NotNegative = Field(description="Root mean square error.")
+    bias_deg: Number = Field(description="Mean error.")
+    worst_deg: NotNegative = Field(description="Largest error.")
+    within_68: NotNegative = Field(description="Share of the readings within their bands of 68 %.")
+    within_95: NotNegative = Field(description="Share within their bands of 95 %.")
+    outside: NotNegative = Field(description="Share that lies on no point of the curve.")
+    ambiguous: NotNegative = Field(description="Share that lies on several.")
+
+
+class Checked(Strict):
+    """A check as a whole and in its parts."""
+
+    error: ClassVar[type[DataError]] = DataError
+
+    whole: Part = Field(description="All readings.")
+    parts: tuple[Part, ...] = Field(description="By what was left out.")
+
+
+class CalibrationFile(Strict):
+    """A calibration of one sensor, or of several prints pooled."""
+
+    error: ClassVar[type[DataError]] = DataError
+
+    kind: Literal["calibration"] = Field("calibration", description="What the file is.")
+    solen: Text = Field(description="Version that wrote it.")
+    sensor: Text = Field(description="Name of the sensor, or of the pool.")
+    prints: tuple[Text, ...] = Field(description="The sensors that it was made of.")
+    simulated: bool = Field(description="Whether any recording was computed.")
+    cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
+    freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_v2.")
+    rails_v: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
+        description="Lowest and highest voltage of left and right at which readings were clipped; null for none."
+    )
+    dark_v: Number | None = Field(None, description="Voltage without light, where it is known.")
+    motion: Motion = Field(description="What was moved, and how far.")
+    circuit: Circuit = Field(description="What the voltages are.")
+    curves: Curves = Field(description="Voltages over the angles, and their covariances.")
+    leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")
+    leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
+    words: tuple[str, ...] = Field(description="What the checks say, in sentences.")
+    sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
+    warnings: tuple[str, ...] = Field(description="What cannot be concluded.")
+
+    @property
+    def calibration(self) -> Calibration:
+        """Its arrays."""
+        curves = self.curves
+        return Calibration(
+            angle_deg=np.array(curves.angle_deg),
+            curves_V=np.array([curves.rising_v, curves.falling_v]),
+            noise=_square(curves.noise_v2),
+            repeat=_square(curves.repeat_v2),
+            between=_square(curves.between_v2),
+            samples=np.array(curves.samples),
+            cycles=self.cycles,
+            prints=len(self.prints),
+            freedom=(self.freedom_repeat, len(self.prints) - 1),
+            rails_V=np.array(self.rails_v, dtype=np.float64),
+        )
+
+
+def curves_of(one: Calibration) -> Curves:
+    """Curves and covariances as they are saved."""
+    return Curves(
+        angle_deg=tuple(one.angle_deg.tolist()),
+        rising_v=_rows(one.curves_V[0]),
+        falling_v=_rows(one.curves_V[1]),
+        noise_v2=_three(one.noise),
+        repeat_v2=_three(one.repeat),
+        between_v2=_three(one.between),
+        samples=tuple(one.samples.tolist()),
+    )
+
+
+def rails_of(one: Calibration) -> tuple[tuple[float | None, ...], ...]:
+    """Rails with None for what is not known."""
+    return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in one.rails_V.tolist())
+
+
+def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in values.tolist())
+
+
+def _three(matrices: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return _rows(matrices.reshape(-1, 4)[:, [0, 1, 3]])
+
+
+def _square(rows: tuple[Three, ...]) -> FloatArray:
+    return np.array(rows)[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+def text_of(one: CalibrationFile) -> str:
+    """The file's text."""
+    data = {"schema": SCHEMA, **one.model_dump(mode="json")}
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def load(path: Path) -> CalibrationFile:
+    """Calibration of a file; `DataError` in one line where it cannot be read or is none."""
+    try:
+        data = json.loads(read_text(path, DataError), parse_constant=_no_number)
+    except (ValueError, RecursionError) as bad:
+        remedy = "make it again with solen calibrate"
+        raise DataError(str(path), limit=f"is no JSON: {str(bad)[:100]}", remedy=remedy) from None
+    if not isinstance(data, dict) or data.get("kind") != KIND:
+        found = data.get("kind") if isinstance(data, dict) else None
+        raise DataError(
+            str(path), value=found, limit="is no calibration of a sensor", remedy="make one with solen calibrate"
+        )
+    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
+    with told_of(str(path)):
+        return CalibrationFile(**_tuples(data))
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _tuples(value: Any) -> Any:
+    """Lists as tuples, which strict fields ask for."""
+    if isinstance(value, dict):
+        return {key: _tuples(one) for key, one in value.items()}
+    return tuple(_tuples(one) for one in value) if isinstance(value, list) else value
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of the file."""
+    found = CalibrationFile.model_json_schema()
+    found["properties"]["schema"] = {"const": SCHEMA, "description": "Version of this form.", "type": "integer"}
+    found["required"] = ["schema", *found["required"]]
+    return found
+
+
+def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
+    """In what a recording is another thing than was calibrated, and what cannot be told; words of each."""
+    other, unknown = [], []
+    for name, mine, theirs in (
+        ("kind of motion", ours.motion.kind, motion.kind),
+        ("pivot", ours.motion.pivot, motion.pivot),
+        ("moving parts", ours.motion.parts, motion.parts),
+    ):
+        if name == "pivot" and "bend" in {ours.motion.kind, motion.kind}:
+            continue
+        if mine is None or theirs is None:
+            unknown.append(name)
+        elif _text(mine) != _text(theirs):
+            other.append(f"{name} {_text(theirs)} instead of {_text(mine)}")
+    for name, before, now, unit in (
+        ("ambient light", ours.circuit.ambient, circuit.ambient, ""),
+        ("emitter current", ours.circuit.emitter_current_ma, circuit.emitter_current_ma, " mA"),
+        ("load resistor", ours.circuit.load_ohm, circuit.load_ohm, " ohm"),
+    ):
+        if before is not None and now is not None and before != now:
+            other.append(f"{name} {_text(now)}{unit} instead of {_text(before)}{unit}")
+    return other, unknown
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    return " and ".join(sorted(value)) if isinstance(value, tuple) else str(value)

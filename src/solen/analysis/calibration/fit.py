@@ -1,0 +1,248 @@
+"""A calibration of ways and samples: curves, and the covariance of a reading about them with its parts.
+
+The idea: every sample is held against the mean of the *other* cycles, so that its distance is that of a reading of a
+new cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not
+been seen. What changes from sample to sample is the noise of a reading; the rest stays for a cycle: how cycles repeat,
+and the error of the mean. That rest is known by a few cycles only, so readings follow a t distribution whose degrees of
+freedom are those of the parts by their shares (Satterthwaite 1946). Of several prints, the scatter of their mean curves
+comes on top, with as many degrees of freedom as prints less one.
+
+The interface: `calibrated` of one `Training`, `pooled` of several, both a `Calibration`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from solen.analysis.calibration.training import Samples, Training, mean_curves
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+_WIDTHS = (0.05, 0.1, 0.2, 1.0)  # of the range, to each side, over which products are averaged
+_LEAST_SAMPLES = 30.0
+_MOST_CYCLES = 60  # whose samples are held against the others
+_HELD = 4.0  # times the usual number of samples that an angle counts for, however long it is held
+_FLOOR = 1e-9  # of the squared range: no reading is better known
+_ENDLESS = 1e9
+_LEAST_FREEDOM = 2.0
+_LEAST_SHARE = 1e-6
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Curves and covariances, left before right everywhere.
+
+    Attributes
+    ----------
+    angle_deg
+        (g,), ascending.
+    curves_V
+        (2, g, 2): rising, falling.
+    noise, repeat, between
+        Covariances in V² of the noise of a reading, of a new cycle, and of a new print, (g, 2, 2).
+    samples
+        Samples that the covariances at each angle rest on, (g,).
+    cycles, prints
+        How many there were.
+    freedom
+        Degrees of freedom of `repeat` and of `between`.
+    rails_V
+        As in `Training`.
+    """
+
+    angle_deg: FloatArray
+    curves_V: FloatArray
+    noise: FloatArray
+    repeat: FloatArray
+    between: FloatArray
+    samples: FloatArray
+    cycles: int
+    prints: int
+    freedom: tuple[int, int]
+    rails_V: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """Covariance of a new reading, (g, 2, 2)."""
+        return self.noise + self.repeat + self.between
+
+    def law(self) -> tuple[FloatArray, FloatArray]:
+        """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
+
+        Satterthwaite's freedom of a sum by the shares of its parts in the variance of the angle; then that of a
+        prediction of two variables whose covariance is itself estimated, with one degree less and wider by as much
+        (Hotelling 1931).
+        """
+        total = self.total
+        slope = np.gradient(self.curves_V.mean(axis=0), self.angle_deg, axis=0)
+        toward = np.linalg.solve(total, slope[..., None])[..., 0]
+        size = np.maximum((toward * slope).sum(axis=1), 1e-300)
+        inverse = np.full(self.angle_deg.shape, 1.0 / _ENDLESS)
+        known = (self.samples, np.array(float(self.freedom[0])), np.array(float(self.freedom[1])))
+        for part, by in zip((self.noise, self.repeat, self.between), known, strict=True):
+            share = np.einsum("gi,gij,gj->g", toward, part, toward) / size
+            inverse += share**2 / np.maximum(by, 1.0)
+        freedom = np.maximum(1.0 / inverse, _LEAST_FREEDOM)
+        return total * (freedom / (freedom - 1.0))[:, None, None], freedom - 1.0
+
+    def hysteresis_V(self) -> FloatArray:
+        """Rising less falling, (g, 2)."""
+        return np.asarray(self.curves_V[0] - self.curves_V[1])
+
+
+def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
+    """Curves (2, g, 2) at other angles (n,), (2, n, 2): monotone wherever their points are (Fritsch and Carlson)."""
+    return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
+
+
+def calibrated(training: Training) -> Calibration:
+    """Calibration of one sensor.
+
+    Raises
+    ------
+    DataError
+        With a single cycle, or with too few samples to know how they scatter.
+    """
+    cycles = training.cycles
+    if cycles < 2:
+        raise DataError(f"sensor {training.label}", limit="has a single cycle", remedy="use at least two")
+    chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MOST_CYCLES)).round().astype(int))
+    products, steps = np.zeros((0, 4)), np.zeros((0, 4))
+    for cycle in chosen:
+        own = training.samples.part(training.samples.cycle == cycle)
+        rest = _apart(training, int(cycle), own)
+        products = np.vstack([products, np.column_stack([own.angle_deg, _squares(rest)])])
+        moved = np.flatnonzero(own.follows[1:]) + 1
+        steps = np.vstack(
+            [steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
+        )
+    if len(steps) < _LEAST_SAMPLES:
+        limit = f"has {len(steps)} samples in the cycles that are used, too few to know how they scatter"
+        raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
+    floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
+    total, count = _smooth(products, training.angle_deg)
+    noise, rest_of_it = _parted(_smooth(steps, training.angle_deg)[0], total + floor)
+    n = float(cycles)
+    repeat = rest_of_it * (n * n - 1.0) / (n * n)  # left out, a cycle lacks its share in the mean
+    return Calibration(
+        angle_deg=training.angle_deg,
+        curves_V=training.curves_V(),
+        noise=noise,
+        repeat=_rounder(repeat, 1.0 / (n - 1.0) ** 2),
+        between=np.zeros_like(repeat),
+        samples=count,
+        cycles=cycles,
+        prints=1,
+        freedom=(cycles - 1, 0),
+        rails_V=training.rails_V,
+    )
+
+
+def _apart(training: Training, cycle: int, own: Samples) -> FloatArray:
+    """Distance of a cycle's samples from the mean of the others, (n, 2)."""
+    others = mean_curves(np.delete(training.cycles_V, cycle, axis=0))
+    held = np.isfinite(others).all(axis=(0, 2))
+    angle = training.angle_deg[held]
+    curves = at_angles(angle, others[:, held], np.clip(own.angle_deg, angle[0], angle[-1]))
+    return np.asarray(own.volts - curves[own.way, np.arange(own.angle_deg.size)])
+
+
+def _squares(rest: FloatArray) -> FloatArray:
+    """Products of (n, 2): left with left, left with right, right with right."""
+    return np.column_stack([rest[:, 0] ** 2, rest[:, 0] * rest[:, 1], rest[:, 1] ** 2])
+
+
+def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean covariance about each angle, (g, 2, 2), and how many samples it rests on, (g,).
+
+    ``rows`` are an angle and three products. The mean is weighted by a triangle as narrow as samples allow.
+    """
+    place = np.clip(np.rint((rows[:, 0] - grid[0]) / (grid[1] - grid[0])).astype(int), 0, grid.size - 1)
+    count = np.bincount(place, minlength=grid.size).astype(float)
+    sums = np.column_stack([np.bincount(place, one, grid.size) for one in rows[:, 1:].T])
+    most = _HELD * float(np.median(count[count > 0.0]))
+    weight = np.minimum(1.0, most / np.maximum(count, 1.0))
+    sums, count = sums * weight[:, None], count * weight
+    found, used = np.full((grid.size, 3), np.nan), np.zeros(grid.size)
+    reach = float(np.ptp(grid))
+    for width in _WIDTHS:
+        near = np.maximum(0.0, 1.0 - np.abs(grid[:, None] - grid) / (width * reach + 1e-12))
+        if width == _WIDTHS[-1]:
+            near = np.ones_like(near)
+        total = near @ count
+        enough = ~np.isfinite(found[:, 0]) & ((total >= _LEAST_SAMPLES) | (width == _WIDTHS[-1]))
+        found[enough] = (near @ sums)[enough] / total[enough, None]
+        used[enough] = total[enough]
+    return found[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
+
+
+def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As much of a part as its whole can hold in every direction, and the rest of the whole, both (g, 2, 2)."""
+    root = np.linalg.cholesky(whole)
+    inverse = np.linalg.inv(root)
+    values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
+    axes = root @ vectors
+    share = np.clip(values, _LEAST_SHARE, 1.0 - _LEAST_SHARE)[:, None, :]
+    return (axes * share) @ axes.swapaxes(1, 2), (axes * (1.0 - share)) @ axes.swapaxes(1, 2)
+
+
+def pooled(trainings: Sequence[Training]) -> Calibration:
+    """One calibration of several prints, for a print that is not among them.
+
+    Raises
+    ------
+    DataError
+        With a single print, or where their angles have too little in common.
+    """
+    if len(trainings) < 2:
+        raise DataError("pooled calibration", value=len(trainings), limit="needs at least two prints")
+    return mean_of([calibrated(one) for one in trainings])
+
+
+def mean_of(ones: Sequence[Calibration]) -> Calibration:
+    """Pooled calibration of those of several prints; the scatter of prints is that of their mean curves."""
+    grid, places = _common([one.angle_deg for one in ones])
+    curves = np.array([one.curves_V[:, place] for one, place in zip(ones, places, strict=True)])
+    noise, repeat = (
+        np.mean([getattr(one, name)[place] for one, place in zip(ones, places, strict=True)], axis=0)
+        for name in ("noise", "repeat")
+    )
+    rails = np.array([one.rails_V for one in ones])
+    known = np.isfinite(rails).all(axis=0)
+    return Calibration(
+        angle_deg=grid,
+        curves_V=curves.mean(axis=0),
+        noise=noise,
+        repeat=repeat,
+        between=_between(curves.mean(axis=1)) * (1.0 + 1.0 / len(ones)),
+        samples=np.sum([one.samples[place] for one, place in zip(ones, places, strict=True)], axis=0),
+        cycles=sum(one.cycles for one in ones),
+        prints=len(ones),
+        freedom=(sum(one.freedom[0] for one in ones), len(ones) - 1),
+        rails_V=np.where(known, np.nan_to_num(rails).mean(axis=0), np.nan),
+    )
+
+
+def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
+    """Angles that all grids hold, and their places in each."""
+    keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
+    shared = sorted(set.intersection(*(set(one) for one in keys)))
+    if len(shared) < 5:
+        limit = f"have {len(shared)} angles of their grids in common"
+        raise DataError("the prints", limit=limit, remedy="give all the same --step-deg, and the same range")
+    return np.array(shared), [[one[angle] for angle in shared] for one in keys]
+
+
+def _between(curves: FloatArray) -> FloatArray:
+    """Covariance of prints' curves (p, g, 2), (g, 2, 2)."""
+    apart = curves - curves.mean(axis=0)
+    found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
+    return _rounder(found, 1.0 / (len(curves) - 1))
+
+
+def _rounder(covariance: FloatArray, share: float) -> FloatArray:
+    """Covariances drawn towards equal variances: few cycles or prints hardly tell a correlation, and two tell none."""
+    level = np.trace(covariance, axis1=1, axis2=2) / 2.0
+    return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

@@ -1,0 +1,61 @@
+"""Whether a stream of angles rises or falls, from the last few of them.
+
+The idea: the slope of the least-squares line through the angles of a short time before each, and its standard
+deviation by the noise of a reading alone: what stays for a cycle moves all of them alike. The probability that the
+slope is positive is that of a normal variable; a stream that neither surely rises nor surely falls is not told to.
+
+The interface: `Tracker` takes angles as they come, many or one, and gives `Headings`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from solen.recording.model import FloatArray
+
+WINDOW_S = 0.05
+SURE = 0.975
+_LEAST = 3
+
+
+@dataclass(frozen=True)
+class Headings:
+    """Slope (deg/s), and the probability that the angle rises, both (n,); NaN and 0.5 where there are too few."""
+
+    slope_deg_per_s: FloatArray
+    rises: FloatArray
+
+    def words(self) -> list[str]:
+        """``rising``, ``falling`` or nothing of each."""
+        return ["rising" if one >= SURE else "falling" if one <= 1.0 - SURE else "" for one in self.rises.tolist()]
+
+
+class Tracker:
+    """Slopes of a stream; it remembers one window."""
+
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        self._window_s = window_s
+        self._kept = np.zeros((0, 3))
+
+    def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
+        """Slopes at the next angles of the stream, (n,); times never fall."""
+        if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # a clock that was set back
+            self._kept = self._kept[:0]
+        rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])
+        fresh = len(rows) - len(time_s)
+        first = np.searchsorted(rows[:, 0], rows[fresh:, 0] - self._window_s * (1.0 + 1e-9))
+        last = np.arange(fresh, len(rows)) + 1
+        if len(rows):
+            self._kept = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - self._window_s) :]
+        t, y = (rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1]) if len(rows) else (rows[:, 0], rows[:, 1])
+        sums = np.vstack([np.zeros(5), np.cumsum(np.column_stack([t, y, t * t, t * y, rows[:, 2] ** 2]), axis=0)])
+        n = (last - first).astype(float)
+        st, sy, stt, sty, variance = (sums[last] - sums[first]).T
+        spread = stt - st * st / n
+        good = (n >= _LEAST) & (spread > 1e-12)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            slope = np.where(good, (sty - st * sy / n) / spread, np.nan)
+            u = np.sqrt(variance / n / spread)
+            rises = np.where(good, ndtr(slope / np.maximum(u, 1e-300)), 0.5)
+        return Headings(np.asarray(slope), np.asarray(rises))

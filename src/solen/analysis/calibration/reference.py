@@ -1,0 +1,34 @@
+"""One reading decoded the long way: the likelihood on an even grid of angles, as fine as one likes.
+
+It is what `Decoder` must agree with, and short enough to be read. The curves are not taken for straight anywhere.
+
+The interface: `posterior` of one reading.
+"""
+
+import numpy as np
+
+from solen.analysis.calibration.fit import Calibration, at_angles
+from solen.recording.model import FloatArray
+
+
+def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:
+    """Probability of each of some evenly spaced angles (m,) within the calibrated range, given left and right (2,)."""
+    grid = calibration.angle_deg
+    curves = at_angles(grid, calibration.curves_V, angle_deg)
+    scale, known = calibration.law()
+    freedom = np.interp(angle_deg, grid, known)
+    likelihood = np.zeros(angle_deg.size)
+    logs = []
+    for curve in curves:
+        row = np.zeros(angle_deg.size)
+        for place, angle in enumerate(angle_deg):
+            covariance = np.array([[np.interp(angle, grid, scale[:, i, j]) for j in range(2)] for i in range(2)])
+            rest = volts - curve[place]
+            distance = rest @ np.linalg.solve(covariance, rest)
+            row[place] = -0.5 * np.log(np.linalg.det(covariance))
+            row[place] -= 0.5 * (freedom[place] + 2.0) * np.log1p(distance / freedom[place])
+        logs.append(row)
+    highest = max(row.max() for row in logs)
+    for row in logs:
+        likelihood += np.exp(row - highest)
+    return np.asarray(likelihood / likelihood.sum())

@@ -1,0 +1,189 @@
+"""What a calibration is made of: the ways of each cycle over the angles, and the samples that they were made of.
+
+The interface: `training_of` an analysed sensor gives a `Training`; `Training.only` takes some of its cycles.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.analysis.motion import Motion
+from solen.analysis.response import DIRECTIONS
+from solen.analysis.signals import pair
+from solen.analysis.study import Analysed, Run
+from solen.errors import DataError
+from solen.recording.model import FloatArray
+
+IntArray = NDArray[np.intp]
+BoolArray = NDArray[np.bool_]
+
+LEAST_CYCLES = 2
+"""With a single cycle nothing says how well cycles repeat."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of the used cycles, their holds too.
+
+    Attributes
+    ----------
+    angle_deg, volts
+        (n,) and (n, 2): left, right.
+    cycle, way
+        Place of the cycle, and 0 on a rising way or the hold after it, 1 on a falling one, (n,).
+    follows
+        Whether it comes right after the one before, (n,).
+    """
+
+    angle_deg: FloatArray
+    volts: FloatArray
+    cycle: IntArray
+    way: IntArray
+    follows: BoolArray
+
+    def part(self, kept: BoolArray) -> "Samples":
+        """Some of them."""
+        return Samples(self.angle_deg[kept], self.volts[kept], self.cycle[kept], self.way[kept], self.follows[kept])
+
+
+@dataclass(frozen=True)
+class Training:
+    """One sensor's ways and samples.
+
+    Attributes
+    ----------
+    label
+        The sensor.
+    angle_deg
+        Evenly spaced angles at which both receivers have a reading, (g,).
+    cycles_V
+        (cycles, 2, g, 2): rising and falling; left and right. NaN where a way has no reading.
+    samples
+        Those between the first and the last angle.
+    rails_V
+        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN where none was, or where
+        the recorder marks clipped readings itself.
+    """
+
+    label: str
+    angle_deg: FloatArray
+    cycles_V: FloatArray
+    samples: Samples
+    rails_V: FloatArray
+
+    @property
+    def cycles(self) -> int:
+        """How many cycles."""
+        return int(self.cycles_V.shape[0])
+
+    def only(self, kept: BoolArray) -> "Training":
+        """Some of the cycles, (cycles,) of bool."""
+        number = np.cumsum(kept) - 1
+        samples = self.samples.part(kept[self.samples.cycle])
+        samples = Samples(samples.angle_deg, samples.volts, number[samples.cycle], samples.way, samples.follows)
+        return Training(self.label, self.angle_deg, self.cycles_V[kept], samples, self.rails_V)
+
+    def curves_V(self) -> FloatArray:
+        """Mean over cycles of the rising and of the falling ways, (2, g, 2)."""
+        return mean_curves(self.cycles_V)
+
+
+def mean_curves(cycles_V: FloatArray) -> FloatArray:
+    """Mean over the first axis of what there is; a direction that nobody went is taken from the other one."""
+    held = np.isfinite(cycles_V)
+    count = held.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(held, cycles_V, 0.0).sum(axis=0) / count
+    other = mean[::-1]
+    return np.asarray(np.where(np.isfinite(mean), mean, other))
+
+
+def training_of(sensor: Analysed) -> Training:
+    """Ways and samples of an analysed sensor.
+
+    Raises
+    ------
+    DataError
+        Without one left and one right receiver, with a single cycle, or where they have no angles in common.
+    """
+    sides = pair(sensor.receivers)
+    if sides is None:
+        limit = f"has no pair of a left and a right receiver: {', '.join(sensor.receivers)}"
+        remedy = "name them with --channel left=COLUMN right=COLUMN"
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
+    cycles = sensor.passes.cycles
+    if cycles < LEAST_CYCLES:
+        limit = f"has {cycles} cycle{'s' * (cycles != 1)} that is used, and a calibration needs at least {LEAST_CYCLES}"
+        raise DataError(
+            f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0"
+        )
+    volts = sensor.passes.volts[..., list(sides)]
+    first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
+    if last - first < len(DIRECTIONS) + 3:
+        limit = "has no stretch of angles at which both receivers have readings"
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen analyse --figure")
+    angle = sensor.passes.angle_deg[first:last]
+    samples, rails = _samples(sensor, sides, (float(angle[0]), float(angle[-1])))
+    return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)
+
+
+def _stretch(good: BoolArray) -> tuple[int, int]:
+    """First place and the one after the last of the longest stretch."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
+    starts, stops = edges[::2], edges[1::2]
+    if not starts.size:
+        return 0, 0
+    longest = int(np.argmax(stops - starts))
+    return int(starts[longest]), int(stops[longest])
+
+
+def _samples(sensor: Analysed, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
+    """Samples of all runs between two angles, without the clipped ones, and the voltages at which those are."""
+    parts: list[tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]] = []
+    rails = np.full((2, 2), math.nan)
+    cycle = 0
+    for run in sensor.runs:
+        volts, clipped = run.signals.volts[:, list(sides)], run.clipped[:, list(sides)]
+        if run.signals.clipped is None:  # of readings made of several samples, a recorder's mark is no voltage
+            rails = _wider(rails, volts, clipped)
+        angle, ways = run.signals.angle_deg, _ways(run.motion, volts.shape[0])
+        near = (angle >= ends[0]) & (angle <= ends[1]) & ~clipped.any(axis=1) & (ways >= 0)
+        for place in _used(run):
+            kept = place[near[place]]
+            follows = np.diff(kept, prepend=-2) == 1
+            parts.append((angle[kept], volts[kept], np.full(kept.size, cycle), ways[kept], follows))
+            cycle += 1
+    return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True))), rails
+
+
+def _used(run: Run) -> list[IntArray]:
+    """Places of the samples of each used cycle."""
+    cycles = [run.motion.cycles[number] for number in run.used]
+    return [np.arange(one.start, one.stop, dtype=np.intp) for one in cycles]
+
+
+def _ways(motion: Motion, size: int) -> IntArray:
+    """0 from where a rising ramp begins to the next ramp, 1 of a falling one, −1 before the first."""
+    found = np.full(size, -1, dtype=np.intp)
+    starts = [ramp.start for ramp in motion.ramps]
+    for ramp, stop in zip(motion.ramps, [*starts[1:], size], strict=True):
+        found[ramp.start : stop] = 0 if ramp.direction > 0 else 1
+    return found
+
+
+def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:
+    """Rails of each receiver, (2, 2), with those that clipped samples show: below or above the middle of the rest."""
+    found = rails.copy()
+    for place in range(2):
+        flags = clipped[:, place]
+        if not flags.any() or flags.all():
+            continue
+        middle = float(np.median(volts[~flags, place]))
+        low, high = (volts[flags & side, place] for side in (volts[:, place] < middle, volts[:, place] >= middle))
+        if low.size:
+            found[place, 0] = np.fmax(found[place, 0], low.max())
+        if high.size:
+            found[place, 1] = np.fmin(found[place, 1], high.min())
+    return found

@@ -1,0 +1,95 @@
+"""The journal of a run while it grows: readings of a sensor as soon as their period is written.
+
+The idea: a journal's records are whole or not there, so that whoever reads on from the last whole one misses nothing
+and reads nothing twice. A period is demodulated with the one before it, whose last off phase the first emitter needs.
+Times are those of the board from the first period of its part on: the run's own clock is only known when it is over.
+
+The interface: `Following` a journal; `Following.readings` gives what is new.
+"""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.bench.close import subtracted
+from solen.bench.journal import END, HEADER, MAGIC, ROWS, Rows, dtypes_of, read_journal, read_on
+from solen.errors import DataError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fresh:
+    """Readings that came: times (n,), left and right (n, 2), which of them are clipped."""
+
+    time_s: FloatArray
+    volts: FloatArray
+    clipped: NDArray[np.bool_]
+
+
+class Following:
+    """A journal that is read as it grows; `DataError` where it is none, or holds a waveform and not periods."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.ended = False
+        self.header = _header(path)
+        self._dtypes = dtypes_of(self.header, path)
+        if "board" not in self._dtypes:
+            limit = "holds a waveform, whose readings are made when the run is closed"
+            raise DataError(
+                str(path), limit=limit, remedy="close it with solen bench recover, and decode the recording"
+            )
+        self._number = list(self._dtypes).index("board")
+        self._place = 0
+        self._last: Rows | None = None
+        self._begun_us: dict[int, int] = {}
+
+    def readings(self, sensor: str) -> Iterator[Fresh]:
+        """Readings of a sensor that are new since the last call, a piece for each part of the run."""
+        fresh = self._fresh()
+        wires = next(one for one in self.header["sensors"] if one["name"] == sensor)
+        edges = np.flatnonzero(np.diff(fresh["part"].astype(np.int64))) + 1
+        for rows in np.split(fresh, edges) if len(fresh) else ():
+            yield self._read(rows, wires)
+
+    def _fresh(self) -> Rows:
+        """Periods that are new; a journal that is gone was closed, so that its run has ended."""
+        try:
+            records, self._place = read_on(self._path, self._place)
+        except OSError:
+            records, self.ended = [], True
+        self.ended |= any(kind == END for kind, _, _ in records)
+        data = b"".join(payload for kind, stream, payload in records if kind == ROWS and stream == self._number)
+        return np.frombuffer(data, self._dtypes["board"])
+
+    def _read(self, rows: Rows, wires: dict[str, Any]) -> Fresh:
+        part = int(rows["part"][0])
+        before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
+        self._last = rows[-1:]
+        begun = self._begun_us.setdefault(part, int(rows["board_us"][0]))
+        both = np.concatenate([before, rows])
+        time_s = 1e-6 * (both["board_us"] - begun).astype(np.float64)
+        found = subtracted(both["counts"], time_s, wires, self.header)
+        kept = found.of(wires["emitter"]) & (found.time_s >= time_s[len(before)])
+        return Fresh(found.time_s[kept], found.signal[kept][:, ::-1], found.clipped[kept][:, ::-1])
+
+
+def _header(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            begin = file.read(len(MAGIC))
+        records, _ = read_on(path, 0) if begin == MAGIC else ([], 0)
+    except OSError as bad:
+        raise DataError(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
+    header = next((payload for kind, _, payload in records if kind == HEADER), None)
+    if header is None:
+        return read_journal(path).header  # it tells why there is none
+    found = json.loads(header)
+    assert isinstance(found, dict)  # noqa: S101  the journal writes nothing else
+    return found

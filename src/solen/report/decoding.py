@@ -1,0 +1,97 @@
+"""What a calibration is and what it is worth: its curves, decoded against true angles, and the errors.
+
+One row for each calibration. Left is orange and right blue; whole lines rise, dashed ones fall.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solen.analysis.calibration import Calibration, Check
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
+
+_DRAWN = 3000
+_SIDES = (("left", LEFT), ("right", RIGHT))
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One calibration: its title, what it is, the check and what was left out for it."""
+
+    title: str
+    calibration: Calibration
+    check: Check | None
+    left_out: str
+
+
+def calibration_figure(made: Sequence[Shown], *, simulated: bool, remark: str = "") -> Figure:
+    """Three panels for each calibration."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3), layout="constrained")
+        axes = figure.subplots(len(made), 3, squeeze=False)
+        for one, (curves, angles, errors) in zip(made, axes, strict=True):
+            _draw_curves(curves, one.calibration)
+            curves.set_title(one.title, fontsize=9, loc="left")
+            check, what = one.check, one.left_out
+            if check is None:
+                for panel in (angles, errors):
+                    panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
+                continue
+            _draw_angles(angles, check)
+            angles.set_title(f"{what} left out: rms {check.whole.rms_deg:.2g}°", fontsize=9, loc="left")
+            _draw_errors(errors, check)
+            shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
+            errors.set_title(f"in the bands of 68 and 95 %: {shares}", fontsize=9, loc="left")
+        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark)))
+        if said:
+            figure.suptitle(said, color=LOST, fontsize=9)
+    return figure
+
+
+def _draw_curves(axes: Axes, one: Calibration) -> None:
+    for place, (name, colour) in enumerate(_SIDES):
+        rising, falling = one.curves_V[0, :, place], one.curves_V[1, :, place]
+        half = 2.0 * np.sqrt(one.total[:, place, place])
+        middle = 0.5 * (rising + falling)
+        axes.fill_between(one.angle_deg, middle - half, middle + half, color=colour, alpha=0.25, lw=0)
+        axes.plot(one.angle_deg, rising, color=colour, lw=1.5, label=name)
+        axes.plot(one.angle_deg, falling, "--", color=colour, lw=1.0)
+    axes.set_xlabel("rotation angle (°)")
+    axes.set_ylabel("voltage (V)")
+    axes.legend(fontsize=8, loc="best")
+
+
+def _places(check: Check) -> NDArray[np.intp]:
+    """Readings that are drawn, in the order of their true angle."""
+    order = np.argsort(check.true_deg, kind="stable")
+    return order[:: max(1, order.size // _DRAWN)]
+
+
+def _draw_angles(axes: Axes, check: Check) -> None:
+    shown = _places(check)
+    true = check.true_deg[shown]
+    axes.vlines(true, check.low_deg[shown, 1], check.high_deg[shown, 1], color=RIGHT, alpha=0.15, lw=0.8)
+    axes.plot(true, check.angle_deg[shown], ".", color=RIGHT, ms=2.5, label="decoded, with its band of 95 %")
+    ends = np.array([true.min(), true.max()])
+    axes.plot(ends, ends, color=INK, lw=0.8, label="true")
+    axes.set_xlabel("true angle (°)")
+    axes.set_ylabel("decoded angle (°)")
+    axes.legend(fontsize=8, loc="lower right")
+
+
+def _draw_errors(axes: Axes, check: Check) -> None:
+    shown = _places(check)
+    true = check.true_deg[shown]
+    low, high = (side[shown, 1] - check.angle_deg[shown] for side in (check.low_deg, check.high_deg))
+    axes.plot(true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label="decoded − true", zorder=3)
+    axes.vlines(true, low, high, color=SOFT, lw=0.8)
+    axes.plot(np.nan, np.nan, color=SOFT, label="band of 95 %")
+    axes.axhline(0.0, color=INK, lw=0.8)
+    axes.set_xlabel("true angle (°)")
+    axes.set_ylabel("error (°)")
+    axes.legend(fontsize=8, loc="best")

@@ -1,0 +1,396 @@
+"""`solen calibrate` and `solen decode` from files to answers, and what they refuse."""
+
+import io
+import json
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.analysis.calibration import file as saved
+from solen.bench.follow import Following
+from solen.bench.journal import Journal
+from solen.cli import _run
+from solen.errors import DataError
+from solen.pipeline import bench
+from solen.pipeline import decode as pipeline
+from solen.pipeline.decode_sources import Wanted
+from solen.pipeline.signals import Columns
+from tests.analysis.made_support import Protocol, Truth, made
+from tests.command_support import answered
+
+TRUTH = Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2))
+DESIGN = 'schema = 1\nname = "one"\n\n[material]\nindex = 1.44\n'
+
+
+def write(
+    path: Path, truth: Truth = TRUTH, header: str = "time_s,angle_deg,left_V,right_V", scale: float = 1.0
+) -> Path:
+    signals = made(truth)
+    rows = np.column_stack([signals.time_s, signals.angle_deg, scale * signals.volts])
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.6f")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings of a rotation and its calibration."""
+    where = tmp_path_factory.mktemp("decode")
+    write(where / "S1.csv")
+    write(where / "again.csv", replace(TRUTH, seed=5))
+    (where / "design.toml").write_text(DESIGN, encoding="utf-8")
+    (where / "bend.toml").write_text(f'{DESIGN}\n[motion]\nkind = "bend"\n', encoding="utf-8")
+    (where / "emitter.toml").write_text(f'{DESIGN}\n[motion]\npivot = "emitter"\n', encoding="utf-8")
+    assert _run(["calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
+    return where
+
+
+@pytest.fixture
+def calibration(folder: Path) -> Path:
+    return folder / "S1.calibration.json"
+
+
+def asked(folder: Path, source: str, **more: Any) -> pipeline.Asked:
+    return pipeline.Asked(folder / "S1.calibration.json", source, **more)
+
+
+def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
+    folder: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    figure = tmp_path / "one.svg"
+    found = answered(
+        capfd, "calibrate", str(folder / "again.csv"), "--out", str(tmp_path / "a.json"), "--figure", str(figure),
+        "--motion", "rotation",
+    )  # fmt: skip
+    (one,) = found["calibrations"]
+    assert one["cycles"] == 5
+    check = one["leave_one_cycle_out"]["whole"]
+    assert check["rms_deg"] < 0.06  # 10 mV over 0.5 V/deg at 0 and 0.1 at the ends, by two receivers
+    assert 0.9 < check["within_95"] <= 1.0
+    assert "<svg" in figure.read_text(encoding="utf-8")
+    file = saved.load(folder / "S1.calibration.json")
+    assert file.motion.kind == "rotation"
+    assert file.motion.pivot == "stem-base"
+    assert file.motion.parts == ("lens", "emitter")
+    assert file.motion.speed_deg_per_s == pytest.approx(15.0, rel=0.01)
+    assert file.circuit.ambient == "not subtracted"
+    assert file.circuit.load_ohm == 2000.0
+    assert len(str(file.circuit.design_sha256)) == 64
+    assert file.sources[0]["file"] == "S1.csv"
+    assert saved.CalibrationFile(**file.model_dump()) == file
+    assert "curves" in saved.json_schema()["properties"]
+
+
+def test_a_recording_is_decoded_to_its_own_angle(
+    folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "angles.csv"
+    told = answered(capfd, "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
+    assert told["readings"] == len(made(TRUTH).time_s)
+    assert told["against_angle"]["rms_deg"] < 0.06
+    assert 0.92 < told["against_angle"]["within_95"] <= 1.0
+    assert told["outside"] < 0.01 * told["readings"]
+    text = out.read_text(encoding="utf-8").splitlines()
+    assert text[0] == ",".join(pipeline.COLUMNS)
+    assert len(text) == told["readings"] + 1
+    rows = [line.split(",") for line in text[1:]]
+    signals = made(replace(TRUTH, seed=5))
+    assert [float(row[1]) for row in rows] == pytest.approx(signals.angle_deg.tolist(), abs=0.35)
+    assert {row[6] for row in rows} == {"left", "right"}
+    far = np.abs(signals.angle_deg) > 0.5
+    assert all(row[6] == ("left" if angle > 0 else "right") for row, angle in zip(rows, signals.angle_deg, strict=True)
+               if abs(angle) > 0.5)  # fmt: skip
+    assert far.any()
+    rising = [row[8] for row, step in zip(rows, np.diff(signals.angle_deg, prepend=0.0), strict=True) if step > 0.05]
+    assert rising.count("rising") > 0.5 * len(rising)
+    assert rising.count("falling") < 0.05 * len(rising)
+
+
+def test_lines_are_answered_as_they_come(folder: Path) -> None:
+    asked_for: list[str] = []
+    answers = io.StringIO()
+
+    def lines() -> Iterator[str]:
+        yield "Zeit (s);PD links (mV);PD rechts (mV)\n"
+        for number, row in enumerate(("0;2000;2000\n", "0,005;1500,0;2500\n", "0,01;;2500\n", "0,015;oops;1\n", "\n")):
+            # everything before this line has been answered when this line is asked for
+            assert answers.getvalue().count("\n") == number + 1
+            asked_for.append(row)
+            yield row
+
+    found = pipeline.decode(asked(folder, "-"), lines=answers, text=lines())
+    assert len(asked_for) == 5
+    rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
+    assert len(rows) == 4
+    assert (found["readings"], found["missing"]) == (2, 2)
+    assert all(len(row) == len(pipeline.COLUMNS) for row in rows)
+    assert float(rows[0][1]) == pytest.approx(0.0, abs=0.05)
+    assert float(rows[1][1]) == pytest.approx(2.0 * np.arctanh(0.5), abs=0.06)
+    assert [row[10] for row in rows[2:]] == ["missing", "missing"]
+    assert any("cannot be checked" in warning for warning in found["warnings"])
+
+
+def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
+    answers = io.StringIO()
+    wanted = Wanted(names=("t", "left_V", "right_V"))
+    pipeline.decode(asked(folder, "-", wanted=wanted), lines=answers, text=["0.5,2.0,2.0\n"])
+    assert answers.getvalue().splitlines()[1].startswith("0.500000,")
+    wanted = Wanted(columns=Columns(channels=(("left", "a"), ("right", "b"))))
+    pipeline.decode(asked(folder, "-", wanted=wanted), lines=answers, text=["a,b\n", "2.0,2.0\n"])
+
+
+def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Path) -> None:
+    def lines() -> Iterator[str]:
+        yield "time_s,left_V,right_V\n"
+        yield "0,2,2\n"
+        raise KeyboardInterrupt
+
+    out = tmp_path / "live.csv"
+    found = pipeline.decode(asked(folder, "-"), out=out, text=lines())
+    assert found["interrupted"] is True
+    assert found["readings"] == 1
+    assert len(out.read_text(encoding="utf-8").splitlines()) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["live.csv"]
+
+
+def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
+    command = [sys.executable, "-m", "solen", "decode", str(calibration), "-"]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write("time_s,left_V,right_V\n0,2,2\n")
+        process.stdin.flush()
+        assert process.stdout.readline().startswith("time_s,angle_deg")
+        assert process.stdout.readline().startswith("0.000000,")
+        process.stdin.close()
+        assert process.wait(timeout=30) == 0
+        process.stdin = None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--design", "design.toml"), ""),
+        (("--design", "bend.toml"), "not for what is decoded: kind of motion bend instead of rotation"),
+        (("--design", "emitter.toml"), "not for what is decoded: pivot emitter instead of stem-base"),
+        (("--motion", "bend"), "not for what is decoded: kind of motion bend instead of rotation"),
+        ((), "cannot be checked: nothing says the kind of motion, pivot, moving parts"),
+    ],
+)
+def test_another_motion_is_warned_of_once(
+    folder: Path, calibration: Path, options: tuple[str, ...], words: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    named = [str(folder / one) if one.endswith(".toml") else one for one in options]
+    warnings = answered(capfd, "decode", str(calibration), str(folder / "S1.csv"), *named)["warnings"]
+    told = [line for line in warnings if "calibration is" in line]
+    assert len(told) == bool(words)
+    assert all(words in line for line in told)
+
+
+def test_a_pool_of_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    paths = [
+        write(tmp_path / f"S{n}.csv", replace(TRUTH, seed=n, swing_V=1.0 + 0.05 * n, offset_V=2.0 + 0.05 * (-1) ** n))
+        for n in range(3)
+    ]
+    found = answered(capfd, "calibrate", *map(str, paths), "--pool")
+    (one,) = found["calibrations"]
+    assert one["prints"] == ["S0", "S1", "S2"]
+    assert Path(one["file"]).name == "pooled.calibration.json"
+    assert one["leave_one_cycle_out"] is None
+    assert [part["name"] for part in one["leave_one_sensor_out"]["parts"]] == ["S0", "S1", "S2"]
+    many = answered(capfd, "calibrate", *map(str, paths))
+    assert [Path(one["file"]).name for one in many["calibrations"]] == [f"S{n}.calibration.json" for n in range(3)]
+    told = answered(capfd, "decode", one["file"], str(paths[1]))
+    own = answered(capfd, "decode", str(tmp_path / "S1.calibration.json"), str(paths[1]))
+    assert told["against_angle"]["rms_deg"] > own["against_angle"]["rms_deg"]
+
+
+def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
+    capfd.readouterr()
+    assert _run([*arguments]) == 2
+    err = capfd.readouterr().err.strip().splitlines()
+    return [line for line in err if line.startswith("solen: ")][-1] if err[-1].startswith("solen: ") else ""
+
+
+def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    one = write(tmp_path / "one.csv", header="time_s,angle_deg,top_V,bottom_V")
+    assert "no pair of a left and a right receiver" in refused(capfd, "calibrate", str(one))
+    short = write(tmp_path / "short.csv", replace(TRUTH, protocol=Protocol(hold_s=0.2, cycles=2)))
+    assert "1 cycle that is used" in refused(capfd, "calibrate", str(short))
+    good = write(tmp_path / "good.csv")
+    assert "--with-controls" in refused(capfd, "calibrate", str(good), "--control", "good")
+    assert "needs at least two sensors" in refused(capfd, "calibrate", str(good), "--pool")
+    assert "no sensor is called so" in refused(capfd, "calibrate", str(good), "--sensor", "S9")
+    assert "ends in .json" in refused(capfd, "calibrate", str(good), "--out", "x.toml")
+    assert "must be one of rotation, bend" in refused(capfd, "calibrate", str(good), "--motion", "twist")
+    assert not list(tmp_path.glob("*.json"))
+
+
+def test_calibrations_that_cannot_be_read(
+    folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    data = json.loads(calibration.read_text(encoding="utf-8"))
+    bad = tmp_path / "bad.json"
+
+    def told(text: str) -> str:
+        bad.write_text(text, encoding="utf-8")
+        return refused(capfd, "decode", str(bad), str(folder / "S1.csv"))
+
+    assert "is no JSON" in told(calibration.read_text(encoding="utf-8")[:500])
+    assert "is no JSON: NaN is no number" in told('{"kind": "calibration", "schema": NaN}')
+    assert "is no calibration of a sensor" in told('{"kind": "analysis"}')
+    assert "is no calibration of a sensor" in told("[1, 2]")
+    assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))
+    assert "schema is missing" in told(json.dumps({key: data[key] for key in data if key != "schema"}))
+    assert "curves" in told(json.dumps({key: data[key] for key in data if key != "curves"}))
+    assert "unknown key" in told(json.dumps(data | {"colour": "red"}))
+    curves = data["curves"]
+    assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_v": curves["rising_v"][1:]}}))
+    assert "must ascend" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
+    wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
+    assert "no covariance" in told(json.dumps(data | {"curves": curves | {"noise_v2": wrong}}))
+    assert "no such file" in refused(capfd, "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
+
+
+def test_streams_that_cannot_be_decoded(
+    folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def told(*lines: str, **more: Any) -> str:
+        with pytest.raises(DataError) as bad:
+            pipeline.decode(asked(folder, "-", **more), text=lines)
+        return str(bad.value)
+
+    assert "empty stream" in told()
+    assert "empty stream" in told("\n", "\n")
+    assert "holds no reading" in told("time_s,left_V,right_V\n")
+    assert "holds no reading" in told("time_s,left_V,right_V\n", "0,nan,1\n")
+    assert "no column that is told to be the right receiver" in told("time_s,left_V\n", "0,1\n")
+    assert "2 columns that may be the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
+    assert "begins with numbers" in told("0,2,2\n")
+    assert "no column stage" in told("t,left_V,right_V\n", wanted=Wanted(columns=Columns(time="stage")))
+    assert "are they mV" in told("t,left,right\n", "0,2000,2000\n")
+    milli = write(tmp_path / "milli.csv", scale=1000.0)
+    assert "are they mV" in refused(capfd, "decode", str(calibration), str(milli), "--json")
+    assert "no such file" in refused(capfd, "decode", str(calibration), str(tmp_path / "no.csv"))
+    assert "--follow" in refused(capfd, "decode", str(calibration), str(milli), "--follow")
+    assert "go to a .csv" in refused(capfd, "decode", str(calibration), str(milli), "--out", "a.json")
+    assert "voltage without light" in refused(capfd, "decode", str(calibration), str(milli), "--gain-percent", "5")
+    out = tmp_path / "out.csv"
+    assert "are they mV" in refused(capfd, "decode", str(calibration), str(milli), "--out", str(out))
+    assert not out.exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["milli.csv"]
+
+
+RIG = """
+schema = 1
+name = "two prints"
+seed = 5
+[board]
+trim_v = 1.0
+[[sensor]]
+name = "A"
+design = "sensor.toml"
+emitter = 1
+right = 1
+left = 2
+[ambient]
+mean_mw_cm2 = 0.05
+"""
+PROTOCOL = """
+schema = 1
+name = "short"
+cycles = 4
+rest_s = 0.2
+[[step]]
+to_deg = -3.0
+velocity_deg_per_s = 15.0
+hold_s = 0.1
+[[step]]
+to_deg = 3.0
+velocity_deg_per_s = 15.0
+hold_s = 0.1
+[[step]]
+to_deg = 0.0
+velocity_deg_per_s = 15.0
+"""
+
+
+def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "sensor.toml").write_text(DESIGN, encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
+    (tmp_path / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
+    whole = tmp_path / "kept.journal"
+    original = Journal.end
+
+    def keep(self: Journal, **more: Any) -> None:
+        original(self, **more)
+        whole.write_bytes(self.path.read_bytes())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Journal, "end", keep)
+        bench.run(bench.Asked(tmp_path / "protocol.toml", tmp_path / "rig.toml", tmp_path))
+    found = answered(capfd, "calibrate", str(tmp_path / "protocol.nc"))
+    (one,) = found["calibrations"]
+    assert one["circuit"]["ambient"] == "subtracted"
+    assert one["motion"]["pivot"] == "stem-base"
+    assert one["motion"]["protocol"] == "short"
+    assert found["simulated"] is True
+    # a point emitter's response saturates within a degree: beyond, little is known, and the bands say so
+    assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.3
+    assert one["leave_one_cycle_out"]["whole"]["within_95"] > 0.9
+    told = answered(capfd, "decode", one["file"], str(tmp_path / "protocol.nc"))
+    assert told["against_angle"]["rms_deg"] < 0.3
+    assert not [line for line in told["warnings"] if "calibration is" in line]
+
+    data = whole.read_bytes()
+    stopped = answered(capfd, "decode", one["file"], str(whole))
+
+    # the same journal as it grows: a piece now and then, cut anywhere
+    growing = tmp_path / "growing.journal"
+    cuts = [*np.linspace(len(data) // 3, len(data), 6).astype(int).tolist()]
+    growing.write_bytes(data[: cuts[0]])
+
+    def grow() -> None:
+        for begin, end in pairwise(cuts):
+            time.sleep(0.05)
+            with growing.open("ab") as file:
+                file.write(data[begin:end])
+
+    thread = threading.Thread(target=grow)
+    thread.start()
+    followed = answered(capfd, "decode", one["file"], str(growing), "--follow")
+    thread.join()
+    assert followed["readings"] == stopped["readings"] > 300
+    assert (followed["to_s"], followed["highest_deg"]) == (stopped["to_s"], stopped["highest_deg"])
+    # its readings are those of the closed recording
+    fresh = next(iter(Following(whole).readings("A")))
+    from solen.recording import read_parts
+
+    ((_, closed),) = list(read_parts(tmp_path / "protocol.nc"))
+    assert fresh.volts[:, 0] == pytest.approx(closed.channel("left").values, abs=1e-12)
+    assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
+    (tmp_path / "no.journal").write_bytes(b"something else")
+    assert "is no journal of solen" in refused(capfd, "decode", one["file"], str(tmp_path / "no.journal"))
+
+
+def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder: Path) -> None:
+    answers = io.StringIO()
+    steps = (f"{0.005 * n},{2 - 0.1 * n},{2 + 0.1 * n}\n" for n in range(5))
+    lines = ["time_s,left_V,right_V\n", ",2,2\n", "9,2,2\n", *steps]
+    found = pipeline.decode(asked(folder, "-"), lines=answers, text=lines)
+    assert (found["readings"], found["missing"]) == (6, 1)
+    rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
+    assert rows[0][10] == "missing"
+    assert rows[2][8] == ""  # the reading before is of another time
+    assert rows[-1][8] == "rising"
+    assert float(rows[-1][9]) > 0.975
