@@ -458,12 +458,6 @@ def check_killed(one: Killed) -> str:
     return "in the middle" if len(frames) else "before the first sample"
 
 
-def test_a_killed_run_loses_less_than_half_a_second(bench: Path) -> None:
-    (bench / "rig.toml").write_text(daq_rig(), encoding="utf-8")
-    (one,) = killed(bench, [1.2], sampling=True)
-    assert check_killed(one) == "in the middle"
-
-
 @pytest.mark.evidence
 def test_a_run_that_is_killed_at_any_moment_loses_less_than_half_a_second(bench: Path) -> None:
     (bench / "rig.toml").write_text(daq_rig(), encoding="utf-8")
