@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
 from solen.metrology import as_image
 from solen.metrology.find import Pose, find
@@ -264,7 +265,8 @@ def test_a_drawn_front_is_looked_at_as_that_of_a_y(tmp_path: Path) -> None:
     """A body like the Y, drawn lying on its side and away from the origin: the same front, and as symmetric."""
     lie = Rigid.about((3.0, 1.0), 90.0)
     front = Sensor.of(shipped()).lens.front.moved(lie)
-    kind = next(name for name, cls in CURVES.items() if cls is type(front))
+    assert isinstance(front, CartesianOval)
+    kind = next(name for name, cls in CURVES.items() if cls is CartesianOval)
     corners = [front.end, lie.point((2.0, 20.0)), lie.point((-2.0, 20.0)), front.start]
     faces: list[dict[str, Any]] = [{"name": "lens", "curve": {"kind": kind, **dataclasses.asdict(front)}}]
     faces += [
