@@ -267,7 +267,7 @@ class _Cells:
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
     """Step of an encoder, by levels that are all multiples of it; 0 for an angle sampled in step with its motion.
 
-    Such a one has few levels, too, but those of rising and falling ways lie anywhere, or each follows the next in a ramp.
+    Such a one has few levels, too, but those of both ways lie anywhere, or each follows the next in a ramp.
     """
     step = motion.step_deg
     if not step:
