@@ -195,7 +195,8 @@ def test_bands_hold_what_they_say() -> None:
     ("what", "truth", "cycle_V", "least", "most"),
     [
         ("noise", NOISY, 0.0, (0.665, 0.94), (0.71, 0.965)),
-        ("much noise", replace(NOISY, noise_V=0.1), 0.0, (0.65, 0.935), (0.72, 0.97)),
+        # bands of half the range often end where it ends, and then hold more
+        ("much noise", replace(NOISY, noise_V=0.1), 0.0, (0.65, 0.935), (0.76, 0.98)),
         ("noise and cycles", replace(NOISY, noise_V=0.01), 0.01, (0.64, 0.925), (0.76, 0.98)),
         ("cycles", replace(NOISY, noise_V=0.003), 0.01, (0.62, 0.90), (0.80, 0.99)),
         ("hysteresis", replace(NOISY, hysteresis_V=0.04), 0.0, (0.665, 0.94), (0.90, 0.99)),

@@ -138,6 +138,12 @@ def test_clipped_angles_have_no_mean() -> None:
     assert any("clipped at 1.2 V" in warning for warning in found.warnings)
 
 
+def test_a_hold_at_the_end_of_a_response_that_levels_off_is_not_clipped() -> None:
+    """Without noise a hold repeats the largest value; only on the way is a value that repeats one that was cut."""
+    slow = Truth(Protocol(levels_deg=(0.0, 10.0), speed_deg_per_s=2.0), rate_hz=20.0)
+    assert found_of(slow).numbers["right"]["clipped_samples"] == 0
+
+
 @pytest.mark.parametrize("truth", [Truth(), NOISY, Truth(angle_step_deg=0.1), Truth(noise_V=0.0005)])
 def test_what_is_not_clipped_is_not_said_to_be(truth: Truth) -> None:
     signals = made(truth)

@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.bench.clock import Clock
+
 READ = {0x1223: "AvailSampPerChan"}
 TIMING = {0x1344: "SampClk.Rate", 0x1848: "AIConv.Rate"}
 CHANNEL = {0x1930: "AI.DevScalingCoeff", 0x1178: "CO.Pulse.Freq", 0x18E1: "CO.Pulse.Term"}
@@ -241,3 +243,39 @@ def _text(text: str, to: Any, size: int) -> int:
         return len(text) + 1
     to.value = text.encode()
     return 0
+
+
+class Rig(Library):
+    """An instrument whose inputs see an emitter that its counter switches.
+
+    Parameters
+    ----------
+    clock
+        What time passes by.
+    lit, dark_counts
+        Counts of the inputs with the emitter on and off.
+    """
+
+    def __init__(self, clock: Clock, lit: tuple[int, ...], dark_counts: tuple[int, ...]) -> None:
+        super().__init__()
+        self._clock, self._levels = clock, np.array([lit, dark_counts])
+        self._begun_s, self._read = 0.0, 0
+
+    def _StartTask(self, task: int) -> None:
+        super()._StartTask(task)
+        self._begun_s, self._read = self._clock.now_s(), 0
+
+    def _sample(self) -> None:
+        """What was sampled up to now and is not read."""
+        taken = int((self._clock.now_s() - self._begun_s) * self._rate + 1e-6)
+        number = np.arange(self._read, taken)
+        on = (number * self._frequency / self._rate + 1e-9) % 1.0 < 0.5
+        self.waiting = np.where(on, *self._levels[:, :, None]).astype(np.int16)
+
+    def _GetReadAttribute(self, task: int, attribute: int, to: Pointer) -> None:
+        self._sample()
+        super()._GetReadAttribute(task, attribute, to)
+
+    def _ReadBinaryI16(self, task: int, n: int, *more: Any) -> None:
+        super()._ReadBinaryI16(task, n, *more)
+        self._read += n

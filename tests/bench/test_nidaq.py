@@ -2,17 +2,24 @@
 
 import importlib
 from collections.abc import Callable
+from pathlib import Path
 
+import h5netcdf
 import numpy as np
 import pytest
 
 from solen.bench.clock import Still
-from solen.bench.daq import Setup
+from solen.bench.close import Closed, closed
+from solen.bench.daq import Setup, volts_of
+from solen.bench.journal import read_journal
 from solen.bench.nidaq import NiDaq
+from solen.bench.protocol import load_protocol
 from solen.bench.roles import Daq
+from solen.bench.run import Instruments, Tick, begin, run
 from solen.bench.sampling import DaqSampling
+from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError
-from tests.bench.daqmx_support import Library
+from tests.bench.daqmx_support import Library, Rig
 
 PREPARED = """
 GetDeviceAttribute('Dev1', 1585, char[0], 0)
@@ -58,12 +65,17 @@ ClearTask(4)
 @pytest.fixture
 def library(monkeypatch: pytest.MonkeyPatch) -> Library:
     """NI-DAQmx with a USB-6218 that is not there."""
-    _lib = importlib.import_module("nidaqmx._lib")
     made = Library()
-    for name in ("_windll", "_cdll"):
-        monkeypatch.setattr(_lib.lib_importer, name, _lib.DaqFunctionImporter(made))
-    monkeypatch.setattr(_lib.lib_importer, "_encoding", "utf-8")
+    use(made, monkeypatch)
     return made
+
+
+def use(library: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let nidaqmx find this library."""
+    _lib = importlib.import_module("nidaqmx._lib")
+    for name in ("_windll", "_cdll"):
+        monkeypatch.setattr(_lib.lib_importer, name, _lib.DaqFunctionImporter(library))
+    monkeypatch.setattr(_lib.lib_importer, "_encoding", "utf-8")
 
 
 def setup(**more: object) -> Setup:
@@ -171,7 +183,7 @@ def test_a_fault_is_one_line_and_leaves_everything_dark(
 ) -> None:
     library.faults[function] = [0] * nth + [code]
 
-    def use() -> None:
+    def used() -> None:
         daq = NiDaq(Still(), "Dev1", setup(enable="port1/line7"))
         daq.start()
         for _ in range(2):
@@ -179,7 +191,7 @@ def test_a_fault_is_one_line_and_leaves_everything_dark(
             daq.read()
 
     with pytest.raises(BenchError, match=told) as refusal:
-        use()
+        used()
     assert len(str(refusal.value).splitlines()) == 1
     assert library.dark
 
@@ -245,3 +257,103 @@ def test_what_the_instrument_cannot_do_is_refused_before_it_is_asked(
     with pytest.raises(BenchError, match=told):
         ask()
     assert library.said == []
+
+
+# whole runs
+
+PROTOCOL = "schema = 1\nname = 'there and back'\ncycles = 2\nrest_s = 0.2\n" + "".join(
+    f"[[step]]\nto_deg = {to}\nvelocity_deg_per_s = 15.0\nhold_s = 0.3\n" for to in (-3.0, 0.0)
+)
+HEADER = {
+    "solen": "0", "simulated": False, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": "there and back",
+    "rig_name": "a rig", "zero": 0.0, "lever_mm": None,
+    "sensors": [{"name": "A", "design": "a.toml", "lens": True, "emitter": 1, "right": 1, "left": 2}],
+}  # fmt: skip
+
+
+class Driven:
+    """A run of the real driver on an instrument that is not there."""
+
+    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.clock, self.folder = Still(), folder
+        self.library = Rig(self.clock, lit=(1000, -2000), dark_counts=(20_000, 25_000))
+        use(self.library, monkeypatch)
+        (folder / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
+
+    def run(self, watch: Callable[[Tick], None] | None = None) -> None:
+        daq = NiDaq(self.clock, "Dev1", setup())
+        on = Instruments(SimulatedStage(self.clock), daq, self.clock)
+        with begin(self.folder / "run.journal", on, HEADER) as journal:
+            run(load_protocol(self.folder / "protocol.toml"), on, journal, watch=watch)
+        daq.close()
+
+    def closed(self) -> tuple[Closed, dict[str, np.ndarray]]:
+        done = closed(read_journal(self.folder / "run.journal"), self.folder / "run.nc")
+        with h5netcdf.File(self.folder / "run.nc", "r") as file:
+            return done, {name: one[...] for name, one in file.groups["A"].variables.items()}
+
+
+@pytest.fixture
+def driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Driven:
+    return Driven(tmp_path, monkeypatch)
+
+
+def test_a_run_by_the_driver_gives_the_volts_of_the_coefficients(driven: Driven) -> None:
+    driven.run()
+    assert driven.library.dark
+    done, read = driven.closed()
+    coefficients = np.array([Library.coefficients])
+    lit, dark = (volts_of(np.array([one], np.int16).T, coefficients)[:, 0] for one in ((1000, -2000), (20_000, 25_000)))
+    for place, side in enumerate(("right", "left")):
+        assert read[side] == pytest.approx(np.full(len(read[side]), lit[place] - dark[place]), abs=1e-9)
+        assert read[f"{side}_ambient"] == pytest.approx(np.full(len(read[side]), dark[place]), abs=1e-9)
+    assert np.diff(read["time_s"]) == pytest.approx(0.005, abs=1e-6)
+    assert (done.outcome, done.sensors["A"]) == ("done", len(read["time_s"]))
+    assert read["angle_deg"].min() == pytest.approx(-3.0)
+
+
+def faulty_after(driven: Driven, at_s: float, function: str, codes: list[int]) -> Callable[[Tick], None]:
+    def watch(tick: Tick) -> None:
+        if tick.t_s >= at_s and function not in driven.library.faults:
+            driven.library.faults[function] = codes
+
+    return watch
+
+
+def test_an_instrument_that_is_unplugged_ends_the_run_and_what_was_sampled_is_there(driven: Driven) -> None:
+    watch = faulty_after(driven, 1.0, "DAQmxGetReadAttribute", [-88709])
+    with pytest.raises(BenchError, match="was unplugged or reset"):
+        driven.run(watch)
+    assert driven.library.dark
+    end = read_journal(driven.folder / "run.journal").events[-1]
+    assert (end["what"], end["outcome"]) == ("fault", "fault")
+    assert "was unplugged or reset" in end["reason"]
+    done, read = driven.closed()
+    assert done.outcome == "fault"
+    assert 0.9 < read["time_s"][-1] < 1.2
+
+
+def test_a_run_goes_on_after_an_overrun_and_tells_it(driven: Driven) -> None:
+    driven.run(faulty_after(driven, 1.0, "DAQmxReadBinaryI16", [-200279]))
+    events = read_journal(driven.folder / "run.journal").events
+    (remark,) = (event["reason"] for event in events if event["what"] == "remark")
+    assert "samples were overwritten before the program read them; about" in remark
+    assert events[-1]["losses"]["overruns"] == 1
+    done, read = driven.closed()
+    assert done.outcome == "done"
+    steps = np.diff(read["time_s"])
+    assert np.sum(steps > 0.006) == 1
+    lost = events[-1]["losses"]["samples"] / 10_000.0
+    assert steps.max() == pytest.approx(lost, abs=0.011)  # a frame, and a reading
+    assert np.ptp(read["right"]) < 1e-9
+
+
+def test_ctrl_c_leaves_everything_dark(driven: Driven) -> None:
+    def interrupt(tick: Tick) -> None:
+        if tick.t_s > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        driven.run(interrupt)
+    assert driven.library.dark
+    assert driven.closed()[0].outcome == "stopped"

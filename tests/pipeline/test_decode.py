@@ -131,9 +131,10 @@ def test_lines_are_answered_as_they_come(folder: Path) -> None:
     rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
     assert len(rows) == 4
     assert (found["readings"], found["missing"]) == (2, 2)
+    assert all(len(row) == len(pipeline.COLUMNS) for row in rows)
     assert float(rows[0][1]) == pytest.approx(0.0, abs=0.05)
     assert float(rows[1][1]) == pytest.approx(2.0 * np.arctanh(0.5), abs=0.06)
-    assert [row[9] for row in rows[2:]] == ["missing", "missing"]
+    assert [row[10] for row in rows[2:]] == ["missing", "missing"]
     assert any("cannot be checked" in warning for warning in found["warnings"])
 
 
@@ -325,7 +326,7 @@ velocity_deg_per_s = 15.0
 
 
 def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "sensor.toml").write_text(f"{DESIGN}\n[emitter]\nwidth_mm = 0.2\n", encoding="utf-8")
+    (tmp_path / "sensor.toml").write_text(DESIGN, encoding="utf-8")
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
     (tmp_path / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
     whole = tmp_path / "kept.journal"
@@ -344,9 +345,11 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert one["motion"]["pivot"] == "stem-base"
     assert one["motion"]["protocol"] == "short"
     assert found["simulated"] is True
-    assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.02
+    # a point emitter's response saturates within a degree: beyond, little is known, and the bands say so
+    assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.3
+    assert one["leave_one_cycle_out"]["whole"]["within_95"] > 0.9
     told = answered(capfd, "decode", one["file"], str(tmp_path / "protocol.nc"))
-    assert told["against_angle"]["rms_deg"] < 0.02
+    assert told["against_angle"]["rms_deg"] < 0.3
     assert not [line for line in told["warnings"] if "calibration is" in line]
 
     data = whole.read_bytes()
@@ -378,3 +381,16 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
     (tmp_path / "no.journal").write_bytes(b"something else")
     assert "is no journal of solen" in refused(capfd, "decode", one["file"], str(tmp_path / "no.journal"))
+
+
+def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder: Path) -> None:
+    answers = io.StringIO()
+    steps = (f"{0.005 * n},{2 - 0.1 * n},{2 + 0.1 * n}\n" for n in range(5))
+    lines = ["time_s,left_V,right_V\n", ",2,2\n", "9,2,2\n", *steps]
+    found = pipeline.decode(asked(folder, "-"), lines=answers, text=lines)
+    assert (found["readings"], found["missing"]) == (6, 1)
+    rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
+    assert rows[0][10] == "missing"
+    assert rows[2][8] == ""  # the reading before is of another time
+    assert rows[-1][8] == "rising"
+    assert float(rows[-1][9]) > 0.975

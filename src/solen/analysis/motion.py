@@ -244,10 +244,10 @@ def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | N
 
 
 def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Last sample at a level before the middle of a ramp; at a mere turn, the farthest one."""
+    """Last sample at a level before the middle of a ramp; at a mere turn, the farthest one, and of those the last."""
     part = a[low : middle + 1]
     if level is None:
-        return low + int(np.argmin(direction * part))
+        return middle - int(np.argmin(direction * part[::-1]))
     held = np.flatnonzero(direction * (part - level) <= tolerance)
     return low + int(held[-1]) if held.size else low
 

@@ -160,7 +160,7 @@ def _run(signals: Signals, settings: Settings, known: dict[int, Motion]) -> Run:
         raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:
-        moving[ramp.start : ramp.stop] = True
+        moving[ramp.start + 1 : ramp.stop - 1] = True  # its ends belong to holds, which repeat a value
     marked = np.column_stack([clipped(column, moving, settings.rails_V) for column in signals.volts.T])
     if signals.clipped is not None:
         marked |= signals.clipped

@@ -99,6 +99,8 @@ class NiDaq:
     def read(self) -> Samples:
         """Samples since the last call; none, and a remark, where some were overwritten."""
         channels = len(self.setup.channels)
+        if not self._tasks:
+            return Samples(self._stretch, self._next, np.zeros((0, channels), np.int16))
         try:
             with self._told("read"):
                 stream = self._tasks[-1].in_stream

@@ -21,8 +21,8 @@ from solen.errors import DataError
 COUNTER_JITTER_US = 5.0
 """More than a counter's edge differs from a sample's clock edge, and enough that a sample at an edge is left out."""
 LEAST_SYNC_V = 0.5
-EDGE_SAMPLES = 0.5
-"""To so much of a sample an edge is known at best; three times the jitter is left out."""
+EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
+"""Parts of a sample to which an edge is known, on a line of many and alone: left out beside what `Clock.states` does."""
 LINE_SAMPLES = 0.75
 """Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
 
@@ -87,8 +87,7 @@ def _by_sync(time_s: FloatArray, volts: FloatArray, setup: Setup) -> Clock:
         period_s, phase = usual_s, _between(time_s, rises, number, usual_s)
     on_s = _on_s(rises, falls, usual_s)
     emitters = setup.emitters
-    # an edge is known to half a sample on either side, one that may lie anywhere to a whole one
-    jitter_us = 1e6 * step_s * (EDGE_SAMPLES if straight else 1.0) / 3.0
+    jitter_us = 1e6 * step_s * (EDGE_SAMPLES if straight else LOOSE_SAMPLES) / 3.0
     return _even(phase * emitters, emitters / period_s, on_s / period_s * emitters, jitter_us)
 
 

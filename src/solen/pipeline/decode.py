@@ -33,6 +33,7 @@ COLUMNS = (
     "direction",
     "probability",
     "heading",
+    "rises",
     "flags",
     "other",
 )
@@ -365,19 +366,20 @@ def _rows(time_s: FloatArray, good: NDArray[np.bool_], decoded: Decoded, heading
         decoded.high_deg.tolist(),
         decoded.right.tolist(),
         headings.words(),
+        headings.rises.tolist(),
         _flags(decoded),
     )
     found = enumerate(zip(*columns, strict=True))
     for stamp, held in zip(time_s.tolist(), good.tolist(), strict=True):
         when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
         if not held:
-            yield f"{when},,,,,,,,,missing,\n"
+            yield f"{when},,,,,,,,,,missing,\n"
             continue
-        number, (angle, low, high, right, heading, flags) = next(found)
+        number, (angle, low, high, right, heading, rises, flags) = next(found)
         side, share = ("right", right) if right >= 0.5 else ("left", 1.0 - right)
         yield (
             f"{when},{angle:.5f},{low[0]:.5f},{high[0]:.5f},{low[1]:.5f},{high[1]:.5f},"
-            f"{side},{share:.3f},{heading},{flags},{' '.join(others.get(number, ()))}\n"
+            f"{side},{share:.3f},{heading},{rises:.3f},{flags},{' '.join(others.get(number, ()))}\n"
         )
 
 

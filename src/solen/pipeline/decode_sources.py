@@ -5,6 +5,7 @@ Each gives `Batch` after `Batch` of left and right voltages, as large as there i
 
 import contextlib
 import json
+import math
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -178,12 +179,14 @@ class _Layout:
             volts = [self._value(values, slot) for slot in (1, 2)]
             when = number / self.rate_hz if self.rate_hz else float(number)
             stamp = when if self.places[0] is None else self._value(values, 0)
+            if not math.isfinite(stamp):
+                volts = [math.nan, math.nan]
             yield Batch(np.array([stamp]), np.array([volts]))
 
     def _value(self, values: Sequence[float | None], slot: int) -> float:
         place = self.places[slot]
         value = values[place] if values and place is not None else None
-        return float("nan") if value is None else value * self.scales[slot]
+        return math.nan if value is None else value * self.scales[slot]
 
 
 def _scale(unit: str, wanted: str, name: str) -> float:

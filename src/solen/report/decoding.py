@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solen.analysis.calibration import Calibration, Check
-from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
 
 _DRAWN = 3000
 _SIDES = (("left", LEFT), ("right", RIGHT))
@@ -81,16 +81,16 @@ def _draw_angles(axes: Axes, check: Check) -> None:
     axes.plot(ends, ends, color=INK, lw=0.8, label="true")
     axes.set_xlabel("true angle (°)")
     axes.set_ylabel("decoded angle (°)")
-    axes.legend(fontsize=8, loc="best")
+    axes.legend(fontsize=8, loc="lower right")
 
 
 def _draw_errors(axes: Axes, check: Check) -> None:
     shown = _places(check)
     true = check.true_deg[shown]
     low, high = (side[shown, 1] - check.angle_deg[shown] for side in (check.low_deg, check.high_deg))
-    axes.plot(true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label="decoded − true")
-    axes.vlines(true, low, high, color=LOST, alpha=0.25, lw=0.8)
-    axes.plot(np.nan, np.nan, color=LOST, label="band of 95 %")
+    axes.plot(true, check.angle_deg[shown] - true, ".", color=RIGHT, ms=2.5, label="decoded − true", zorder=3)
+    axes.vlines(true, low, high, color=SOFT, lw=0.8)
+    axes.plot(np.nan, np.nan, color=SOFT, label="band of 95 %")
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set_xlabel("true angle (°)")
     axes.set_ylabel("error (°)")

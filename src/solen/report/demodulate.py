@@ -87,7 +87,7 @@ def _rejection(axes: Axes, found: Demodulated, means: Averaged | None, window_s:
         )
     axes.axhline(0.0, color=INK, lw=0.8)
     axes.set(xlabel="ambient light (Hz)", ylabel="rejection (dB)", ylim=(-8.0, 62.0))
-    axes.legend(fontsize=7)
+    axes.legend(fontsize=7, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), columnspacing=1.0)
 
 
 def _labelled(name: str, unit: str) -> str:

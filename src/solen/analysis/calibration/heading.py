@@ -40,6 +40,8 @@ class Tracker:
 
     def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
         """Slopes at the next angles of the stream, (n,); times never fall."""
+        if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # a clock that was set back
+            self._kept = self._kept[:0]
         rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])
         fresh = len(rows) - len(time_s)
         first = np.searchsorted(rows[:, 0], rows[fresh:, 0] - self._window_s * (1.0 + 1e-9))

@@ -63,7 +63,8 @@ class Training:
     samples
         Those between the first and the last angle.
     rails_V
-        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN where none was.
+        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN where none was, or where
+        the recorder marks clipped readings itself.
     """
 
     label: str
@@ -145,7 +146,8 @@ def _samples(sensor: Analysed, sides: tuple[int, int], ends: tuple[float, float]
     cycle = 0
     for run in sensor.runs:
         volts, clipped = run.signals.volts[:, list(sides)], run.clipped[:, list(sides)]
-        rails = _wider(rails, volts, clipped)
+        if run.signals.clipped is None:  # of readings made of several samples, a recorder's mark is no voltage
+            rails = _wider(rails, volts, clipped)
         angle, ways = run.signals.angle_deg, _ways(run.motion, volts.shape[0])
         near = (angle >= ends[0]) & (angle <= ends[1]) & ~clipped.any(axis=1) & (ways >= 0)
         for place in _used(run):

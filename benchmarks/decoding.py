@@ -1,0 +1,68 @@
+"""How many readings become angles per second, against the rate of a bench, and how long a single one takes.
+
+Run with ``python benchmarks/decoding.py``. All in one run, so that the ratios hold on any machine; each figure is the
+best of several runs. The sensor is a made one, of five cycles with 10 mV of noise.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import solen
+from solen.analysis import Settings, Signals, analysed
+from solen.analysis.calibration import Decoder, calibrated, leave_one_cycle_out, training_of
+from solen.analysis.calibration.reference import posterior
+
+RATE_HZ, READINGS, REPEATS = 200.0, 20_000, 5
+
+
+def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest of several runs, s of this process's own time."""
+    times = []
+    for _ in range(repeats):
+        begun = time.process_time()
+        call()
+        times.append(time.process_time() - begun)
+    return min(times)
+
+
+def recording(noise_V: float) -> Signals:
+    """Six cycles of ±3° at 15°/s with holds, as saturating voltages."""
+    rng = np.random.default_rng(1)
+    corners = np.cumsum([0.0, 0.2, 0.8, 0.4, 0.8, 0.2])
+    time_s = np.arange(0.0, 6 * corners[-1] + 2.0, 1.0 / RATE_HZ)
+    in_cycle = np.where((time_s > 1.0) & (time_s < 1.0 + 6 * corners[-1]), (time_s - 1.0) % corners[-1], 0.0)
+    angle = np.interp(in_cycle, corners, [0.0, -3.0, -3.0, 3.0, 3.0, 0.0])
+    volts = 2.0 + np.tanh(angle / 2.0)[:, None] * np.array([-1.0, 1.0])
+    volts = volts + noise_V * rng.standard_normal((time_s.size, 2))
+    return Signals("one", ("left", "right"), time_s, angle, volts)
+
+
+def main() -> None:
+    """Print the table."""
+    print(
+        f"solen {solen.__version__}, numpy {np.__version__}, Python {platform.python_version()}, {os.cpu_count()} cores"
+    )
+    print(f"{'what':44} {'readings/s':>12} {'of 200 Hz':>10}")
+    for noise_V in (0.01, 0.0005):
+        training = training_of(analysed([recording(noise_V)], Settings()))
+        calibration = calibrated(training)
+        decoder = Decoder(calibration)
+        volts = np.resize(training.samples.volts, (READINGS, 2))
+        decoder.decode(volts[:10])
+        fine = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], 2001)
+        plain = 1.0 / best_s(lambda v=volts, c=calibration, f=fine: posterior(c, v[0], f), 2)  # type: ignore[misc]
+        many = READINGS / best_s(lambda d=decoder, v=volts: d.decode(v))  # type: ignore[misc]
+        single = best_s(lambda d=decoder, v=volts: [d.decode(v[n : n + 1]) for n in range(100)]) / 100  # type: ignore[misc]
+        check = best_s(lambda t=training: leave_one_cycle_out(t), 1)  # type: ignore[misc]
+        for what, rate in (("the long way", plain), ("many at once", many), ("one at a time", 1.0 / single)):
+            told = f"{what}, noise {1e3 * noise_V:g} mV, {decoder.pieces} pieces"
+            print(f"{told:44} {rate:12.3g} {rate / RATE_HZ:10.3g}")
+        print(f"  a single reading takes {1e3 * single:.2f} ms; the check by cycles left out {check:.2f} s")
+
+
+if __name__ == "__main__":
+    main()
