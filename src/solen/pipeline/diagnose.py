@@ -247,7 +247,7 @@ def _of(sensor: Analysed, carried: Mapping[tuple[str, str], _Carried]) -> _Carri
     """What the recordings of a sensor carry of it: of the first one, where they are several."""
     for run in sensor.runs:
         for (file, group), one in carried.items():
-            if file == run.signals.source and (not group or sensor.label.endswith(group)):
+            if file == run.signals.source and (not group or f".{sensor.label}".endswith(f".{group}")):
                 return one
     return _Carried()
 

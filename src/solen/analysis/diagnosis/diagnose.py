@@ -32,6 +32,8 @@ BEYOND_DEG = 0.5
 PARTNER = 0.9
 """Correlation from which on a number that is not determined takes part in another's."""
 HELD_FIRST = (LOSS, SPREAD, OFFSET)
+POOREST = 0.98
+"""Correlation with a gain from which on a loss is not told: whatever the model misses would be taken for it."""
 POOR = 0.95
 """Correlation from which on two numbers are told apart poorly."""
 
@@ -170,13 +172,24 @@ def diagnosed(
         cycles = Cycles(cycles.angle_deg, -cycles.volts)
     _check(sensor, cycles, places)
     spreads = {ZERO: ZERO_U_DEG, INDEX: INDEX_U} | dict(known or {})
-    model = Model.of(response, cycles.angle_deg, tuple(places), cycles.swing_V, spreads, bend)
+    spacing = spacing_deg(sensor)
+    model = Model.of(response, cycles.angle_deg, tuple(places), cycles.swing_V, spreads, bend, spacing)
     fitted, held = _determined(model, cycles)
     _check_signs(sensor, fitted, places)
     correlations = _correlations(fitted)
     left_out = {side: float(1.0 - cycles.valid[:, n].mean()) for n, side in enumerate(places)}
     estimates = _estimates(fitted, held)
     return Diagnosis(sensor.label, cycles, fitted, estimates, held, _poor(fitted, correlations), correlations, left_out)
+
+
+def spacing_deg(sensor: Analysed) -> float:
+    """Usual distance of the samples on the ways, of the coarsest recording."""
+    found = []
+    for run in sensor.runs:
+        angle = run.signals.angle_deg
+        parts = [np.abs(np.diff(angle[ramp.start : ramp.stop])) for ramp in run.motion.ramps]
+        found.append(float(np.median(np.concatenate(parts))) if parts else 0.0)
+    return max(found, default=0.0)
 
 
 def _check(sensor: Analysed, cycles: Cycles, places: Mapping[str, int]) -> None:
@@ -216,18 +229,20 @@ def _undetermined(fitted: Fitted) -> str | None:
     free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
     vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
     fitted_names = {one.name for one in free}
+    if LOSS in fitted_names and any(name.startswith("gain") for name in _partners(fitted, LOSS, POOREST)):
+        return LOSS
     for name in HELD_FIRST if vague else ():
         if name in fitted_names and (name in vague or any(v.startswith(("gain", "offset")) for v in vague)):
             return name
     return None
 
 
-def _partners(fitted: Fitted, name: str) -> tuple[str, ...]:
+def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
     """What a number cannot be told apart from: those that go with it in the fit that has them all."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
-        other for other, with_it in zip(names, row.tolist(), strict=True) if other != name and abs(with_it) > PARTNER
+        other for other, with_it in zip(names, row.tolist(), strict=True) if other != name and abs(with_it) > beyond
     )
 
 

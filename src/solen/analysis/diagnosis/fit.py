@@ -26,9 +26,9 @@ from solen.analysis.diagnosis.model import OFFSET, SPREAD, Model
 from solen.analysis.diagnosis.table import FloatArray
 
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
-STARTS_OF_SPREAD = (1.0, 0.25)
+STARTS_MM2 = (0.1**2, 0.25**2)
 TRIED = 3
-"""Decentres and shares of the chip's spread that a fit is begun with, and how many of these are followed.
+"""Decentres, and spreads of the chip beside the design's, that a fit is begun with, and how many of these are followed.
 
 They are those of the best straight lines. What is known beforehand is held at first.
 """
@@ -192,11 +192,11 @@ def _first_sd(cycles: Cycles) -> FloatArray:
 def _started(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray) -> FloatArray:
     """Values of the best of several beginnings."""
     spread = model.parameters[model.places[SPREAD]].start
-    decentred = {OFFSET} & {model.parameters[place].name for place in places}
+    free = {model.parameters[place].name for place in places}
     begun = [
-        model.start(cycles.mean_V, model.response.offset_mm + offset, share * spread)
-        for offset in (STARTS_MM if decentred else (0.0,))
-        for share in STARTS_OF_SPREAD
+        model.start(cycles.mean_V, model.response.offset_mm + offset, width)
+        for offset in (STARTS_MM if OFFSET in free else (0.0,))
+        for width in ({spread, *STARTS_MM2} if SPREAD in free else {spread})
     ]
     costs = [_rest(model, cycles, places, sd, one)[1] for one in begun]
     unknown = np.array([place for place in places if np.isinf(model.parameters[place].known)], dtype=np.intp)
@@ -322,7 +322,7 @@ def _misfit(
     seen = waves - table @ (hat @ waves)
     basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
     basis = basis[:, sizes > 1e-3 * sizes[0]]
-    freedom = float(basis.shape[1])
+    most, freedom = float(basis.shape[1]), float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
     found = float(np.sum((basis.T @ left) ** 2))
     through = float(np.sum((basis.T @ seen) ** 2))
     if count < 2:
@@ -332,7 +332,7 @@ def _misfit(
     noise = float(np.trace(covariance))
     if not noise > 0.0:
         return float(np.sqrt(found / through)), freedom, (np.inf, 0.0)
-    effective = _effective(covariance, freedom, count - 1)
+    effective = _effective(covariance, most, count - 1)
     ratio = found / noise
     chance = float(f_distribution.sf(ratio, effective, effective * (count - 1)))
     beyond = max(found - noise, 0.0) / through if chance < 0.16 else 0.0

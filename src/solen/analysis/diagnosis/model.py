@@ -18,8 +18,8 @@ from solen.analysis.diagnosis.voltage import Bend, volts
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
 LOSS_WORTH = 0.05
 """Loss along the way, as a share of the light, that is worth telling."""
-_GAUSS = 0.5 / math.sqrt(3.0)
-"""Points of Gauss' rule of two, from the middle of a cell, over its width."""
+_NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
+"""Places in a cell, in its standard deviations, whose plain mean is that over the cell (Chebyshev's rule)."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,7 @@ class Model:
     sides: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     bend: Bend | None = None
+    spacing_deg: float = 0.0
 
     @classmethod
     def of(
@@ -63,6 +64,7 @@ class Model:
         swing_V: FloatArray,
         known: Mapping[str, float],
         bend: Bend | None = None,
+        spacing_deg: float = 0.0,
     ) -> "Model":
         """Model of curves.
 
@@ -80,6 +82,8 @@ class Model:
             Standard uncertainties by key, of the angle's zero and of what differs from print to print.
         bend
             Load line, where the circuit is known.
+        spacing_deg
+            Distance of the samples on the way, between which curves are straight lines.
         """
         way_mm = max(response.path_mm(angle_deg), 1.0)
         spread = response.width_mm**2
@@ -93,7 +97,7 @@ class Model:
         circuit = []
         for side, swing in zip(sides, swing_V.tolist(), strict=True):
             circuit += [Parameter(f"gain {side}", 2.0 * swing, 0.5 * swing), Parameter(f"offset {side}", 0.0, swing)]
-        return cls(response, angle_deg, sides, (*shape, *others, *circuit), bend)
+        return cls(response, angle_deg, sides, (*shape, *others, *circuit), bend, spacing_deg)
 
     @cached_property
     def places(self) -> dict[str, int]:
@@ -112,13 +116,21 @@ class Model:
 
     @cached_property
     def _nodes(self) -> FloatArray:
-        """Two angles of each cell; the outermost cells, which the motion does not fill, are their own angle."""
-        half = np.full(self.angle_deg.size, _GAUSS * (self.angle_deg[1] - self.angle_deg[0]))
-        half[[0, -1]] = 0.0
-        return np.concatenate([self.angle_deg - half, self.angle_deg + half])
+        """Angles of each cell; the outermost cells, which the motion does not fill, are their own angle.
+
+        A mean over a cell spreads by its width over √12, straight lines between samples by their distance over √6.
+        """
+        spread = np.full(self.angle_deg.size, self.angle_deg[1] - self.angle_deg[0]) / math.sqrt(12.0)
+        spread = np.hypot(spread, self.spacing_deg / math.sqrt(6.0))
+        spread[[0, -1]] = 0.0
+        return np.concatenate([self.angle_deg + node * spread for node in _NODES.tolist()])
+
+    def _means(self, found: FloatArray) -> FloatArray:
+        """Means over the cells (n, r) of what is found at their angles."""
+        return np.asarray(found.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
-        """Shares of light at both points of each cell, (2 n, r)."""
+        """Shares of light at the angles of the cells, (4 n, r)."""
         at = self.places
         moved = {key: float(values[at[key]]) for key in self.response.changes}
         found = self.response.shares(
@@ -132,7 +144,7 @@ class Model:
 
     def _volts(self, values: FloatArray, shares: FloatArray) -> FloatArray:
         found = volts(shares, values[self.gains], values[self.offsets], self.bend)
-        return np.asarray(0.5 * (found[: self.angle_deg.size] + found[self.angle_deg.size :]))
+        return self._means(found)
 
     def jacobian(self, values: FloatArray, active: Sequence[int]) -> FloatArray:
         """Derivatives (n, r, a) by the active parameters (a,), by central differences."""
@@ -153,8 +165,7 @@ class Model:
         """Values for a decentre and a chip, with gains and offsets by straight lines through curves (n, r)."""
         values = np.array([one.start for one in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
-        shares = self.shares(values)
-        mean = 0.5 * (shares[: self.angle_deg.size] + shares[self.angle_deg.size :])
+        mean = self._means(self.shares(values))
         for n, (gain, offset) in enumerate(zip(self.gains, self.offsets, strict=True)):
             good = np.isfinite(curve[:, n])
             table = np.column_stack([-mean[good, n], np.ones(int(good.sum()))])
