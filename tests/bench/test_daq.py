@@ -415,7 +415,9 @@ def test_a_run_that_was_stopped_is_taken_up_and_closed(bench: Path, monkeypatch:
     ask = pipeline.Asked(bench / "protocol.toml", bench / "rig.toml", bench / "out")
 
     def stop(tick: Any) -> None:
-        assert tick.counts is None or tick.counts.shape == (1, 2, 4)
+        if tick.counts is not None:
+            assert tick.counts.shape == (1, 2, 4)
+            assert (tick.counts[0, 1] > tick.counts[0, 0] + 1000).any()  # off stands above on
         if tick.cycle > 1:
             raise KeyboardInterrupt
 
@@ -454,12 +456,6 @@ def check_killed(one: Killed) -> str:
     assert len(read["time_s"]) >= len(frames) - 1 if len(frames) > 1 else True
     assert (np.diff(read["time_s"]) > 0.004).all()
     return "in the middle" if len(frames) else "before the first sample"
-
-
-def test_a_killed_run_loses_less_than_half_a_second(bench: Path) -> None:
-    (bench / "rig.toml").write_text(daq_rig(), encoding="utf-8")
-    (one,) = killed(bench, [1.2], sampling=True)
-    assert check_killed(one) == "in the middle"
 
 
 @pytest.mark.evidence

@@ -75,7 +75,7 @@ def test_the_grid_is_as_fine_as_a_sharp_projector_needs() -> None:
     places = np.array([[290.0, 400.0], [265.0, 400.0], [400.0, 545.0]])
     wanted = np.log(dose_at(np.array([image, image]), sharp, places, 40.0) / sharp.Ec_mJ_per_cm2)
     assert np.allclose(found.log_excess(places), wanted, atol=2e-2)
-    with pytest.raises(DataError, match=r"process\.sigma_um = 1\.0; must be at least .* for pixels of 27 um"):
+    with pytest.raises(DataError, match=r"process\.sigma_um = 1\.0; must be at least .* for pixels of 27 µm"):
         fineness(settings(sigma_um=1.0))
 
 
@@ -93,7 +93,7 @@ def test_light_comes_from_later_layers_only() -> None:
     one = settings()
     assert set(terms_at(one, 20, 300.0).layer.tolist()) == set(range(12, 20))
     assert terms_at(one, 20, 500.0).total == pytest.approx(26.0)
-    with pytest.raises(DataError, match="the part ends at 500 um"):
+    with pytest.raises(DataError, match="the part ends at 500 µm"):
         terms_at(one, 20, 501.0)
 
 

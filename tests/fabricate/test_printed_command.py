@@ -174,7 +174,7 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
     process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
     told = printed(sensor, Print(process), Outputs(), response=False)
     assert told["cure_depth_um"] < 100.0
-    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 um") for text in told["warnings"])
+    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in told["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -215,14 +215,14 @@ def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
     calibration = "[calibration]\nkeys = ['growth_um']\ncovariance = [[0.04]]\nfeatures = 9\n"
     calibrated = _written(tmp_path / "mine.toml", KNOWN + calibration)
     assert process_of(Print(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
-    with pytest.raises(DataError, match="the process was calibrated with pixels of 27 um"):
+    with pytest.raises(DataError, match="the process was calibrated with pixels of 27 µm"):
         process_of(Print(process=calibrated, printer="asiga-max-x43"))
 
 
 def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path) -> None:
     coarse = sure(tmp_path, pixel_um=250.0, sigma_um=120.0, halo_um=200.0)
     out = tmp_path / "lens.json"
-    with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 um"):
+    with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 µm"):
         printed(sensor, Print(coarse), Outputs(out=out), response=False)
     assert not out.exists()
 

@@ -215,7 +215,7 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
     rings = rings_of(as_designed(body))
     with pytest.raises(DataError, match=r"process\.pixel_um = 300\.0; the lens, 4 mm wide, must have 20 pixels"):
         FlatPrint.of(rings, lens, settings(pixel_um=300.0, sigma_um=100.0, halo_um=200.0), 4.0)
-    with pytest.raises(DataError, match="a layer is 25 um"):
+    with pytest.raises(DataError, match="a layer is 25 µm"):
         FlatPrint.of(rings, lens, settings(), 0.01)
     with pytest.raises(DataError, match="must have 20 of them"):
         SidePrint.of(rings, lens, settings(pixel_um=300.0), "upright")

@@ -236,3 +236,17 @@ def test_edges_that_overlap_are_both_measured() -> None:
     assert set(by_name) == {"outer", "inner"}
     assert by_name["outer"].rms_um < 0.25 * UM_PER_PX
     assert any("as none is sharper" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize(("apart_px", "told"), [(0.0, False), (5.0, True)])
+def test_two_edges_in_one_are_told_by_their_blur(apart_px: float, told: bool) -> None:
+    """A lower face that is shifted along the axis: the walls of both coincide, the fronts nearly."""
+    along = np.radians(PLACING.angle_deg)
+    shift = apart_px * np.array([np.sin(along), np.cos(along)])
+    levels = [
+        Level([OUTLINE], PLACING, -0.3, gaussian(1.5)),
+        Level([OUTLINE], PLACING.moved(*(float(one) for one in shift)), -0.3, gaussian(1.5)),
+    ]
+    found = measure(taken(levels, ground=0.8), IDEAL)
+    assert len(found.edges) == 1
+    assert any("measured as one" in text for text in found.warnings) == told

@@ -288,6 +288,8 @@ def test_streams_that_cannot_be_decoded(
     out = tmp_path / "out.csv"
     assert "are they mV" in refused(capfd, "decode", str(calibration), str(milli), "--out", str(out))
     assert not out.exists()
+    nowhere = str(tmp_path / "none" / "out.csv")
+    assert "cannot be written" in refused(capfd, "decode", str(calibration), str(folder / "S1.csv"), "--out", nowhere)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["milli.csv"]
 
 

@@ -240,6 +240,7 @@ def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str
         ({"thickness_um": None}, "--thickness-um; is missing; measure it"),
         ({"bandwidth_nm": float("nan")}, "--bandwidth-nm = nan"),
         ({"at_nm": (0.0,)}, "--at-nm = 0.0"),
+        ({"at_nm": (0.86,)}, "--at-nm = 0.86; must be 100 to 20000, in nm; did you mean 860?"),
         ({"u": {"T": "0.3"}}, "--u-T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
         ({"u": {"R": "nothing"}}, "--u-R = 'nothing'"),
         ({"u": {"R": "1%%"}}, "--u-R = '1%%'"),

@@ -29,6 +29,13 @@ def found(design: Path) -> dict[str, Any]:
     return readout(design, FAST)
 
 
+def test_its_source_and_its_idle_keys_are_told(design: Path) -> None:
+    found = readout(design, (*FAST, "motion.step_deg=3", "receivers.height_mm=1"))
+    (source,) = found["sources"]
+    assert (source["file"], source["format"], len(source["sha256"])) == ("sensor.toml", "design", 64)
+    assert any(text.startswith("receivers.height_mm = 1 has no effect in the plane") for text in found["warnings"])
+
+
 def test_a_negative_angle_lowers_the_right_voltage(found: dict[str, Any]) -> None:
     """As in the paper: turned to the right, the right receiver is brighter, which is a lower voltage."""
     assert found["angle_deg"] == [-3.0, -1.5, 0.0, 1.5, 3.0]
@@ -55,7 +62,7 @@ def test_the_numbers_hang_together(found: dict[str, Any]) -> None:
     assert found["both"]["resolution_deg"][2] == pytest.approx(middle / math.sqrt(2.0), rel=1e-2), "two alike"
     assert (np.array(one["volts_brightest"]) < one["volts"]).all()
     assert (np.array(one["volts_dimmest"]) > one["volts"]).all()
-    assert found["range"]["lowest_V"] == min(one["volts"])
+    assert found["range"]["lowest_V"] == min(min(each["volts"]) for each in found["receivers"].values())
 
 
 def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:

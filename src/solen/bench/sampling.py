@@ -19,8 +19,6 @@ from solen.bench.journal import Rows
 from solen.bench.roles import Daq, EmitterBoard
 
 Counts = NDArray[np.uint16]
-HALF = 1 << 15
-"""What makes counts on both sides of 0 counts from 0 up."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +32,8 @@ class Taken:
     came
         How far it has come, for the stream ``came``.
     last
-        Something to show of the last period, shape (emitters, 2, inputs): on and off; None where nothing came.
+        Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None where nothing
+        came.
     remarks
         What happened, in words.
     """
@@ -150,7 +149,7 @@ class DaqSampling:
         if whole == 0:
             return Taken(rows, (), None, samples.remarks)
         ends = np.stack([rows["counts"][-1].min(axis=0), rows["counts"][-1].max(axis=0)])
-        last = (ends.astype(np.int32) + HALF).astype(np.uint16)[None, :, : self._daq.setup.inputs]
+        last = np.maximum(ends, 0).astype(np.uint16)[None, :, : self._daq.setup.inputs]
         return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
 
 

@@ -151,10 +151,10 @@ def _told(found: dict[str, Any]) -> Iterator[str]:
         if share is not None:
             yield f"without a lens {name} swings by {share:.3g} % of what it does with one"
     for warning in found["warnings"]:
-        yield f"note: {warning}"
+        yield f"warning: {warning}"
     for kind in ("out", "figure", "traces"):
         if kind in found:
-            yield f"wrote {found[kind]}"
+            yield f"{kind}: {found[kind]}"
 
 
 def _of_receiver(name: str, one: dict[str, Any]) -> Iterator[str]:

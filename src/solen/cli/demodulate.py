@@ -82,9 +82,10 @@ def demodulate(
 def _lines(found: dict[str, Any]) -> list[str]:
     counts, rate = found["counts"], found["rate_hz"]
     each = "" if found["readings_averaged"] is None else f", each the mean of {found['readings_averaged']}"
+    channels, emitters = (_counted(len(found[f"{what}s"]), what) for what in ("channel", "emitter"))
     lines = [
-        f"{found['readings']} readings{each}, of {len(found['channels'])} channels and {len(found['emitters'])} "
-        f"emitters at {text(rate)} Hz, by {found['method']}, {found['samples_per_slot']:g} samples in a slot",
+        f"{found['readings']} readings{each}, of {channels} and {emitters} at {text(rate)} Hz, by {found['method']}, "
+        f"{found['samples_per_slot']:g} samples in a slot",
         *_clock(found["clock"]),
         f"missing {sum(counts['missing'].values())}, without off {counts['without_off']}, one-sided "
         f"{counts['one_sided']}, clipped {counts['clipped']}",
@@ -97,6 +98,10 @@ def _lines(found: dict[str, Any]) -> list[str]:
     lines += [_rejected(row) for row in found["rejection"]]
     lines += [f"warning: {warning}" for warning in found["warnings"]]
     return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _clock(clock: dict[str, Any] | None) -> list[str]:

@@ -21,7 +21,7 @@ def inspect(
     design: Path,
     um_per_px: float | None = None,
     u_um_per_px: float | None = None,
-    against: list[Path] | None = None,
+    against: Annotated[list[Path] | None, Parameter(negative=())] = None,
     edge: str = "auto",
     set_: Set = None,
     figure: FigureFile = None,

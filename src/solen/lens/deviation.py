@@ -218,7 +218,7 @@ class FittedProfile:
         stated_um = 1e3 * float(np.median(self.profile.u_mm))
         if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
             return (
-                f"neighbouring points scatter by {self.scatter_um:.2g} um, more than their stated {stated_um:.2g} um: "
+                f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their stated {stated_um:.2g} µm: "
                 "that is taken for their uncertainty"
             )
         if self.smooth.residual > ROUGH:

@@ -127,7 +127,7 @@ def profile_of(
     if u_mm is None:
         u_each = scatter_mm(x, z)
         warnings = (
-            f"the profile states no uncertainty; {1e3 * u_each:.2g} um is taken, by which neighbouring points scatter: "
+            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is taken, by which neighbouring points scatter: "
             "an error of scale or place that all points share is not in it",
         )
         u_mm = u_each

@@ -4,15 +4,20 @@ A lens of another size or shape, or at a wrong scale, has edges as well. What te
 width of the part behind it, and what the best place leaves; each is refused beyond a limit, and told before.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from solen.errors import DataError
-from solen.metrology.edge import Edge
+from solen.metrology.edge import Edge, fit_edge
 from solen.metrology.find import Pose
 from solen.metrology.ideal import Ideal, outward
 from solen.metrology.image import Image
 from solen.metrology.register import Registration
 from solen.metrology.strip import Strip, lines
+
+Floats = NDArray[np.float64]
 
 WALL_FROM, WALL_REACH = 0.25, 0.3
 """Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
@@ -24,6 +29,8 @@ MOST_MISSING = 0.1
 """Share of the front without an edge at an end of it that is told, and at both ends refused."""
 COARSEST_PX = 60
 """Pixels across the lens, at least."""
+WIDER, LEAST_PLACES = 1.3, 20
+"""How many times as wide as a wall's an edge is told to be, and places along that wall that are needed for it."""
 LEAST_SEEN = 0.5
 """Share of the front that a picture must show."""
 
@@ -49,19 +56,53 @@ def check_seen(image: Image, seen: float) -> None:
 
 def part_width_mm(image: Image, pose: Pose, ideal: Ideal) -> float | None:
     """Width of the part from wall to wall; the front says nothing about it where its scale is in doubt."""
-    total = ideal.width_mm
+    walls = _walls(image, pose, ideal)
+    if len(walls) < 2:
+        return None
+    return ideal.width_mm + sum(float(np.median(wall.off_mm[wall.shown])) for wall in walls)
+
+
+@dataclass(frozen=True)
+class _Wall:
+    """A wall behind the front: places (N, 2) of the design, its normals outwards, how far out the edge was seen."""
+
+    points_mm: Floats
+    normals: Floats
+    off_mm: Floats
+    shown: NDArray[np.bool_]
+
+
+def _walls(image: Image, pose: Pose, ideal: Ideal) -> list[_Wall]:
+    """Those of the two walls that the design has and the picture shows."""
+    found = []
     for wall, side in ((ideal.left_mm, -1.0), (ideal.right_mm, 1.0)):
         if len(wall) < 2:
-            return None
+            continue
         arc = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(wall, axis=0).T))])
         far = arc > WALL_FROM * arc[-1]  # past the corner
-        strip = Strip.along(
-            image.grey, pose, arc[far], wall[far], side * outward(wall)[far], WALL_REACH * ideal.width_mm
-        )
-        if np.mean(strip.seen[:, len(strip.off_mm) // 2]) < LEAST_SEEN or not (found := lines(strip, most=1)):
-            return None
-        total += float(np.median(found[0].off_mm[found[0].shown]))
-    return total
+        points, normals = wall[far], side * outward(wall)[far]
+        strip = Strip.along(image.grey, pose, arc[far], points, normals, WALL_REACH * ideal.width_mm)
+        if np.mean(strip.seen[:, len(strip.off_mm) // 2]) >= LEAST_SEEN and (seen := lines(strip, most=1)):
+            found.append(_Wall(points, normals, seen[0].off_mm, seen[0].shown))
+    return found
+
+
+def merged(image: Image, pose: Pose, ideal: Ideal, edge: Edge) -> list[str]:
+    """What to say of a single edge that is clearly wider than the walls' beside it: it may be two in one."""
+    blurs = []
+    for wall in _walls(image, pose, ideal):
+        contour = pose.to_px(wall.points_mm + wall.normals * wall.off_mm[:, None])[wall.shown]
+        ways = pose.direction_px(wall.normals)[wall.shown]
+        beside = fit_edge(image.grey, contour, ways, ceiling=image.ceiling)
+        if beside.kept.sum() > LEAST_PLACES:
+            blurs.append(beside.blur)
+    if not blurs or edge.blur < WIDER * min(blurs):
+        return []
+    return [
+        f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
+        f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges nearer each other than about two blurs were "
+        "measured as one, which lies between them"
+    ]
 
 
 def check_shape(image: Image, ideal: Ideal, edge: Edge, laid: Registration, width: float | None) -> None:

@@ -24,6 +24,7 @@ from solen.metrology.likeness import (
     check_seen,
     check_shape,
     cropped,
+    merged,
     missing_ends,
     no_lens,
     odd_width,
@@ -139,6 +140,8 @@ def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
     x = ordered[0].registration.points_mm[:, 0]
     ends = (float(x.min()), float(x.max()))
     said += [*cropped(seen, ends), *missing_ends(ordered[0].edge), *odd_width(width, ideal)]
+    if len(named) == 1:
+        said += merged(image, pose, ideal, named[0].edge)
     return Outline(tuple(ordered), seen, ends, found.score, width, (*warnings, *more, *said))
 
 

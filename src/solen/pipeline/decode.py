@@ -1,9 +1,8 @@
 """Voltages to angles by a saved calibration: a recorded file, lines as they come, or a run under way."""
 
 import math
-import os
+import secrets
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
@@ -220,13 +219,9 @@ def _written(out: Path | None) -> Iterator[TextIO | None]:
     if out is None:
         yield None
         return
+    temporary = out.with_name(f".{out.name[:100]}.{secrets.token_hex(6)}.tmp")
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{out.name[:100]}.", suffix=".tmp", dir=out.parent)
-    except OSError as bad:
-        raise OutputError(str(out), limit=f"cannot be written: {bad.strerror}", remedy="name another place") from None
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+        with temporary.open("x", encoding="utf-8", newline="\n") as file:
             yield file
         temporary.replace(out)
     except OSError as bad:

@@ -1,6 +1,7 @@
 """What the commands of a design do: from a new file to the report of its response."""
 
 import csv
+import hashlib
 import io
 import math
 from collections.abc import Callable, Sequence
@@ -181,6 +182,11 @@ def sensitivity(
     }
 
 
+def source_of(path: Path) -> dict[str, str]:
+    """Name and checksum of a design file, as a source of what follows from it."""
+    return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "format": "design"}
+
+
 def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progress | None = None) -> dict[str, Any]:
     """Do the whole chain: lens, body, traces over the motion with and without lens and beside neighbours, report."""
     from solen.report import html
@@ -207,7 +213,7 @@ def run(path: Path, out: Path, assignments: Sequence[str] = (), progress: Progre
         "summary": data["summary"],
         "practice": None if found.practice is None else numbers.practice_summary(found.practice),
         "as_printed": None if found.printed is None else printed_summary(found.printed),
-        "warnings": list(found.case.sensor.warnings),
+        "warnings": [*found.case.sensor.warnings, *idle_keys(found.case.sensor)],
     }
 
 

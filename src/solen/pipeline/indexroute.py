@@ -17,7 +17,7 @@ from solen.material.index.literature import POLYMERS
 from solen.material.index.routes import MODES
 from solen.pipeline.indexfit import LITERATURE
 from solen.pipeline.onsubstrate import SIDES, check_substrate, setup_of
-from solen.pipeline.outputs import check_choice
+from solen.pipeline.outputs import check_choice, check_wavelength
 from solen.pipeline.traces import Spectra
 
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
@@ -105,9 +105,11 @@ class IndexOptions:
             ("--substrate-thickness-um", self.substrate_thickness_um),
             ("--u-substrate-n", self.u_substrate_n),
         ]
-        for name, number in [*numbers, *(("--at-nm", nm) for nm in self.at_nm)]:
+        for name, number in numbers:
             if number is not None and not 0.0 < number < np.inf:
                 raise SpecError(name, value=number, limit="must be finite and above 0")
+        for nm in self.at_nm:
+            check_wavelength(nm, "--at-nm")
         for kind in self.u:
             self.u_of(kind)
         check_substrate(self)

@@ -37,7 +37,10 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 def check_wavelength(wavelength_nm: float | None, option: str = "--wavelength-nm") -> None:
     """`SpecError` where a wavelength that a result is to state is none."""
     if wavelength_nm is not None and not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
-        raise SpecError(option, value=wavelength_nm, limit=f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm")
+        in_nm = 1e3 * wavelength_nm  # of one in µm
+        remedy = f"did you mean {in_nm:g}?" if SHORTEST_NM <= in_nm <= LONGEST_NM else ""
+        limit = f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm"
+        raise SpecError(option, value=wavelength_nm, limit=limit, remedy=remedy)
 
 
 def leave(

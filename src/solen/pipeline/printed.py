@@ -190,12 +190,12 @@ def with_printer(process: Process, name: str | None) -> Process:
     pitch_um, layer_um = printer.pitch_um.usual, process.process.layer_um
     least, most = printer.layers_um
     if not least <= layer_um <= most:
-        limit = f"{printer.name} prints layers of {least:g} to {most:g} um"
+        limit = f"{printer.name} prints layers of {least:g} to {most:g} µm"
         raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
     if process.calibration is not None and abs(pitch_um - process.process.pixel_um) > 1e-6 * pitch_um:
-        limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} um"
+        limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
         remedy = "leave --printer out, or calibrate that printer"
-        raise DataError("--printer", value=f"{printer.name}, {pitch_um:g} um", limit=limit, remedy=remedy)
+        raise DataError("--printer", value=f"{printer.name}, {pitch_um:g} µm", limit=limit, remedy=remedy)
     found = process.with_settings(pixel_um=pitch_um)
     source = f"{printer.pitch_um.basis}: {printer.name}"
     return found.model_copy(update={"source": found.source | {"pixel_um": source}})
@@ -231,7 +231,7 @@ def profile_of_print(case: Case, deviation: Deviation) -> MeasuredProfile:
     common = float(np.sqrt(np.mean(case.found.u_um**2)))
     told = (
         f"predicted by a print model ({case.process.name}), not measured",
-        f"what the process's numbers leave open, {common:.2g} um root mean square along the lens, moves its points "
+        f"what the process's numbers leave open, {common:.2g} µm root mean square along the lens, moves its points "
         "together and is not in u_mm",
     )
     made = profile_of(
@@ -385,13 +385,13 @@ def _of_orientation(case: Case) -> list[str]:
     walls, ripple = _walls(case), _ripple(case)
     if walls is None:
         return [
-            f"the steps of the layers, {ripple['rms']:.2g} um root mean square along the profile, scatter light; the "
+            f"the steps of the layers, {ripple['rms']:.2g} µm root mean square along the profile, scatter light; the "
             "traced profile is without them"
         ]
     if max(walls["first"], walls["middle"], walls["last"]) - min(walls["first"], walls["last"]) < _TAPER_TOLD_UM:
         return []
     return [
-        f"walls stand {walls['first']:+.3g} um beyond their image at the first layer, {walls['middle']:+.3g} in the "
+        f"walls stand {walls['first']:+.3g} µm beyond their image at the first layer, {walls['middle']:+.3g} in the "
         f"middle and {walls['last']:+.3g} at the last: light at another height meets another lens"
     ]
 
@@ -402,7 +402,7 @@ def _of_compensation(case: Case) -> list[str]:
     if case.made is None or u < max(2.0 * case.made.printed.rms_um, _WELL_KNOWN_UM):
         return []
     return [
-        f"compensated, the lens is {case.made.printed.rms_um:.2g} um off in the model, which knows it to {u:.2g} um: "
+        f"compensated, the lens is {case.made.printed.rms_um:.2g} µm off in the model, which knows it to {u:.2g} µm: "
         "calibrate the process with coupons of your printer before you trust the drawing"
     ]
 

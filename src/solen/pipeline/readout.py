@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from solen.parts import AdcPart, Part, ReceiverPart, TrimmerPart
 from solen.parts.datasheet import Sourced
-from solen.pipeline.design import open_design
+from solen.pipeline.design import open_design, source_of
 from solen.pipeline.outputs import check_figure, check_out, leave
 from solen.readout import Circuit, Readings, circuit_of, face_areas_mm2, readings_of
 from solen.readout.cautions import cautions
 from solen.readout.circuit import emitter_part, named_part, trimmer_part
 from solen.readout.transistor import angular_factor
-from solen.sensor import Sensor
+from solen.sensor import Sensor, idle_keys
 from solen.spec import Design
 
 FloatArray = NDArray[np.float64]
@@ -56,7 +56,8 @@ def readout(
         "range": _range(found),
         "advice": _advice(found),
         "parts": [_source(part) for part in parts],
-        "warnings": [*sensor.material.warnings, *told, *_coarse(found)],
+        "sources": [source_of(path)],
+        "warnings": [*sensor.warnings, *idle_keys(sensor, "power"), *told, *_coarse(found)],
     }
 
     def draw() -> Any:

@@ -16,7 +16,7 @@ from solen.material.index.literature import LINE_D, POLYMERS, RESINS, band, chec
 from solen.material.index.prior import DN_DT_PER_K, VALID_NM, Refractometer, prior_of, stated_prior
 from solen.material.index.prior import refractometer as fitted
 from solen.pipeline.light import light_named
-from solen.pipeline.outputs import check_choice, check_figure, check_out, leave
+from solen.pipeline.outputs import check_choice, check_figure, check_out, check_wavelength, leave
 from solen.recording import Provenance
 
 STEP_NM = 5.0
@@ -70,6 +70,7 @@ class RefractometerOptions:
         low, high = VALID_NM
         for nm in self.at_nm:
             if not low <= nm <= high:
+                check_wavelength(nm, "--at-nm")
                 raise SpecError("--at-nm", value=nm, limit=f"must be from {low:g} to {high:g}")
 
 

@@ -202,8 +202,7 @@ def shown(name: str, at_nm: Sequence[float] = (), *, figure: Path | None = None)
     check_figure(figure)
     resin = resins.resin_of(name, Path(name) if names_file(name) else None)
     for nm in at_nm:
-        if not (math.isfinite(nm) and nm > 0.0):
-            raise SpecError("--at-nm", value=nm, limit="must be above 0 nm")
+        check_wavelength(nm, "--at-nm")
     with told_of(f"resin {resin.name}"):
         for nm in at_nm:
             resin.index.index(nm)

@@ -46,6 +46,8 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
     axes.set_aspect("equal")
     axes.grid(visible=False)
     axes.tick_params(labelsize=6)
+    axes.set_xlabel("x (mm)", fontsize=6)
+    axes.set_ylabel("y (mm)", fontsize=6)
     axes.set_title(f"{coupon.name}: {coupon.title}, {width:.4g} × {depth:.4g} × {height:.4g} mm", fontsize=8)
 
 

@@ -98,6 +98,6 @@ def _inside(axes: Axes, stack: StackDose) -> None:
     axes.plot(stack.layer_mean, (np.arange(count) + 0.5) * h / 1e3, ".", ms=3, color=RIGHT, label="mean of a layer")
     axes.axvline(stack.single_layer_mean, color=LEFT, lw=1.4, label="one layer on its own")
     axes.axvline(float(stack.exposures[-1]), color=LOST, lw=1.2, ls="--", label="at the window")
-    axes.set(xlabel="dose (mJ/cm²)", ylabel="height in the part (mm), first layer at 0", xlim=(0.0, None))
+    axes.set(xlabel="dose (mJ/cm²)", ylabel="height in the part (mm)", xlim=(0.0, None))
     axes.set_title(f"inside: {stack.interior_mean:.3g} mJ/cm², {stack.ratio:.2g} times one layer's", fontsize=9)
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)

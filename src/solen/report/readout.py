@@ -31,13 +31,9 @@ def _volts(axes: Axes, found: Readings) -> None:
         noise = f"{1e3 * float(np.median(found.noise.reading_V[:, place])):.2g} mV"
         axes.plot(angle, found.volts[:, place], color=COLOURS[name], lw=1.6, label=f"{name}, noise {noise}")
     axes.axhline(circuit.supply_V, color=LOST, lw=0.8, ls=":")
-    axes.axhline(found.advice.target_V, color=LOST, lw=0.8, ls="--")
-    axes.annotate(
-        "below this a receiver saturates", (angle[0], found.advice.target_V), xytext=(2, 3), fontsize=7, color=INK,
-        textcoords="offset points",
-    )  # fmt: skip
+    axes.axhline(found.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
-    axes.set(xlabel="angle (deg)", ylabel="volts (brighter is lower)", ylim=(0.0, 1.18 * circuit.supply_V))
+    axes.set(xlabel="angle (deg)", ylabel="volts (brighter is lower)", ylim=(0.0, 1.26 * circuit.supply_V))
     axes.set_title(f"{load}; bands: dimmest to brightest parts", fontsize=8)
     axes.legend(fontsize=8, loc="upper center", ncols=2)
 

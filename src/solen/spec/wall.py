@@ -40,7 +40,7 @@ class Wall(Strict):
     depth_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] = Field(1.0, description="Depth of that medium in mm.")
     beyond: Literal["black", "air"] = Field("black", description="What that medium ends in: black or air.")
     gap_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
-        None, description="Film of air in um between the body and what touches it; default: none."
+        None, description="Film of air in µm between the body and what touches it; default: none."
     )
     finish: Literal["clear", "mirror", "black"] = Field("clear", description="Clear, mirrored or blackened.")
     reflectance: Share = Field(1.0, description="Share of the power that a mirrored stretch reflects.")

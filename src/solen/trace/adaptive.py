@@ -3,8 +3,9 @@
 A point source is integrated over its angles as `solen.trace.cone` says. A source with a size is a family of point
 sources side by side. What one of them gives is a continuous function of its place with sharp bends, where a jump enters
 or leaves the cone; it is integrated by Gauss–Kronrod quadrature again, halving the panel of the largest error until all
-errors together are small. Both rules may agree by chance at a bend; so a panel's error is also held to be at least a
-share of what halving the panel before it has changed. Colours are summed by their weights.
+errors together are small. Both rules may agree by chance at a bend; so every panel is halved once at least, and a
+panel's error is held to be at least a share of what halving the panel before it has changed. Colours are summed by
+their weights.
 """
 
 import math
@@ -33,7 +34,7 @@ INNER_SHARE, OUTER_SHARE = 0.2, 0.6
 """Shares of the tolerance for the integral at one place of a source, and for the one over its places."""
 MOST_PLACES = 3000
 """Places of a source, or of each panel that it begins with, at which the integration over them ends."""
-CHANGE_SHARE = 0.25
+CHANGE_SHARE = 0.5
 """Least error of half a panel, as a share of what halving it has changed."""
 COARSE_TOLERANCE = 1e-5
 """Tolerance from which on the smaller rule serves for places: by the sharp bends it comes along with fewer points."""
@@ -238,7 +239,7 @@ class Panel(NamedTuple):
 def over_places(at: Callable[[float], Found], panels: int, tolerance: float) -> Found:
     """Integral over places from 0 to 1 of what is found ``at`` each, the panel of the largest error halved first."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
-    done = [_panel(at, rule, low, high) for low, high in pairwise(cuts)]
+    done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
     points, most = panels * len(rule.nodes), MOST_PLACES * panels
     while points < most and all(panel.found.ended for panel in done):
         if math.fsum(panel.error for panel in done) <= OUTER_SHARE * tolerance:

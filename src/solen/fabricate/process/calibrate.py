@@ -268,7 +268,7 @@ def _of_fit(fit: Fit) -> list[str]:
     found = []
     if fit.scale > _DOUBT:
         found.append(
-            f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} um): the model "
+            f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): the model "
             "does not describe them, or they are less certain than stated; uncertainties were widened by that"
         )
     if fit.disagree:

@@ -137,7 +137,7 @@ def fineness(settings: Settings) -> int:
     needed = math.ceil(width * settings.pixel_um / (math.pi * settings.sigma_um))
     if needed > MOST_FINE:
         least = width * settings.pixel_um / (math.pi * MOST_FINE)
-        limit = f"must be at least {least:.2g} um for pixels of {settings.pixel_um:g} um"
+        limit = f"must be at least {least:.2g} µm for pixels of {settings.pixel_um:g} µm"
         raise DataError("process.sigma_um", value=settings.sigma_um, limit=limit, remedy="no projector is sharper")
     return max(needed, LEAST_FINE)
 

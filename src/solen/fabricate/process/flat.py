@@ -81,14 +81,14 @@ class FlatPrint:
         """
         layers = round(thickness_mm * 1e3 / settings.layer_um)
         if layers < 1:
-            limit = f"a layer is {settings.layer_um:g} um"
+            limit = f"a layer is {settings.layer_um:g} µm"
             raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="raise it")
         low, high = target.points_mm.min(axis=0), target.points_mm.max(axis=0)
         pitch = 1e-3 * settings.pixel_um
         pixels = (high[0] - low[0]) / pitch
         if pixels < FEWEST_PIXELS:
             limit = f"the lens, {high[0] - low[0]:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
-            remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} um"
+            remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} µm"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
         origin, shape = window(low, high, target.centre, settings, phase)
         check_size(shape, layers, settings)

@@ -52,8 +52,8 @@ def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
     """
     h = settings.layer_um
     if not height_um <= layers * h:
-        limit = f"the part ends at {layers * h:g} um"
-        raise DataError("height", value=f"{height_um:g} um", limit=limit, remedy="name one within it")
+        limit = f"the part ends at {layers * h:g} µm"
+        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="name one within it")
     first = min(max(math.floor(height_um / h), 0), layers - 1)
     number = np.arange(first, layers)
     depth = (number + 1) * h - height_um
@@ -82,7 +82,7 @@ def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float
     terms = terms_at(settings, layers, height_um)
     if terms.total <= settings.Ec_mJ_per_cm2:
         limit = f"at most {terms.total:.3g} mJ/cm2 arrive there, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
-        raise DataError("height", value=f"{height_um:g} um", limit=limit, remedy="expose for longer")
+        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="expose for longer")
     blur = np.hypot(terms.sigma_um, settings.pixel_um / math.sqrt(6.0))
 
     def excess(x_um: float) -> float:

@@ -227,7 +227,7 @@ class Process(Strict):
         if s.cure_depth_um < s.layer_um:
             found.append(
                 f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
-                f"{s.cure_depth_um:.3g} um, less than a layer of {s.layer_um:g} um; expose for longer or slice thinner"
+                f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice thinner"
             )
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:

@@ -119,7 +119,7 @@ def _refuse(target: Target, found: FloatArray) -> None:
     raise DataError(
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
-        limit=f"the print ends nowhere within {MOST_REACH_UM:g} um of the wanted face: too little light, or too much",
+        limit=f"the print ends nowhere within {MOST_REACH_UM:g} µm of the wanted face: too little light, or too much",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )
 
