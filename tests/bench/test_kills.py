@@ -1,6 +1,7 @@
 """The whole program killed at any moment: what it had sampled is there, can be closed, analysed and gone on with."""
 
 import datetime as dt
+import math
 import shutil
 import subprocess
 import sys
@@ -50,20 +51,25 @@ class Killed:
 
 
 def killed(folder: Path, moments: list[float], first: int = 0, *, sampling: bool = False) -> list[Killed]:
-    """Runs in real time side by side, each killed so long after its beginning, or after they all sample."""
+    """Runs in real time side by side, each killed so long after its beginning, or after it begins to sample."""
     words = ("run", "protocol.toml", "--rig", "rig.toml", "--out", "out", "--real-time", "--name")
-    under_way = {number: command(*words, f"k{first + number}", folder=folder) for number in range(len(moments))}
-    journals = [folder / "out" / f"k{first + number}.journal" for number in under_way]
-    while sampling and not all(path.exists() for path in journals):
-        assert not any(child.poll() for child in under_way.values())
-        time.sleep(0.01)
-    begun = time.monotonic()
+    names = [f"k{first + number}" for number in range(len(moments))]
+    alive = {name: command(*words, name, folder=folder) for name in names}
+    moment = dict(zip(names, moments, strict=True))
+    begun = {} if sampling else dict.fromkeys(names, time.monotonic())
     found = []
-    for number in sorted(under_way, key=lambda one: moments[one]):
-        time.sleep(max(0.0, begun + moments[number] - time.monotonic()))
-        found.append(Killed(folder, f"k{first + number}", time.time()))
-        with under_way[number] as child:
-            child.kill()
+    while alive:
+        for name in list(alive):
+            one = Killed(folder, name, time.time())
+            if name not in begun and (one.journal.exists() or one.recording.exists()):
+                begun[name] = time.monotonic()
+            if time.monotonic() - begun.get(name, math.inf) >= moment[name]:
+                with alive.pop(name) as child:
+                    child.kill()
+                found.append(one)
+            else:
+                assert not alive[name].poll()  # it may have ended, and not with a fault
+        time.sleep(0.005)
     return found
 
 
@@ -168,7 +174,7 @@ def left(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         raise KeyboardInterrupt
 
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
-    (bench / "protocol.toml").write_text(text.replace("cycles = 3", "cycles = 120"), encoding="utf-8")
+    (bench / "protocol.toml").write_text(text.replace("cycles = 3", "cycles = 60"), encoding="utf-8")
     with monkeypatch.context() as patched:
         patched.setattr(pipeline, "_close", gone)
         with pytest.raises(KeyboardInterrupt):
@@ -189,7 +195,7 @@ def test_killed_while_the_recording_is_written_it_is_closed_anew(left: Path) -> 
     assert left.exists()
     assert temporary(left.parent)
     done = pipeline.recover(left)
-    assert (done["outcome"], done["periods"], done["cycles"]) == ("done", periods, 120)
+    assert (done["outcome"], done["periods"], done["cycles"]) == ("done", periods, 60)
     assert not temporary(left.parent)
     assert not left.exists()
 
@@ -247,4 +253,4 @@ def test_a_second_run_and_a_recovery_are_kept_from_a_journal_in_use(bench: Path)
             pipeline.recover(journal)
         assert child.poll() is None
         child.kill()
-    assert pipeline.run(asked(bench, "one", resume=True))["cycles"] == CYCLES
+    assert pipeline.recover(journal)["outcome"] == "killed"  # the lock went with its process

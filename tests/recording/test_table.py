@@ -62,6 +62,7 @@ def test_the_simplest_spectrum(tmp_path: Path) -> None:
     [
         "t / s,F (N)\n0.5,1.25\n1,2.5\n",
         "t / s;F (N)\r\n0,5;1,25\r\n1;2,5\r\n",
+        "t / s;F (N)\n0,5;1,25\n1,0;2,50\n",
         "t / s\tF (N)\r0.5\t1.25\r1\t2.5\r",
         '"t / s","F (N)"\n"0,5","1,25"\n"1","2,5"\n',
         "t_s  F_N\n 0.5   1.25\n 1.0   2.50",

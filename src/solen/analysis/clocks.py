@@ -27,6 +27,7 @@ from solen.recording.model import FloatArray
 _CELLS = 512
 _PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
 _NOISES, _STEPS = 25.0, 5.0  # a speed is told over a time in which the angle moves by so many of its noise or steps
+_ALIKE = 0.02  # of a step: how far a level may be from a multiple of it
 _CORNER = 0.1  # of the speed: change from one pair of entries to the next that a steady ramp does not show
 _ROUNDS = 12
 _LEAST_CORRELATION = 0.3
@@ -98,10 +99,11 @@ def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: Flo
             rate += _line(when - middle, shifts, weights)[1]
         u_lag, _, u_slope = _line(when - middle, shifts, weights)
     shown = _at(time_s, log_s, log_deg, (lag, rate, middle))
-    if motion.step_deg:
+    step = _step_of_encoder(log_deg, motion)
+    if step:
         times = time_s + lag + rate * (time_s - middle)
         sampled = (log_s, log_deg) if np.median(np.diff(log_s)) > np.median(np.diff(time_s)) else (times, shown)
-        u_lag = math.hypot(u_lag, _u_of_steps(*sampled, log_s, motion))
+        u_lag = math.hypot(u_lag, _u_of_steps(*sampled, log_s, motion, step))
     words = _words(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
     return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
 
@@ -262,7 +264,21 @@ class _Cells:
         return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
 
 
-def _u_of_steps(times: FloatArray, angles: FloatArray, log_s: FloatArray, motion: Motion) -> float:
+def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
+    """Step of an encoder, by levels that are all multiples of it; 0 for an angle sampled in step with its motion.
+
+    Such a one has few levels, too, but those of both ways lie anywhere, or each follows the next in a ramp.
+    """
+    step = motion.step_deg
+    if not step:
+        return 0.0
+    levels = (np.unique(log_deg) - log_deg.min()) / step
+    each = [np.abs(np.diff(log_deg[ramp.start + 1 : ramp.stop - 1])) / step for ramp in motion.ramps]
+    whole = np.abs(levels - np.round(levels)).max() < _ALIKE
+    return step if whole and (np.abs(np.concatenate(each) - 1.0) > _ALIKE).any() else 0.0
+
+
+def _u_of_steps(times: FloatArray, angles: FloatArray, log_s: FloatArray, motion: Motion, step_deg: float) -> float:
     """Uncertainty of a lag by an encoder's steps, as far as a ramp's samples are rounded alike.
 
     Their rounding is step/√12 in all; what of it scatters about a ramp's straight line averages out, and is seen in the
@@ -277,7 +293,7 @@ def _u_of_steps(times: FloatArray, angles: FloatArray, log_s: FloatArray, motion
             apart = a - a.mean() - away * (away @ a) / (away @ away)
             squares, freedom = squares + float(apart @ apart), freedom + t.size - 2
     seen = squares / freedom if freedom else 0.0
-    return math.sqrt(max(motion.step_deg**2 / 12.0 - seen, 0.0)) / motion.speed_deg_per_s
+    return math.sqrt(max(step_deg**2 / 12.0 - seen, 0.0)) / motion.speed_deg_per_s
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:

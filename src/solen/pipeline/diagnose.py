@@ -139,6 +139,8 @@ def spreads_of(texts: Sequence[str]) -> dict[str, float]:
 
 
 def _check(asked: Asked) -> None:
+    if not asked.recordings.files:
+        raise SpecError("diagnose", limit="needs a file", remedy="name one or more recordings")
     check_choice("--brighter", asked.brighter, BRIGHTER)
     if not 0.0 < asked.zero_u_deg <= BEYOND_DEG:
         limit = f"must be above 0 and at most {BEYOND_DEG:g}"

@@ -201,26 +201,35 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """What makes the most cells of a text numbers; where there are none, what makes the most cells."""
+    """What makes the most cells of a text numbers and, of those, the fewest something else; else the most cells.
+
+    Two columns with decimal commas, ``0,5;1,25``, are two numbers by commas, too, with ``5;1`` between them.
+    """
     held = [line for line in lines if line.strip()]
     sample = held[:: max(1, len(held) // _SAMPLE)]
 
-    def score(separator: str) -> tuple[int, int]:
+    def score(separator: str) -> tuple[int, int, int]:
         cells = 0 if separator == " " else sum(line.count(separator) for line in sample)
-        return sum(map(_numbers_by(separator), sample)), cells
+        found = list(map(_numbers_by(separator), sample))
+        return sum(count for count, _ in found), -sum(others for _, others in found), cells
 
     return max(_SEPARATORS, key=score)
 
 
-def _numbers_by(separator: str) -> Callable[[str], int]:
-    """How many numbers there are in a line that is parted so; none where it is not parted."""
+def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
+    """How many numbers there are in a line that is parted so, and how many other cells beside them.
+
+    None where it is not parted, and no others where there is no number.
+    """
     split = splitter(separator)
 
-    def numbers(line: str) -> int:
+    def numbers(line: str) -> tuple[int, int]:
         cells = split(line)
         count = sum(map(is_number, cells))
         prose = separator == " " and count < max(2, len(cells) - 1)  # sentences have spaces, too
-        return 0 if len(cells) < 2 or prose else count
+        if len(cells) < 2 or prose or not count:
+            return 0, 0
+        return count, sum(bool(cell) for cell in cells) - count
 
     return numbers
 
