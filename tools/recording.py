@@ -8,12 +8,13 @@ test. Nothing in it was measured, and its first line says so.
 """
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
+from solen.bench.simulated.prints import ANGLES, between, traced
 from solen.readout import circuit_of, face_areas_mm2, volts
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
@@ -25,8 +26,8 @@ SEED = 20
 RATE_HZ, SPEED_DEG_PER_S, HOLD_S, REACH_DEG, CYCLES, REST_S = 100.0, 15.0, 0.8, 3.0, 6, 0.5
 PRINTS = {"S1": (0.0, 0.004), "S2": (0.003, -0.003), "S3": (-0.003, 0.001), "C": (0.0, 0.004)}
 """How far each print's index and its emitter (mm) are off; C has no lens."""
-CHIP_MM, TRACED, ANGLE_NOISE_DEG, DRIFT = 0.2, 41, 0.002, -0.002
-"""Width of the chip, angles that are traced, noise of the encoder, and the emitter's loss of light in the run."""
+CHIP_MM, ANGLE_NOISE_DEG, DRIFT = 0.2, 0.002, -0.002
+"""Width of the chip, noise of the encoder, and the emitter's loss of light in the run."""
 REMARK = """\
 # simulated: yes
 # control: C
@@ -48,15 +49,15 @@ def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> Floa
     design = loads(template("solen-860"))
     end = 1.02 * REACH_DEG
     values = {"emitter.width_mm": CHIP_MM, "emitter.offset_mm": offset_mm, "material.index": 1.44 + index}
-    sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (TRACED - 1)}
-    sensor = Sensor.of(with_values(design, {**values, **sweep}))
+    sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}
+    sensor = replace(Sensor.of(with_values(design, {**values, **sweep})), cut=Sensor.of(design).cut)
     sensor = sensor.without_lens if name == "C" else sensor
-    response = sensor.power()
+    traced_deg, shares = traced(sensor, np.linspace(-end, end, ANGLES))
     areas = face_areas_mm2(sensor.design, sensor.body())
     circuit = circuit_of(sensor.design, {side: areas[side] for side in ("left", "right")})
-    traced = PchipInterpolator(response.angle_deg, np.column_stack([response.left, response.right]))
+    light = between(traced_deg, shares[:, ::-1])
     fading = 1.0 + DRIFT * np.linspace(0.0, 1.0, angle_deg.size)[:, None]
-    return volts(traced(angle_deg) * fading, circuit, rng=rng)
+    return volts(light(angle_deg) * fading, circuit, rng=rng)
 
 
 def recording() -> str:

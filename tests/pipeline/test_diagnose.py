@@ -176,7 +176,8 @@ def test_a_bench_run_is_diagnosed_as_it_was_drawn(tmp_path: Path, capfd: pytest.
     found = answered(capfd, "diagnose", str(folder / "rec" / "rotation.nc"))
     assert set(found["sensors"]) == {"lens-1", "lens-2", "lens-3", "no-lens"}
     for label, sensor in found["sensors"].items():
-        for name, key in (("emitter_offset_mm", "emitter.offset_mm"), ("chip_width_mm", "emitter.width_mm")):
+        keys = {"emitter_offset_mm": "emitter.offset_mm", "chip_width_mm": "emitter.width_mm"}
+        for name, key in (keys | {gain: gain for gain in ("gain_right_V", "gain_left_V")}).items():
             low, high = sensor["parameters"][name]["interval_95"]
             print(label, name, low, sensor["drawn"][key], high)
             assert low <= sensor["drawn"][key] <= high

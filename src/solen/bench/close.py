@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
@@ -255,7 +256,7 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
 
 _COLUMNS = {
     "time_s": ("s", "time of the emitter's on phase on the clock of the run"),
-    "angle_deg": ("deg", "angle of the sensor then, between the stage's positions"),
+    "angle_deg": ("deg", "angle of the sensor then, by a monotone cubic between the stage's positions"),
     "right": ("V", "right receiver, on less the mean of off before and after; lower is brighter"),
     "left": ("V", "left receiver, on less the mean of off before and after; lower is brighter"),
     "right_ambient": ("V", "right receiver with the emitter off"),
@@ -306,7 +307,7 @@ def _columns(
         kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
     stage, header = journaled.streams["stage"], journaled.header
     time = found.time_s[kept]
-    position = np.interp(time, stage["t_s"], stage["position"]) if len(stage) else np.full(len(time), np.nan)
+    position = between_looks(time, stage["t_s"], stage["position"])
     return {
         "time_s": time,
         "angle_deg": angle_deg(position, header),
@@ -317,6 +318,23 @@ def _columns(
         "right_clipped": found.clipped[kept, 0].astype(np.uint8),
         "left_clipped": found.clipped[kept, 1].astype(np.uint8),
     }
+
+
+def between_looks(time_s: FloatArray, look_s: FloatArray, position: FloatArray) -> FloatArray:
+    """Position of a stage at ascending times, between the times at which it was asked; NaN where it never was.
+
+    Where it speeds up, straight lines between looks of 20 ms are off by up to 0.01 deg, always to the same side; a
+    monotone cubic is off by a quarter of that, and goes nowhere where the stage was not.
+    """
+    if len(look_s) == 0 or len(time_s) == 0:
+        return np.full(len(time_s), np.nan)
+    first, last = np.searchsorted(look_s, time_s[[0, -1]])
+    near = slice(max(int(first) - 3, 0), int(last) + 3)
+    at, kept = np.unique(look_s[near], return_index=True)
+    if len(at) < 2:
+        return np.full(len(time_s), position[near][0])
+    curve = PchipInterpolator(at, position[near][kept])
+    return np.asarray(curve(np.clip(time_s, at[0], at[-1])))
 
 
 def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:

@@ -145,21 +145,15 @@ class Response:
 def _stepped(sensor: Sensor, key: str) -> tuple[float, Sensor]:
     """The step of a number and the sensor beyond it."""
     if key == INDEX:
-        return INDEX_STEP, _same_lens(Sensor.of(with_values(sensor.design, _of_index(sensor))), sensor)
+        values = {INDEX: sensor.material.index + INDEX_STEP, LOSS: sensor.material.absorption_per_mm}
+        # its lens keeps the shape that it was designed with
+        return INDEX_STEP, replace(Sensor.of(with_values(sensor.design, values)), cut=sensor.cut)
     value = value_at(sensor.design, key)
     if not isinstance(value, float):
         remedy = "set it in the design"
         raise SpecError(key, value=value, limit="must be a real number that the design states", remedy=remedy)
     step = STEPS.get(key, STEP_SHARE * abs(value) or STEP_SHARE)
     return step, _same_lens(Sensor.of(with_values(sensor.design, {key: value + step})), sensor)
-
-
-def _of_index(sensor: Sensor) -> dict[str, float]:
-    """Values of a print in another index; its lens keeps the shape that it was designed with."""
-    values = {INDEX: sensor.material.index + INDEX_STEP, LOSS: sensor.material.absorption_per_mm}
-    if sensor.has_lens and not sensor.is_drawn and sensor.design.lens.design_index is None:
-        values["lens.design_index"] = sensor.material.index
-    return values
 
 
 def _same_lens(other: Sensor, sensor: Sensor) -> Sensor:

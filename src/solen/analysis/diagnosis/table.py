@@ -176,7 +176,7 @@ def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
     emitter = sensor.design.emitter
     reach_mm = REACH_MM + abs(emitter.offset_mm) + 0.5 * sensor.light.width_mm
     wide = Sensor.of(with_values(sensor.design, {"emitter.offset_mm": 0.0, "emitter.width_mm": 2.0 * reach_mm}))
-    return (replace(wide, cut=sensor.cut) if sensor.is_measured else wide), reach_mm
+    return replace(wide, cut=sensor.cut), reach_mm
 
 
 def _check(scene: Scene) -> None:

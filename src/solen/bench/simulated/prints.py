@@ -2,7 +2,7 @@
 
 The idea: three prints of one design are three designs: another index, another decentre of the emitter, another chip,
 other parts from the reel. Each is drawn once, by the rig's seed, and its response is **traced**, angle by angle;
-between the angles it is a monotone interpolation of what was traced.
+between the angles it is a monotone interpolation of what was traced, at as many angles as that needs.
 
 The interface: `prints_of` a rig.
 """
@@ -20,13 +20,17 @@ from solen.bench.rig import Rig, SensorOf
 from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
-from solen.sensor import Sensor
+from solen.sensor import Response, Sensor
 from solen.spec import Design, load, with_values
 
 FloatArray = NDArray[np.float64]
 
 ANGLES = 25
-"""Angles at which a response is traced."""
+"""Angles at which a response is traced at first."""
+CLOSE = 1e-4
+"""Of the brightest: how near what is traced midway must be to what was interpolated there."""
+HALVINGS = 6
+"""How often a step between two angles is halved at most, so that a jump does not take for ever."""
 BEYOND = 1.02
 """How far beyond the protocol's reach it is traced, as a stage may overshoot."""
 MOST_DEG = 80.0
@@ -43,7 +47,7 @@ class Print:
     wires
         Its wires.
     drawn
-        What was drawn for it: index, decentre and width of the chip.
+        What was drawn for it: index, decentre and width of the chip, and the gains that its parts make, in V.
     angle_deg, fractions
         Angles (N,) and shares of the emitted power (N, 2) at the right and the left receiver, as traced.
     circuit
@@ -59,13 +63,11 @@ class Print:
     def at(self, angle_deg: FloatArray) -> FloatArray:
         """Shares of the emitted power (..., 2) at angles (...)."""
         inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
-        return np.asarray(self._between(inside))
+        return np.asarray(self._curve(inside))
 
     @cached_property
-    def _between(self) -> Callable[[FloatArray], FloatArray]:
-        from scipy.interpolate import PchipInterpolator
-
-        return PchipInterpolator(self.angle_deg, self.fractions)
+    def _curve(self) -> Callable[[FloatArray], FloatArray]:
+        return between(self.angle_deg, self.fractions)
 
 
 def prints_of(
@@ -94,21 +96,61 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     end = max(BEYOND * reach_deg, 0.1)
     sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}
     sensor = Sensor.of(with_values(design, drawn | sweep))
+    sensor = replace(sensor, cut=Sensor.of(design).cut)  # another index, but the lens as it was drawn
     if not wires.lens:
         sensor = sensor.without_lens
     sensor.check_pair()
-    response = sensor.power()
+    angle_deg, fractions = traced(sensor, np.linspace(-end, end, ANGLES))
     areas = face_areas_mm2(sensor.design, sensor.body())
     circuit = circuit_of(sensor.design, {name: areas[name] for name in ("right", "left")})
     if rig.spread.parts:
         circuit = circuit.drawn(rng)
     circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
-    fractions = np.column_stack([response.right, response.left])
     if rig.sampler.trim_v is not None:
         circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
-    made = Print(wires, drawn, response.angle_deg, fractions, circuit)
+    made = Print(wires, drawn | _gains(circuit), angle_deg, fractions, circuit)
     made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
     return made
+
+
+def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Angles (N,) and shares (N, 2) at the right and the left receiver, dense enough to be interpolated.
+
+    Every step is halved until what is traced midway lies within `CLOSE` of what was interpolated there.
+    """
+    found = sensor.power(angle_deg.tolist())
+    wide = np.ones(len(angle_deg) - 1, dtype=bool)
+    for _ in range(HALVINGS):
+        guessed = between(found.angle_deg, _shares(found))
+        steps = np.flatnonzero(wide)
+        middles = 0.5 * (found.angle_deg[steps] + found.angle_deg[steps + 1])
+        more = sensor.power(middles.tolist())
+        off = np.abs(_shares(more) - guessed(middles)).max(axis=1) > CLOSE * _shares(found).max()
+        found = found.joined(more)
+        if not off.any():
+            break
+        begun = np.searchsorted(found.angle_deg, middles[off])
+        wide = np.zeros(len(found.angle_deg) - 1, dtype=bool)
+        wide[np.concatenate([begun - 1, begun])] = True
+    return found.angle_deg, _shares(found)
+
+
+def _shares(found: Response) -> FloatArray:
+    return np.column_stack([found.right, found.left])
+
+
+def between(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Shares (..., 2) at any angles (...), between those at some; monotone where they are."""
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(angle_deg, fractions)
+
+
+def _gains(circuit: Circuit) -> dict[str, float]:
+    """By how many volts all of the emitted light would pull each receiver down, were there no end to its supply."""
+    none, whole = circuit.current_mA(np.array([[0.0, 0.0], [1.0, 1.0]]))
+    gains = 1e-3 * (whole - none) * np.array(circuit.load_ohm)
+    return {f"gain_{name}_V": float(gain) for name, gain in zip(circuit.names, gains, strict=True)}
 
 
 def converter(rig: Rig) -> Adc:
