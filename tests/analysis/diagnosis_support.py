@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.analysis import Analysed, Settings, analysed
-from solen.analysis.diagnosis import Cycles, Model, Response, Table
+from solen.analysis.diagnosis import Change, Cycles, Model, Response, Table
 from solen.analysis.diagnosis.response import INDEX, LOSS_STEP
 from tests.analysis.made_support import Protocol, Truth, made
 
 FloatArray = NDArray[np.float64]
 
 MOVES_MM_PER_DEG, EDGE_MM, WIDER, PART = 0.03, 0.04, 0.15, 0.5
-INDEX_STEP, WAY_MM = 0.006, 40.0
+INDEX_STEP, WAY_MM = 0.0045, 40.0
 ANGLES = np.round(np.arange(-29, 30) * 0.1, 9)
 KNOWN = {"angle.zero_deg": 0.1, INDEX: 0.003}
 
@@ -57,7 +57,8 @@ def table(low_deg: float = -3.6, high_deg: float = 3.6, index: float = 0.0, ever
 def response(width_mm: float = 0.2, *, with_index: bool = True) -> Response:
     """The response with what may differ."""
     base = table()
-    changes = {INDEX: (INDEX_STEP, table(index=INDEX_STEP, every=2).less(base))} if with_index else {}
+    up, down = (table(index=step, every=2).less(base) for step in (INDEX_STEP, -INDEX_STEP))
+    changes = {INDEX: Change(INDEX_STEP, up, down)} if with_index else {}
     lossy = replace(base, total_mm=base.total_mm * (math.exp(-LOSS_STEP * WAY_MM) - 1.0))
     return Response(base, changes, lossy, width_mm, 0.0)
 

@@ -195,8 +195,8 @@ def _kinds(sensors: list[Analysed], designs: list[Design]) -> list[tuple[Design,
 
 def _response(asked: Asked, design: Design, lens: bool, low: float, high: float, progress: Progress | None) -> Response:
     sensor = Sensor.of(design) if lens else Sensor.of(design).without_lens
-    keys = [key for key in asked.spreads if lens or not key.startswith("lens.")]
-    return Response.of(sensor, low - BEYOND_DEG, high + BEYOND_DEG, keys, progress)
+    spreads = {key: u for key, u in asked.spreads.items() if lens or not key.startswith("lens.")}
+    return Response.of(sensor, low - BEYOND_DEG, high + BEYOND_DEG, spreads, progress)
 
 
 def _one(asked: Asked, sensor: Analysed, design: Design, carried: _Carried, response: Response) -> Found:

@@ -10,7 +10,7 @@ The interface: `Response.of` a sensor, `diagnosed` of an analysed recording give
 from solen.analysis.diagnosis.diagnose import BEYOND_DEG, INDEX_U, ZERO_U_DEG, Diagnosis, Estimate, diagnosed
 from solen.analysis.diagnosis.fit import Cycles, Fitted, Misfit, fit
 from solen.analysis.diagnosis.model import Model, Parameter
-from solen.analysis.diagnosis.response import Response
+from solen.analysis.diagnosis.response import Change, Response
 from solen.analysis.diagnosis.table import Table
 from solen.analysis.diagnosis.voltage import Bend
 from solen.analysis.diagnosis.words import advice, words
@@ -20,6 +20,7 @@ __all__ = [
     "INDEX_U",
     "ZERO_U_DEG",
     "Bend",
+    "Change",
     "Cycles",
     "Diagnosis",
     "Estimate",

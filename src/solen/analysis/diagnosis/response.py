@@ -1,35 +1,61 @@
 """What the receivers of a design get, by its emitter's place and width and by what else differs from print to print.
 
 The idea: the table of the design as it is, and for every other number that may differ (index, loss) how the table
-changes with it. Index and the like change little, so that a straight line serves; loss takes its share of the light
-along the way, which is an exponential.
+changes with it. Index and the like change little, but the bends of the response wander with them: a parabola through a
+step to each side serves where a straight line is off by more than noise. Loss takes its share of the light along the
+way, which is an exponential.
 
 A chip's width enters as its square, the **spread** of the light about the chip's middle: what a narrow chip changes is
 in proportion to it, and a chip of no width is then no edge. The spread may come out below 0, as any number near 0 may.
 
-The interface: `Response.of` a `Sensor`; `Response.shares`.
+The interface: `Response.of` a `Sensor`; `Response.shares`. A `Change` is that by one number.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solen.analysis.diagnosis.table import FloatArray, Progress, Table, angles_deg
-from solen.errors import SpecError
+from solen.errors import SolenError, SpecError
 from solen.sensor import Sensor
 from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
-INDEX_STEP = 0.006
+STEP_U = 1.5
+"""Step of a number, in its standard uncertainty."""
 LOSS_STEP = 0.01
 LEAST_SPREAD_MM2 = 0.02**2
 """Below this spread the response is continued as the straight line through it and a point."""
-STEPS: Mapping[str, float] = {"emitter.distance_mm": 0.04, "lens.focus_mm": 0.5}
-STEP_SHARE = 0.02
-"""Step of any other number, as a share of its value."""
 LEAST_SHARE = 1e-9
+
+
+@dataclass(frozen=True)
+class Change:
+    """How a table changes with a number: by a parabola up to a step to each side, by straight lines beyond.
+
+    Attributes
+    ----------
+    step
+        Of the number.
+    up, down
+        The table a step above and below, less the design's.
+    """
+
+    step: float
+    up: Table
+    down: Table
+
+    def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
+        """Change of the shares (n, 2), as `Table.chip`, where the number is larger ``by`` so much."""
+        x = by / self.step
+        end = min(max(x, -1.0), 1.0)
+        found = 0.0
+        for table, side in ((self.up, 1.0), (self.down, -1.0)):
+            weight = 0.5 * end * (end + side) + (x - end) * (end + 0.5 * side)
+            found = found + weight * table.chip(angle_deg, offset_mm, width_mm)
+        return np.asarray(found)
 
 
 @dataclass(frozen=True)
@@ -41,7 +67,7 @@ class Response:
     base
         Of the design.
     changes
-        By the key of a number: the step that was taken, and the change of the table by it.
+        By the key of a number: how the table changes with it.
     lossy
         The table with `LOSS_STEP` more absorption at some of the angles, less the design's.
     width_mm, offset_mm
@@ -49,7 +75,7 @@ class Response:
     """
 
     base: Table
-    changes: Mapping[str, tuple[float, Table]]
+    changes: Mapping[str, Change]
     lossy: Table
     width_mm: float
     offset_mm: float
@@ -60,10 +86,21 @@ class Response:
         sensor: Sensor,
         low_deg: float,
         high_deg: float,
-        keys: Sequence[str] = (),
+        spreads: Mapping[str, float] | None = None,
         progress: Progress | None = None,
     ) -> "Response":
-        """Response of a design between two angles, and how it changes with the numbers of some keys.
+        """Response of a design between two angles, and how it changes with some numbers.
+
+        Parameters
+        ----------
+        sensor
+            The design.
+        low_deg, high_deg
+            The angles.
+        spreads
+            By the key of a number, its standard uncertainty.
+        progress
+            Is told the share that is done.
 
         Raises
         ------
@@ -72,10 +109,11 @@ class Response:
         DesignError
             Where the design cannot be traced point by point.
         """
-        for key in keys:
+        spreads = spreads or {}
+        for key in spreads:
             if key != INDEX and (why := sensor.inert(key)):
                 raise SpecError(key, limit=why, remedy="leave it out")
-        parts = 3.0 + len(keys)
+        parts = 3.0 + 2.0 * len(spreads)
         fine = angles_deg(low_deg, high_deg)
 
         def part(begin: float, share: float) -> Progress | None:
@@ -83,9 +121,11 @@ class Response:
 
         base = Table.of(sensor, fine, progress=part(0.0, 2.0))
         changes = {}
-        for n, key in enumerate(keys):
-            step, other = _stepped(sensor, key)
-            changes[key] = (step, Table.of(other, fine[::2], base.edge, part(2.0 + n, 1.0)).less(base))
+        for n, (key, u) in enumerate(spreads.items()):
+            step = STEP_U * u
+            up = Table.of(_moved(sensor, key, step), fine[::2], base.edge, part(2.0 + 2 * n, 1.0)).less(base)
+            down = Table.of(_moved(sensor, key, -step), fine[::2], base.edge, part(3.0 + 2 * n, 1.0)).less(base)
+            changes[key] = Change(step, up, down)
         dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
         lossy = Table.of(_same_lens(dark, sensor), fine[::4], base.edge, part(parts - 1.0, 1.0)).less(base)
         return cls(base, changes, lossy, sensor.light.width_mm, sensor.design.emitter.offset_mm)
@@ -134,26 +174,28 @@ class Response:
         found = self.base.chip(angle_deg, offset_mm, width_mm)
         for key, by in moved.items():
             if by:
-                step, change = self.changes[key]
-                found = found + (by / step) * change.chip(angle_deg, offset_mm, width_mm)
+                found = found + self.changes[key].chip(angle_deg, offset_mm, width_mm, by)
         if loss_per_mm:
             share = 1.0 + self.lossy.chip(angle_deg, offset_mm, width_mm) / np.maximum(found, LEAST_SHARE)
             found = found * np.clip(share, 0.05, 1.0) ** (loss_per_mm / LOSS_STEP)
         return found
 
 
-def _stepped(sensor: Sensor, key: str) -> tuple[float, Sensor]:
-    """The step of a number and the sensor beyond it."""
+def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
+    """The sensor with a number larger by so much."""
     if key == INDEX:
-        values = {INDEX: sensor.material.index + INDEX_STEP, LOSS: sensor.material.absorption_per_mm}
+        values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
         # its lens keeps the shape that it was designed with
-        return INDEX_STEP, replace(Sensor.of(with_values(sensor.design, values)), cut=sensor.cut)
+        return replace(Sensor.of(with_values(sensor.design, values)), cut=sensor.cut)
     value = value_at(sensor.design, key)
     if not isinstance(value, float):
         remedy = "set it in the design"
         raise SpecError(key, value=value, limit="must be a real number that the design states", remedy=remedy)
-    step = STEPS.get(key, STEP_SHARE * abs(value) or STEP_SHARE)
-    return step, _same_lens(Sensor.of(with_values(sensor.design, {key: value + step})), sensor)
+    try:
+        return _same_lens(Sensor.of(with_values(sensor.design, {key: value + by})), sensor)
+    except SolenError as bad:
+        limit = f"{value + by:g} cannot be traced: {bad}"
+        raise SpecError(f"--spread {key}", limit=limit, remedy="state a smaller spread") from None
 
 
 def _same_lens(other: Sensor, sensor: Sensor) -> Sensor:
