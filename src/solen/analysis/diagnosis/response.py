@@ -23,7 +23,7 @@ from solen.sensor import Sensor
 from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
-STEP_U = 1.5
+STEP_U = 1.0
 """Step of a number, in its standard uncertainty."""
 LOSS_STEP = 0.01
 LEAST_SPREAD_MM2 = 0.02**2
@@ -123,8 +123,8 @@ class Response:
         changes = {}
         for n, (key, u) in enumerate(spreads.items()):
             step = STEP_U * u
-            up = Table.of(_moved(sensor, key, step), fine[::2], base.edge, part(2.0 + 2 * n, 1.0)).less(base)
-            down = Table.of(_moved(sensor, key, -step), fine[::2], base.edge, part(3.0 + 2 * n, 1.0)).less(base)
+            up = Table.of(_moved(sensor, key, step), fine, base.edge, part(2.0 + 2 * n, 1.0)).less(base)
+            down = Table.of(_moved(sensor, key, -step), fine, base.edge, part(3.0 + 2 * n, 1.0)).less(base)
             changes[key] = Change(step, up, down)
         dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
         lossy = Table.of(_same_lens(dark, sensor), fine[::4], base.edge, part(parts - 1.0, 1.0)).less(base)
