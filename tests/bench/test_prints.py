@@ -8,7 +8,7 @@ import pytest
 from solen.bench.rig import load_rig
 from solen.bench.simulated.prints import ANGLES, CLOSE, prints_of
 from solen.sensor import Sensor
-from solen.spec import load, with_values
+from solen.spec import load
 
 
 @pytest.mark.parametrize("width_mm", [0.0, 0.2])
@@ -19,7 +19,7 @@ def test_a_print_is_close_to_its_trace_at_any_angle(bench: Path, width_mm: float
     (bench / "sensor.toml").write_text(text.replace("# width_mm = 0.0", f"width_mm = {width_mm}"), encoding="utf-8")
     one = prints_of(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng(1))[0]
     angles = np.random.default_rng(2).uniform(-3.0, 3.0, 40)
-    found = Sensor.of(with_values(load(design), one.drawn)).power(angles.tolist())
+    found = Sensor.of(load(design)).power(angles.tolist())
     off = np.abs(one.at(found.angle_deg) - np.column_stack([found.right, found.left]))
     assert len(one.angle_deg) > ANGLES
     assert np.quantile(off, 0.9) < 2.0 * CLOSE * one.fractions.max()

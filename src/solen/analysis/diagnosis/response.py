@@ -51,11 +51,11 @@ class Change:
         """Change of the shares (n, 2), as `Table.chip`, where the number is larger ``by`` so much."""
         x = by / self.step
         end = min(max(x, -1.0), 1.0)
-        found = 0.0
+        found = np.zeros((angle_deg.size, 2))
         for table, side in ((self.up, 1.0), (self.down, -1.0)):
             weight = 0.5 * end * (end + side) + (x - end) * (end + 0.5 * side)
-            found = found + weight * table.chip(angle_deg, offset_mm, width_mm)
-        return np.asarray(found)
+            found += weight * table.chip(angle_deg, offset_mm, width_mm)
+        return found
 
 
 @dataclass(frozen=True)
