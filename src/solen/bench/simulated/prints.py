@@ -27,8 +27,10 @@ FloatArray = NDArray[np.float64]
 
 ANGLES = 25
 """Angles at which a response is traced at first."""
-CLOSE = 1e-4
+CLOSE = 2e-4
 """Of the brightest: how near what is traced midway must be to what was interpolated there."""
+TOLERANCE = 2e-4
+"""Of the emitted power, within which a share is integrated over the chip; it is mostly ten times nearer."""
 HALVINGS = 6
 """How often a step between two angles is halved at most, so that a jump does not take for ever."""
 BEYOND = 1.02
@@ -118,13 +120,13 @@ def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArra
 
     Every step is halved until what is traced midway lies within `CLOSE` of what was interpolated there.
     """
-    found = sensor.power(angle_deg.tolist())
+    found = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     wide = np.ones(len(angle_deg) - 1, dtype=bool)
     for _ in range(HALVINGS):
         guessed = between(found.angle_deg, _shares(found))
         steps = np.flatnonzero(wide)
         middles = 0.5 * (found.angle_deg[steps] + found.angle_deg[steps + 1])
-        more = sensor.power(middles.tolist())
+        more = sensor.power(middles.tolist(), tolerance=TOLERANCE)
         off = np.abs(_shares(more) - guessed(middles)).max(axis=1) > CLOSE * _shares(found).max()
         found = found.joined(more)
         if not off.any():
