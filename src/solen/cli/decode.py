@@ -8,9 +8,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from solen.cli.app import BENCH, FigureFile, Json, app, show
-from solen.cli.recorded import Moved, Recorded, columns_of, request_of
+from solen.cli.recorded import MOVED, RECORDED, Moved, Recorded, columns_of, request_of
 
-_MOVED, _RECORDED = Moved(), Recorded()
 _Flag = Annotated[bool, Parameter(negative=())]
 _Motion = Annotated[str | None, Parameter(help="What was moved: rotation or bend, where the recording does not say.")]
 _Design = Annotated[Path | None, Parameter(help="Design file of the sensor: its motion, pivot, parts and circuit.")]
@@ -20,8 +19,8 @@ _Schema = Annotated[bool, Parameter(name="--schema", negative=(), help="Print th
 @app.command(group=BENCH, sort_key=50)
 def calibrate(
     *recordings: Path,
-    moved: Moved = _MOVED,
-    recorded: Recorded = _RECORDED,
+    moved: Moved = MOVED,
+    recorded: Recorded = RECORDED,
     sensor: str | None = None,
     pool: _Flag = False,
     with_controls: _Flag = False,
@@ -68,9 +67,9 @@ def _told(found: dict[str, Any]) -> Iterator[str]:
         yield from (f"  {line}" for line in one["words"])
         yield f"  wrote {one['file']}"
     for warning in found["warnings"]:
-        yield f"note: {warning}"
+        yield f"warning: {warning}"
     if "figure" in found:
-        yield f"wrote {found['figure']}"
+        yield f"figure: {found['figure']}"
 
 
 @app.command(group=BENCH, sort_key=60)
@@ -79,7 +78,7 @@ def decode(
     source: Annotated[str, Parameter(allow_leading_hyphen=True)],
     /,
     *,
-    recorded: Recorded = _RECORDED,
+    recorded: Recorded = RECORDED,
     sensor: str | None = None,
     follow: _Flag = False,
     design: _Design = None,
@@ -126,7 +125,7 @@ def decode(
         calibration, source, wanted, follow, design, motion, gain_percent, recorded.rails, 1e-3 * window_ms
     )
     plain = not as_json and out is None
-    told = None if as_json else lambda line: print(f"note: {line}", file=sys.stderr)
+    told = None if as_json else lambda line: print(f"warning: {line}", file=sys.stderr)
     found = pipeline.decode(asked, out=out, lines=sys.stdout if plain else None, say=told)
     if plain:
         print("\n".join(_counted(found)), file=sys.stderr)

@@ -17,7 +17,7 @@ Files = Annotated[list[Path] | None, Parameter(negative=(), consume_multiple=Tru
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Recorded:
-    """Which columns are what; see solen analyse.
+    """Which columns are what.
 
     Parameters
     ----------
@@ -25,20 +25,22 @@ class Recorded:
         Column of the time; by default the one that is told to be it.
     channel
         A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 names the sensor, too.
+        By default every column of volts.
     time_unit
         Unit of a time whose column states none: s, ms, us, min.
     rate_hz
         Samples in a second, for a recording without times.
     on_off_hz
-        Of a raw waveform whose emitters switch on and off: how often a second.
+        Of a raw waveform whose emitters switch on and off: how often a second. Ambient light is then subtracted first;
+        solen demodulate says more about it.
     emitters
-        How many emitters take turns in it.
+        How many emitters take turns in it, each followed by an off phase; each counts as a sensor of its own.
     rails
         Lowest and highest voltage of the recorder, such as 0 5: samples there are clipped.
     smooth_ms
         Moving mean over this time before anything else; none by default.
     columns
-        Names of the columns of tables without a header.
+        Names of the columns of tables without a header, such as time_s angle_deg left_mV right_mV.
     sheet
         Sheet of a workbook.
     """
@@ -58,18 +60,20 @@ class Recorded:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Moved:
-    """Which angle a recording has, and which of its cycles are used; see solen analyse.
+    """Which angle a recording has, and which of its cycles are used.
 
     Parameters
     ----------
     angle
         Column of the angle; by default the one that is told to be it.
     angle_file
-        Log of the stage on a clock of its own, one for all files or one for each.
+        Log of the stage on a clock of its own, one for all files or one for each; --angle is then its column. How far
+        the clocks differ is found by the voltages.
     angle_time
         Column of the time in that log.
     amplitude_deg
-        How far the stage was asked to go to both sides, where nothing recorded the angle.
+        How far the stage was asked to go to both sides, where nothing recorded the angle: the cycles are found in the
+        voltages.
     speed_deg_per_s
         How fast, with --amplitude-deg.
     hold_s
@@ -87,7 +91,7 @@ class Moved:
     step_deg
         Step of the grid of angles; by default one that fits the range.
     dark_v
-        Voltage of a receiver without light.
+        Voltage of a receiver without light, for cross-talk and contrast of the light itself.
     """
 
     angle: str | None = None
@@ -105,6 +109,10 @@ class Moved:
     dark_v: float | None = None
 
 
+MOVED, RECORDED = Moved(), Recorded()
+"""Where nothing is asked for."""
+
+
 def columns_of(recorded: Recorded, moved: Moved | None = None) -> "tuple[Columns, tuple[Path, ...]]":
     """Columns that are asked for, and files that stand after --channel where a receiver was expected."""
     from solen.pipeline.signals import Columns, named_channels
@@ -112,7 +120,7 @@ def columns_of(recorded: Recorded, moved: Moved | None = None) -> "tuple[Columns
     texts = recorded.channel or ()
     more = [Path(text) for text in texts if "=" not in text and Path(text).is_file()]
     named = named_channels([text for text in texts if Path(text) not in more])
-    asked = moved or Moved()
+    asked = moved or MOVED
     times = (recorded.time_unit, recorded.rate_hz)
     return Columns(recorded.time, asked.angle, named, *times, asked.zero_deg, asked.flip_angle), tuple(more)
 
