@@ -49,6 +49,16 @@ def test_one_sided_lets_a_ramp_through() -> None:
     assert found.signal[1:, 0] + 1.0 == pytest.approx(0.5 * PERIOD_S)
 
 
+def test_a_reading_with_one_off_slot_is_as_uncertain_as_the_ambient_light_moves() -> None:
+    """Its error is what a ramp moves by in half a period; noise, which says nothing of it, is far smaller."""
+    found = demodulated(50, lambda t: t)
+    alone = found.one_sided
+    assert alone.any()
+    assert np.abs(found.signal[alone, 0] + 1.0) == pytest.approx(0.5 * PERIOD_S)
+    assert found.u[alone, 0] == pytest.approx(0.5 * PERIOD_S, rel=0.05)
+    assert found.u[~alone, 0].max() < 0.05 * PERIOD_S
+
+
 def test_several_emitters_with_one_off_phase_between_rounds() -> None:
     """on 1, on 2, off: emitter 1 is nearer to the off slot before, emitter 2 to that after; ramps go all the same."""
     time = np.arange(300.0) * 1e-3

@@ -177,6 +177,8 @@ def test_signs_against_the_convention_are_said_and_not_mended() -> None:
     assert any("the reverse of the convention" in warning for warning in turned.warnings)
     assert turned.numbers["right"]["swing_V"] < 0.0
     assert not any("convention" in warning for warning in found_of(NOISY).warnings)
+    control = analysed([replace(signals, angle_deg=-signals.angle_deg, lens=False)], Settings())
+    assert not any("convention" in warning for warning in control.warnings)  # without a lens there is none
 
 
 def test_receivers_that_move_together_are_said() -> None:

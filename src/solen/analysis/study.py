@@ -147,7 +147,8 @@ def analysed(recordings: Sequence[Signals], settings: Settings, motions: dict[in
     sides = pair(first.receivers)
     both = None if sides is None else pair_numbers(found, sides, noise, settings.dark_V)
     told = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    told += sign_warnings(numbers, sides, first.receivers) + _cautions(first.receivers, numbers, found, runs)
+    told += [] if first.lens is False else sign_warnings(numbers, sides, first.receivers)
+    told += _cautions(first.receivers, numbers, found, runs)
     return Analysed(first.label, first.lens, first.receivers, runs, found, numbers, both, tuple(told))
 
 

@@ -3,7 +3,8 @@
 The idea: the board stamps its periods by its own clock, which runs a little fast or slow and began at another moment.
 What came at a time had been sent before it, by an unknown delay that is never negative and sometimes next to nothing.
 So the line that lies below all points (board's time, time it came) and nearest to them is the board's clock on the
-run's, but for the least delay: an edge of the points' lower convex hull.
+run's, but for the least delay: an edge of the points' lower convex hull. Of a short run the edge's slope says more of
+the delays than of the clocks; it counts by what it is worth beside what is known of any quartz.
 
 The interface: `on_run` gives the line of one stretch without a break.
 """
@@ -19,6 +20,8 @@ LEAST_SPAN_S = 5.0
 """Below it a rate cannot be told from delays, and the two clocks are taken to run alike."""
 MOST_PPM = 1000.0
 """No quartz is farther off."""
+USUAL_PPM = 50.0
+"""How far quartzes usually are off."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +54,17 @@ def on_run(board_s: FloatArray, came_s: FloatArray) -> OnRun:
         right = int(np.clip(np.searchsorted(board_s[hull], middle), 1, len(hull) - 1))
         a, b = hull[right - 1], hull[right]
         rate = float((came_s[b] - came_s[a]) / (board_s[b] - board_s[a]))
-        rate = float(np.clip(rate, 1.0 - 1e-6 * MOST_PPM, 1.0 + 1e-6 * MOST_PPM))
+        rate = _credible(rate, came_s - rate * board_s, float(board_s[b] - board_s[a]))
     delay = came_s - rate * board_s
     begin = float(delay.min())
     return OnRun(begin, rate, float(np.median(delay) - begin))
+
+
+def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:
+    """A rate by an edge so long, weighed against that of a quartz: what delays may turn the edge by."""
+    u_ppm = 1e6 * float(np.median(delay) - delay.min()) / (np.sqrt(len(delay)) * edge_s)
+    off = float(np.clip(rate - 1.0, -1e-6 * MOST_PPM, 1e-6 * MOST_PPM))
+    return float(1.0 + off * USUAL_PPM**2 / (USUAL_PPM**2 + u_ppm**2))
 
 
 def _below(x: FloatArray, y: FloatArray) -> list[int]:

@@ -46,11 +46,12 @@ def analyse(
 
 def _told(found: dict[str, Any]) -> Iterator[str]:
     """Lines for a reader."""
+    said = "; simulated" if found["simulated"] else ""
     for label, sensor in found["sensors"].items():
         lens = {None: "", True: ", lens", False: ", no lens"}[sensor["lens"]]
         low, high = sensor["motion"][0]["lowest_deg"], sensor["motion"][0]["highest_deg"]
         cycles = f"{sensor['cycles_used']} of {len(sensor['cycles'])} cycles"
-        yield f"{label}{lens}: {cycles}, {low:.3g}° to {high:.3g}°"
+        yield f"{label}{lens}: {cycles}, {low:.3g}° to {high:.3g}°{said}"
         for name, one in sensor["receivers"].items():
             yield from _of_receiver(name, one)
         if sensor["left_minus_right"] is not None:

@@ -137,7 +137,8 @@ def _counted(found: dict[str, Any]) -> Iterator[str]:
     """Lines of a summary; its warnings but for those already told."""
     flags = [f"{found[name]} {name}" for name in ("outside", "ambiguous", "clipped", "missing") if found[name]]
     low, high = found["lowest_deg"], found["highest_deg"]
-    yield f"{found['readings']} readings, {low:.4g}° to {high:.4g}°" + "".join(f", {one}" for one in flags)
+    ends = "none in the calibrated range" if low is None else f"{low:.4g}° to {high:.4g}°"
+    yield f"{found['readings']} readings, {ends}" + "".join(f", {one}" for one in flags)
     against = found["against_angle"]
     if against is not None:
         yield (

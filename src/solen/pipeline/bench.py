@@ -4,6 +4,7 @@ import datetime as dt
 import math
 import platform
 import shutil
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -329,7 +330,8 @@ def _simulated(
     # prints and noise are drawn apart, so that a run that is taken up has the same prints and other noise
     prints = prints_of(rig, asked.rig.parent, reach, np.random.default_rng([rig.seed, 0]), say)
     part = 0 if before is None else 1 + parts_of(before)
-    noise = np.random.default_rng([rig.seed, 1, part])
+    named = [] if asked.name is None else [zlib.crc32(asked.name.encode())]
+    noise = np.random.default_rng([rig.seed, 1, part, *named])
     stage = SimulatedStage(clock, protocol.unit)
 
     def angles(time_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -281,8 +281,9 @@ class _Run:
         for name in ("outside", "ambiguous", "clipped", "at_end"):
             self.counts[name] += int(getattr(decoded, name).sum())
         if good.any():
-            self._low = min(self._low, float(decoded.angle_deg.min()))
-            self._high = max(self._high, float(decoded.angle_deg.max()))
+            inside = decoded.angle_deg[~decoded.outside]
+            self._low = min(self._low, float(inside.min(initial=math.inf)))
+            self._high = max(self._high, float(inside.max(initial=-math.inf)))
             times = batch.time_s[good]
             self._times = [self._times[0] if math.isfinite(self._times[0]) else float(times[0]), float(times[-1])]
         if batch.angle_deg is not None:
@@ -295,8 +296,8 @@ class _Run:
             **self.counts,
             "from_s": first,
             "to_s": last,
-            "lowest_deg": self._low,
-            "highest_deg": self._high,
+            "lowest_deg": self._low if math.isfinite(self._low) else None,
+            "highest_deg": self._high if math.isfinite(self._high) else None,
             "against_angle": self._against(),
         }
 

@@ -40,7 +40,7 @@ def response_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str
         for empty in axes[panels:]:
             empty.set_visible(False)
         for number, panel in enumerate(axes[:panels]):
-            panel.set_xlabel("rotation angle (°)")
+            panel.set_xlabel("angle (°)")
             if number % across == 0:
                 panel.set_ylabel("voltage (V)")
         said = "; ".join(filter(None, ("simulated data" if simulated else "", remark)))

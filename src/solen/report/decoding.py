@@ -61,7 +61,7 @@ def _draw_curves(axes: Axes, one: Calibration) -> None:
         axes.fill_between(one.angle_deg, middle - half, middle + half, color=colour, alpha=0.25, lw=0)
         axes.plot(one.angle_deg, rising, color=colour, lw=1.5, label=name)
         axes.plot(one.angle_deg, falling, "--", color=colour, lw=1.0)
-    axes.set_xlabel("rotation angle (°)")
+    axes.set_xlabel("angle (°)")
     axes.set_ylabel("voltage (V)")
     axes.legend(fontsize=8, loc="best")
 

@@ -56,7 +56,7 @@ def _residuals(axes: Axes, one: Diagnosis) -> None:
             u = 1e3 * one.cycles.volts[..., n].std(axis=0, ddof=1) / np.sqrt(count)
             axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
-    axes.set_xlabel("rotation angle (°)")
+    axes.set_xlabel("angle (°)")
     axes.set_title("what the model leaves, ± its uncertainty by the cycles", fontsize=8, loc="left")
 
 

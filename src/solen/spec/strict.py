@@ -25,7 +25,7 @@ from pydantic import (
     WrapValidator,
 )
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic_core import ErrorDetails, PydanticCustomError, PydanticUndefined
 
 from solen.errors import SolenError, SpecError
 
@@ -185,7 +185,7 @@ def _problem(found: ErrorDetails, root: type[Strict]) -> tuple[str, object, str,
 def _default(field: FieldInfo | None) -> str:
     """Remedy that names a field's default, where it has one."""
     default = None if field is None or field.is_required() else field.default
-    if default is None:
+    if default is None or default is PydanticUndefined:
         return ""
     return f"the default is {list(default) if isinstance(default, tuple) else repr(default)}"
 

@@ -87,6 +87,20 @@ class Demodulated:
         return np.asarray(self.emitter == emitter)
 
 
+def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
+    """By how much ambient light usually changes from an off slot to a reading beside it, (C,), beyond noise.
+
+    That is half of what it changes by between the off slots around a reading.
+    """
+    both = ~alone
+    if not both.any():
+        return np.zeros(slots.mean.shape[1])
+    steps = slots.mean[after[both]] - slots.mean[before[both]]
+    known = np.isfinite(steps)
+    mean = (np.where(known, steps, 0.0) ** 2).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(0.5 * np.sqrt(np.maximum(mean - 2.0 * np.nan_to_num(off_sd) ** 2, 0.0)))
+
+
 def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     """Readings of all on slots.
 
@@ -115,6 +129,8 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     ambient = (1.0 - share) * slots.mean[before] + share * slots.mean[after]
     off_sd = slot_sd(slots)
     u = np.sqrt(on_sd(slots, off_sd, slots.state[on]) ** 2 + ((1.0 - share) ** 2 + share**2) * off_sd**2)
+    alone = np.logical_not(there.all(axis=1))
+    u = np.where(alone[:, None], np.hypot(u, _drifts(slots, before, after, alone, off_sd)), u)
     clipped = slots.clipped[on] | (slots.clipped[before] & (share < 1.0)) | (slots.clipped[after] & (share > 0.0))
     emitter = slots.state[on]
     periods, missing = _cadence(slots)
@@ -132,7 +148,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
         signal=slots.mean[on] - ambient,
         u=np.where(np.isfinite(ambient), u, np.nan),
         ambient=ambient,
-        one_sided=np.logical_not(there.all(axis=1)),
+        one_sided=alone,
         clipped=clipped,
         slot_sd=off_sd,
         period_s=float(np.median(periods)) if periods.size else float("nan"),
