@@ -8,6 +8,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ import solen
 from solen.analysis import Settings, Signals, analysed
 from solen.analysis.calibration import Decoder, calibrated, leave_one_cycle_out, training_of
 from solen.analysis.calibration.reference import posterior
+from solen.recording.model import FloatArray
 
 RATE_HZ, READINGS, REPEATS = 200.0, 20_000, 5
 
@@ -27,6 +29,12 @@ def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
         call()
         times.append(time.process_time() - begun)
     return min(times)
+
+
+def one_by_one(decoder: Decoder, volts: FloatArray) -> None:
+    """Decode readings as they come live."""
+    for row in volts:
+        decoder.decode(row[None, :])
 
 
 def recording(noise_V: float) -> Signals:
@@ -54,10 +62,10 @@ def main() -> None:
         volts = np.resize(training.samples.volts, (READINGS, 2))
         decoder.decode(volts[:10])
         fine = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], 2001)
-        plain = 1.0 / best_s(lambda v=volts, c=calibration, f=fine: posterior(c, v[0], f), 2)  # type: ignore[misc]
-        many = READINGS / best_s(lambda d=decoder, v=volts: d.decode(v))  # type: ignore[misc]
-        single = best_s(lambda d=decoder, v=volts: [d.decode(v[n : n + 1]) for n in range(100)]) / 100  # type: ignore[misc]
-        check = best_s(lambda t=training: leave_one_cycle_out(t), 1)  # type: ignore[misc]
+        plain = 1.0 / best_s(partial(posterior, calibration, volts[0], fine), 2)
+        many = READINGS / best_s(partial(decoder.decode, volts))
+        single = best_s(partial(one_by_one, decoder, volts[:100])) / 100
+        check = best_s(partial(leave_one_cycle_out, training), 1)
         for what, rate in (("the long way", plain), ("many at once", many), ("one at a time", 1.0 / single)):
             told = f"{what}, noise {1e3 * noise_V:g} mV, {decoder.pieces} pieces"
             print(f"{told:44} {rate:12.3g} {rate / RATE_HZ:10.3g}")

@@ -13,6 +13,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import TextIO
 
 from solen.errors import OutputError, SolenError
 
@@ -95,6 +96,23 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
             with contextlib.suppress(OSError, ValueError):
                 temporary.unlink(missing_ok=True)
     return list(contents)
+
+
+@contextlib.contextmanager
+def streamed(path: Path) -> Iterator[TextIO]:
+    """Text file to be written to as it comes, under a temporary name until all of it is; `OutputError` where it fails.
+
+    Leaving with an exception leaves no file.
+    """
+    temporary = path.with_name(f"{_hidden(path)}{secrets.token_hex(6)}.tmp")
+    try:
+        with temporary.open("x", encoding="utf-8", newline="\n") as file:
+            yield file
+        temporary.replace(path)
+    except OSError as bad:
+        raise _unwritable(path, bad, "name another place") from None
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def remove(path: Path) -> None:

@@ -35,7 +35,7 @@ from solen.pipeline import bench as pipeline
 from solen.readout import settled, volts
 from solen.spec import load, template, with_values
 from solen.spec.toml import dumps
-from tests.bench.conftest import PROTOCOL, RIG
+from tests.bench.rig_support import PROTOCOL, RIG
 from tests.bench.test_kills import Killed, killed
 
 FloatArray = NDArray[np.float64]
@@ -78,7 +78,8 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     return Bench(folder, rig, prints_of(rig, folder, 3.0, np.random.default_rng(5)))
 
 
-Make = Callable[[Still, Callable[[FloatArray], FloatArray]], EmitterBoard | Daq]
+Angles = Callable[[FloatArray], FloatArray]
+Make = Callable[[Still, Angles], EmitterBoard | Daq]
 
 
 def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[Closed, Path]:
@@ -247,7 +248,10 @@ def test_a_sync_that_shows_nothing_is_told(sync: FloatArray, told: str) -> None:
 @pytest.fixture(scope="module")
 def board(made: Bench) -> Path:
     layout, rng = Layout(2, 4), np.random.default_rng(6)
-    make: Make = lambda clock, at: SimulatedBoard(clock, made.prints, at, ROOM, layout, 0.005, rng)  # noqa: E731
+
+    def make(clock: Still, at: Angles) -> SimulatedBoard:
+        return SimulatedBoard(clock, made.prints, at, ROOM, layout, 0.005, rng)
+
     return recorded(made, made.rig, make, "board")[1]
 
 

@@ -25,6 +25,7 @@ from solen.pipeline import decode as pipeline
 from solen.pipeline.decode_sources import Wanted
 from solen.pipeline.signals import Columns
 from tests.analysis.made_support import Protocol, Truth, made
+from tests.bench.rig_support import PROTOCOL
 from tests.command_support import answered
 
 TRUTH = Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2))
@@ -308,29 +309,12 @@ left = 2
 [ambient]
 mean_mw_cm2 = 0.05
 """
-PROTOCOL = """
-schema = 1
-name = "short"
-cycles = 4
-rest_s = 0.2
-[[step]]
-to_deg = -3.0
-velocity_deg_per_s = 15.0
-hold_s = 0.1
-[[step]]
-to_deg = 3.0
-velocity_deg_per_s = 15.0
-hold_s = 0.1
-[[step]]
-to_deg = 0.0
-velocity_deg_per_s = 15.0
-"""
 
 
 def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "sensor.toml").write_text(DESIGN, encoding="utf-8")
     (tmp_path / "rig.toml").write_text(RIG, encoding="utf-8")
-    (tmp_path / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
+    (tmp_path / "protocol.toml").write_text(PROTOCOL.replace("cycles = 3", "cycles = 4"), encoding="utf-8")
     whole = tmp_path / "kept.journal"
     original = Journal.end
 

@@ -97,6 +97,11 @@ class Study:
         """Whether any recording was computed."""
         return any(one.simulated for one in self.provenances)
 
+    @property
+    def sources(self) -> list[Provenance]:
+        """Where it comes from, each file once."""
+        return list({one.sha256: one for one in self.provenances}.values())
+
 
 def analyse(
     asked: Request, *, out: Path | None = None, figure: Path | None = None, traces: Path | None = None

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
 def result(found: "Study", asked: "Request") -> dict[str, Any]:
     """The whole result."""
-    sources = list({one.sha256: one.as_dict() for one in found.provenances}.values())
     made = {
         "sensors": {sensor.label: _sensor(sensor) for sensor in found.sensors},
         "mean_of_sensors": _group(found.lens),
@@ -24,7 +23,7 @@ def result(found: "Study", asked: "Request") -> dict[str, Any]:
         "alignment": list(found.alignments),
         "settings": _settings(found, asked),
         "simulated": found.simulated,
-        "sources": sources,
+        "sources": [one.as_dict() for one in found.sources],
         "warnings": [*found.warnings, *_of_all(found)],
     }
     plain: dict[str, Any] = as_plain(made)

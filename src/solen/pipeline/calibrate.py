@@ -103,7 +103,7 @@ def calibrate(asked: Asked, *, out: Path | None = None, figure: Path | None = No
     result = {
         "calibrations": [_short(one, place) for one, place in zip(made, places, strict=True)],
         "simulated": found.simulated,
-        "sources": [one.as_dict() for one in _sources(found)],
+        "sources": [one.as_dict() for one in found.sources],
         "warnings": [*found.warnings, *told],
     }
     return result | ({} if figure is None else {"figure": str(figure)})
@@ -173,7 +173,7 @@ def _file(
 ) -> saved.CalibrationFile:
     runs = [run for sensor in sensors for run in sensor.runs]
     names = {run.signals.source for run in runs}
-    sources = [source for source in _sources(found) if source.file in names or not names & {source.file}]
+    sources = [source for source in found.sources if source.file in names or not names & {source.file}]
     mine = [source for source in found.provenances if source.file in names]
     subtracted = found.settings.dark_V == 0.0 and asked.request.settings.dark_V is None
     ambient = "subtracted" if subtracted else "not subtracted"
@@ -205,10 +205,6 @@ def _file(
         sources=tuple(source.as_dict() for source in sources),
         warnings=tuple(warnings),
     )
-
-
-def _sources(found: Study) -> list[Any]:
-    return list({one.sha256: one for one in found.provenances}.values())
 
 
 def _checked(check: Check | None) -> saved.Checked | None:

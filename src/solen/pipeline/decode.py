@@ -1,10 +1,9 @@
 """Voltages to angles by a saved calibration: a recorded file, lines as they come, or a run under way."""
 
 import math
-import secrets
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -12,9 +11,10 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from solen import files
 from solen.analysis.calibration import Decoded, Decoder, Headings, Tracker
 from solen.analysis.calibration import file as saved
-from solen.analysis.calibration.checks import part_of
+from solen.analysis.calibration.checks import merged, part_of
 from solen.analysis.calibration.heading import WINDOW_S
 from solen.errors import DataError, OutputError, SpecError
 from solen.pipeline import decode_sources as sources
@@ -36,6 +36,8 @@ COLUMNS = (
     "flags",
     "other",
 )
+AGAINST = ("readings", "rms_deg", "worst_deg", "bias_deg", "within_68", "within_95")
+"""What is told of decoded angles against those that the source itself has."""
 STDIN = "-"
 JOURNAL = ".journal"
 _MILLI = 100.0  # times the calibration's largest voltage, from which on a reading was not in volts
@@ -114,7 +116,7 @@ def decode(
         if say is not None:
             say(line)
     run = _Run(decoder, asked)
-    with _written(out) as file:
+    with nullcontext() if out is None else files.streamed(out) as file:
         for target in (file, lines):
             if target is not None:
                 print(",".join(COLUMNS), file=target, flush=True)
@@ -213,23 +215,6 @@ def _last(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-@contextmanager
-def _written(out: Path | None) -> Iterator[TextIO | None]:
-    """A file under a temporary name, renamed when all is well."""
-    if out is None:
-        yield None
-        return
-    temporary = out.with_name(f".{out.name[:100]}.{secrets.token_hex(6)}.tmp")
-    try:
-        with temporary.open("x", encoding="utf-8", newline="\n") as file:
-            yield file
-        temporary.replace(out)
-    except OSError as bad:
-        raise OutputError(str(out), limit=f"cannot be written: {bad.strerror}", remedy="name another place") from None
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 class _Run:
     """Readings of one stream, decoded and counted."""
 
@@ -307,22 +292,15 @@ class _Run:
             return None
         ends = self._decoder.range_deg
         inside = [(true >= ends[0]) & (true <= ends[1]) for true, _ in self._true]
-        weights = [int(one.sum()) for one in inside]
-        if not sum(weights):
-            return None
         parts = [
-            asdict(part_of("", true[kept], some(decoded, kept)))
+            part_of("", true[kept], decoded.picked(np.flatnonzero(kept)))
             for (true, decoded), kept in zip(self._true, inside, strict=True)
             if kept.any()
         ]
-        total = float(sum(part["readings"] for part in parts))
-        found = {
-            name: sum(part[name] * part["readings"] for part in parts) / total
-            for name in ("bias_deg", "within_68", "within_95")
-        }
-        rms = math.sqrt(sum(part["rms_deg"] ** 2 * part["readings"] for part in parts) / total)
-        worst = max(part["worst_deg"] for part in parts)
-        return {"readings": int(total), "rms_deg": rms, "worst_deg": worst, **found}
+        if not parts:
+            return None
+        whole = asdict(merged("", parts))
+        return {name: whole[name] for name in AGAINST}
 
     def warnings(self) -> list[str]:
         """What cannot be concluded from what was decoded."""
@@ -337,16 +315,6 @@ class _Run:
             if self.counts[name] and (name == "missing" or share >= 0.5):
                 told.append(f"{self.counts[name]} readings ({share:.2g} %) {words}")
         return told
-
-
-def some(decoded: Decoded, kept: NDArray[np.bool_]) -> Decoded:
-    """Some of the readings, (n,) of bool."""
-    number = np.cumsum(kept) - 1
-    held = kept[decoded.other] if decoded.other.size else np.zeros(0, dtype=bool)
-    fields = {name: getattr(decoded, name) for name in Decoded.__dataclass_fields__}
-    plain = {name: value[kept] for name, value in fields.items() if not name.startswith("other")}
-    others = {name: value[held] for name, value in fields.items() if name.startswith("other")}
-    return Decoded(**plain, **(others | {"other": number[others["other"]]}))
 
 
 def _rows(time_s: FloatArray, good: NDArray[np.bool_], decoded: Decoded, headings: Headings) -> Iterator[str]:

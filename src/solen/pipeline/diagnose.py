@@ -4,7 +4,6 @@ The design is read from the recording of a bench run, which carries it, or from 
 traced response.
 """
 
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from solen.errors import DataError, SpecError
 from solen.pipeline import analyse as recordings
 from solen.pipeline.analysis_data import as_plain
 from solen.pipeline.outputs import check_choice, check_figure, check_out, leave
+from solen.pipeline.whatmoved import header_of
 from solen.readout import circuit_of, face_areas_mm2
 from solen.recording import Recording, read_parts
 from solen.sensor import Sensor
@@ -221,9 +221,8 @@ def _carried(asked: Asked) -> dict[tuple[str, str], _Carried]:
 
 
 def _read(recording: Recording, group: str) -> _Carried:
-    stated = recording.provenance.metadata
-    header = _header(stated.get("header"))
-    name = stated.get("sensor", group)
+    header = header_of(recording.provenance)
+    name = recording.provenance.metadata.get("sensor", group)
     wires: dict[str, Any] = next((one for one in header.get("sensors", ()) if one.get("name") == name), {})
     text = header.get("designs", {}).get(wires.get("design"))
     design = None if text is None else loads(text, what=f"{recording.provenance.file}: {wires['design']}")
@@ -234,15 +233,6 @@ def _read(recording: Recording, group: str) -> _Carried:
         if channel is not None and np.isfinite(channel.values).any():
             ambient[side] = float(np.nanmean(channel.values))
     return _Carried(design, wires.get("design", ""), bool(header.get("simulated", False)), drawn, ambient)
-
-
-def _header(text: str | None) -> dict[str, Any]:
-    """Header of a bench run; empty where there is none or it is another's."""
-    try:
-        found = json.loads(text or "{}")
-    except ValueError:
-        return {}
-    return found if isinstance(found, dict) else {}
 
 
 def _of(sensor: Analysed, carried: Mapping[tuple[str, str], _Carried]) -> _Carried:
@@ -325,7 +315,7 @@ def _result(asked: Asked, found: list[Found], study: recordings.Study, simulated
         "sensors": {one.sensor.label: _sensor(one) for one in found},
         "known_beforehand": {"angle_zero_deg": asked.zero_u_deg, **dict(asked.spreads)},
         "simulated": simulated,
-        "sources": list({one.sha256: one.as_dict() for one in study.provenances}.values()),
+        "sources": [one.as_dict() for one in study.sources],
         "warnings": list(dict.fromkeys([*study.warnings, *own])),
     }
     plain: dict[str, Any] = as_plain(made)

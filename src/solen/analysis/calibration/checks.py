@@ -7,6 +7,7 @@ cycle err together, so that the share of a single recording scatters more than i
 The interface: `leave_one_cycle_out` and `leave_one_sensor_out`, both a `Check` with a `Part` for each thing left out.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -76,11 +77,6 @@ def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibrati
     return _check([one.label for one in trainings], found)
 
 
-def decoded_by(calibration: Calibration, training: Training) -> Check:
-    """A print decoded by a calibration that is not its own."""
-    return _check([training.label], [_held(calibration, _thinned(training.samples, 1))])
-
-
 def _thinned(samples: Samples, folds: int) -> Samples:
     every = -(-samples.angle_deg.size * folds // _MOST_READINGS)
     return samples.part(np.arange(samples.angle_deg.size) % max(every, 1) == 0)
@@ -94,28 +90,31 @@ def _held(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decod
 
 def _check(names: Sequence[str], found: Sequence[tuple[FloatArray, Decoded]]) -> Check:
     parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, found, strict=True))
+    columns = [
+        np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")
+    ]
+    return Check(merged("all", parts), parts, np.concatenate([true for true, _ in found]), *columns)
+
+
+def merged(name: str, parts: Sequence[Part]) -> Part:
+    """Parts as one; there is a reading in some of them."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 
-    def mean(name: str) -> float:
-        return float(weight @ np.array([getattr(part, name) for part in parts]))
+    def mean(name: str, power: int = 1) -> float:
+        return float(weight @ np.array([getattr(part, name) ** power for part in parts]))
 
-    errors = np.concatenate([decoded.angle_deg - true for true, decoded in found])
-    whole = Part(
-        name="all",
-        readings=errors.size,
-        rms_deg=float(np.sqrt(np.mean(errors**2))),
-        bias_deg=float(errors.mean()),
-        worst_deg=float(np.abs(errors).max()),
+    return Part(
+        name=name,
+        readings=sum(part.readings for part in parts),
+        rms_deg=math.sqrt(mean("rms_deg", 2)),
+        bias_deg=mean("bias_deg"),
+        worst_deg=max(part.worst_deg for part in parts),
         within_68=mean("within_68"),
         within_95=mean("within_95"),
         outside=mean("outside"),
         ambiguous=mean("ambiguous"),
     )
-    columns = [
-        np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")
-    ]
-    return Check(whole, parts, np.concatenate([true for true, _ in found]), *columns)
 
 
 def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:

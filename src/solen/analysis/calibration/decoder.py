@@ -13,7 +13,6 @@ The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `refe
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,6 +89,15 @@ class Decoded:
             inside = (self.other_deg[:, 0] <= true) & (true <= self.other_deg[:, 1])
             found[self.other[inside]] = True
         return np.asarray(found)
+
+    def picked(self, places: IntArray) -> "Decoded":
+        """The readings at some places, each but once, in that order."""
+        number = np.full(len(self.angle_deg), -1, dtype=np.intp)
+        number[places] = np.arange(len(places))
+        kept = number[self.other] >= 0
+        fields = {name: getattr(self, name) for name in Decoded.__dataclass_fields__}
+        found = {name: value[kept if name.startswith("other") else places] for name, value in fields.items()}
+        return Decoded(**(found | {"other": number[found["other"]]}))
 
 
 @dataclass(frozen=True)
@@ -178,7 +186,7 @@ class Decoder:
         kind = kind.reshape(-1)
         rows = [np.flatnonzero(kind == number) for number in range(len(kinds))]
         parts = [self._alike(volts[row], (int(k[0]), int(k[1]))) for row, k in zip(rows, kinds, strict=True)]
-        return _restored(parts, rows)
+        return _joined(parts).picked(np.argsort(np.concatenate(rows)))
 
     def _metric(self, marks: tuple[int, int]) -> _Metric:
         """Linear forms of the receivers that are not clipped."""
@@ -425,26 +433,11 @@ def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
     return np.asarray(grid[rows, place - 1] + share * (grid[rows, place] - grid[rows, place - 1]))
 
 
-def _fields(one: Decoded) -> Iterator[tuple[str, NDArray[np.generic]]]:
-    for name in Decoded.__dataclass_fields__:
-        yield name, getattr(one, name)
-
-
 def _joined(parts: list[Decoded]) -> Decoded:
     """Parts one after the other."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(one.angle_deg) for one in parts[:-1])])
-    joined = {name: np.concatenate([getattr(one, name) for one in parts]) for name, _ in _fields(parts[0])}
+    joined = {name: np.concatenate([getattr(one, name) for one in parts]) for name in Decoded.__dataclass_fields__}
     joined["other"] = np.concatenate([one.other + offset for one, offset in zip(parts, offsets, strict=True)])
     return Decoded(**joined)
-
-
-def _restored(parts: list[Decoded], rows: list[IntArray]) -> Decoded:
-    """Parts of scattered readings in the order of the readings."""
-    joined = _joined(parts)
-    order = np.concatenate(rows)
-    back = np.argsort(order)
-    told = {name: value[back] for name, value in _fields(joined) if not name.startswith("other")}
-    others = {name: value for name, value in _fields(joined) if name.startswith("other")}
-    return Decoded(**told, **(others | {"other": order[joined.other]}))  # type: ignore[arg-type]

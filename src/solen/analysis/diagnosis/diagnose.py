@@ -316,11 +316,6 @@ def _ratio(fitted: Fitted) -> Estimate:
     return Estimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
 
 
-def residual_rms(found: Diagnosis) -> dict[str, float]:
-    """Of each receiver in V."""
-    return dict(zip(found.sides, found.fitted.misfit.rms_V.tolist(), strict=True))
-
-
 def model_V(found: Diagnosis) -> NDArray[np.float64]:
     """Fitted curves (n, r)."""
     return found.fitted.model.volts(found.fitted.values)

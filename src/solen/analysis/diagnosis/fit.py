@@ -119,8 +119,6 @@ class Fitted:
         Mean curve less model, (n, r); NaN where an angle is left out.
     misfit
         See `Misfit`.
-    information
-        What the curves alone say of all parameters, (p, p), in their scales.
     """
 
     model: Model
@@ -130,7 +128,6 @@ class Fitted:
     freedom: FloatArray
     residual_V: FloatArray
     misfit: Misfit
-    information: FloatArray
 
     def u(self, name: str) -> float:
         """Standard uncertainty of a parameter; inf of one that was not fitted."""
@@ -262,11 +259,10 @@ def _table(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArra
 def _fitted(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray) -> Fitted:
     valid, count = cycles.valid, len(cycles.volts)
     width = np.broadcast_to(sd, valid.shape)[valid]
-    everywhere = (model.jacobian(values, range(len(model.parameters))) / sd[:, None])[valid]
-    scale = np.array([one.scale for one in model.parameters])
-    table = everywhere[:, places]
+    table = (model.jacobian(values, places.tolist()) / sd[:, None])[valid]
+    scale = np.array([model.parameters[p].scale for p in places])
     known = np.array([1.0 / model.parameters[p].known ** 2 for p in places])
-    inverse = _inverse(table.T @ table + np.diag(known), scale[places])
+    inverse = _inverse(table.T @ table + np.diag(known), scale)
     hat = inverse @ table.T  # of curves in their standard deviations
     left = ((cycles.mean_V - model.volts(values)) / sd)[valid]
     apart = ((cycles.volts - cycles.mean_V) / sd)[:, valid] if count > 1 else np.zeros((0, len(left)))
@@ -288,8 +284,7 @@ def _fitted(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArr
     residual = np.where(valid, cycles.mean_V - model.volts(values), np.nan)
     rms = np.sqrt(np.nanmean(residual**2, axis=0))
     told = Misfit(rms, *misfit, share * np.sqrt(0.5 * WAVES))
-    information = (everywhere * scale).T @ (everywhere * scale)
-    return Fitted(model, values, places, covariance, freedoms, residual, told, information)
+    return Fitted(model, values, places, covariance, freedoms, residual, told)
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
