@@ -16,7 +16,7 @@ import solen
 from solen.analysis import Settings, Signals, analysed
 from solen.analysis.calibration import Decoder, calibrated, leave_one_cycle_out, training_of
 from solen.analysis.calibration.reference import posterior
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 RATE_HZ, READINGS, REPEATS = 200.0, 20_000, 5
 

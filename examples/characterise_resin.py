@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen.pipeline import cure, cutback, index, resin, stiffness
-from solen.pipeline.indexroute import IndexOptions
+from solen.pipeline.resin import cure, cutback, index, stiffness
+from solen.pipeline.resin import library as resin
+from solen.pipeline.resin.indexroute import IndexOptions
 from solen.sensor import Sensor
 from solen.sensor.off_index import off_indices
 from solen.spec import loads, template, with_values

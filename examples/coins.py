@@ -5,16 +5,14 @@ states no scale: all lengths are in pixels. Needs `pip install "solen[vision]"`.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage import data, filters, measure
 
+from solen.arrays import FloatArray
 from solen.metrology import Edge, fit_edge, normals_of
 
-Floats = NDArray[np.float64]
 
-
-def contours(grey: Floats) -> list[Floats]:
+def contours(grey: FloatArray) -> list[FloatArray]:
     """Rough closed contours (N, 2) in px of what stands out of the ground."""
     ground = ndimage.gaussian_filter(ndimage.minimum_filter(ndimage.gaussian_filter(grey, 2.0), 61), 30.0)
     flat = ndimage.gaussian_filter(grey - ground, 1.5)
@@ -32,13 +30,13 @@ def circle(edge: Edge) -> tuple[float, float, float, float]:
     return float(x), float(y), 2.0 * radius, float(off.std())
 
 
-def edges(grey: Floats) -> list[Edge]:
+def edges(grey: FloatArray) -> list[Edge]:
     """Outlines of which most can be measured."""
     found = [fit_edge(grey, c, normals_of(c, closed=True), half_px=6, lines=3, closed=True) for c in contours(grey)]
     return [edge for edge in found if edge.kept.mean() > 0.6]
 
 
-def main() -> dict[str, Floats]:
+def main() -> dict[str, FloatArray]:
     """Diameters in px of the coins as taken, and of the same turned by 90°, and their rms deviations from round."""
     grey = data.coins() / 255.0
     taken, turned = (np.array([circle(edge) for edge in edges(picture)]) for picture in (grey, np.rot90(grey)))

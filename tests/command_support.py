@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 
 
 def answered(capfd: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any]:
     """The one JSON object that a command prints; nothing else may stand on stdout or stderr."""
     capfd.readouterr()
-    assert _run([*arguments, "--json"]) == 0, capfd.readouterr().err
+    assert run_command([*arguments, "--json"]) == 0, capfd.readouterr().err
     printed = capfd.readouterr()
     assert printed.err == ""
     found = json.loads(printed.out)
@@ -31,7 +31,7 @@ def refusal(capture: pytest.CaptureFixture[str], folder: Path, *arguments: str) 
     """The one line on stderr of a command that is refused, prints nothing else and leaves a folder as it was."""
     before = snapshot(folder)
     capture.readouterr()
-    code = _run(list(arguments))
+    code = run_command(list(arguments))
     printed = capture.readouterr()
     assert (code, printed.out) == (2, ""), printed.err[:500]
     assert printed.err.startswith("solen: ")

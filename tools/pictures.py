@@ -16,14 +16,14 @@ from solen.analysis.demodulation import Samples, averaged, find_clock, slots_of,
 from solen.material.index import Length, forward, measured, reading
 from solen.material.index.stack import Substrate, on_substrate
 from solen.material.index.substrate import invert
-from solen.pipeline.index import arrays
-from solen.pipeline.indexfit import described, fitted, literature
-from solen.pipeline.readout import readings
+from solen.pipeline.design.readout import readings
+from solen.pipeline.resin.index import arrays
+from solen.pipeline.resin.indexfit import described, fitted, literature
 from solen.readout import circuit_of, settled, volts
+from solen.report.bench.demodulate import demodulation_figure
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
-from solen.report.demodulate import demodulation_figure
-from solen.report.index import index_figure
-from solen.report.readout import readout_figure
+from solen.report.design.readout import readout_figure
+from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 

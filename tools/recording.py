@@ -12,14 +12,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.simulated.prints import ANGLES, between, traced
 from solen.readout import circuit_of, face_areas_mm2, volts
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
-
-FloatArray = NDArray[np.float64]
 
 TARGET = Path(__file__).resolve().parents[1] / "src" / "solen" / "analysis" / "examples" / "rotation-simulated.csv"
 SEED = 20

@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 N, DISTANCE_MM, FOCUS_MM, HALF_MM = 1.44, 1.0, 20.0, 2.0
@@ -24,19 +23,19 @@ CHIP_MM, HALF_CONE_DEG = 0.2, 60.0
 POINTS, ANGLES, WALL_POINTS = 25, 401, 801
 
 
-def turned(points: Floats, about: tuple[float, float], angle: float) -> Floats:
+def turned(points: FloatArray, about: tuple[float, float], angle: float) -> FloatArray:
     """Points (2, …) turned counter-clockwise about a point."""
     x, z = points[0] - about[0], points[1] - about[1]
     c, s = math.cos(angle), math.sin(angle)
     return np.array([about[0] + c * x - s * z, about[1] + s * x + c * z])
 
 
-def oval(x: Floats, z: Floats) -> Floats:
+def oval(x: FloatArray, z: FloatArray) -> FloatArray:
     """Negative inside the lens, in its own frame."""
     return np.hypot(x, z + DISTANCE_MM) + N * np.hypot(x, FOCUS_MM - z) - DISTANCE_MM - N * FOCUS_MM
 
 
-def chip() -> tuple[Floats, Floats]:
+def chip() -> tuple[FloatArray, FloatArray]:
     """Origins and directions (2, rays) at rest."""
     x = CHIP_MM * ((np.arange(POINTS) + 0.5) / POINTS - 0.5)
     angle = np.radians(HALF_CONE_DEG * (2.0 * (np.arange(ANGLES) + 0.5) / ANGLES - 1.0))
@@ -44,7 +43,7 @@ def chip() -> tuple[Floats, Floats]:
     return np.array([x, np.full_like(x, -DISTANCE_MM)]), np.array([np.sin(angle), np.cos(angle)])
 
 
-def through_the_lens(origin: Floats, direction: Floats) -> tuple[Floats, Floats, Floats]:
+def through_the_lens(origin: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Place, direction and transmittance behind the oval, in the lens's frame, of the rays that meet it."""
     steps = np.arange(0.3, 6.0, 0.02)
     along = origin[:, None] + direction[:, None] * steps[:, None]
@@ -75,7 +74,7 @@ def through_the_lens(origin: Floats, direction: Floats) -> tuple[Floats, Floats,
     return place[:, enters], out[:, enters], (1.0 - 0.5 * (s + p))[enters]
 
 
-def bent(points: Floats, angle: float) -> Floats:
+def bent(points: FloatArray, angle: float) -> FloatArray:
     """Points (2, N) of the stem after an even bend, by walking down the centre line in straight steps."""
     found = []
     for x, z in points.T:
@@ -87,7 +86,7 @@ def bent(points: Floats, angle: float) -> Floats:
     return np.array(found).T
 
 
-def at_the_crotch(place: Floats, direction: Floats, walls: list[Floats]) -> Floats:
+def at_the_crotch(place: FloatArray, direction: FloatArray, walls: list[FloatArray]) -> FloatArray:
     """x (rays,) at the crotch's height, after mirroring at the walls."""
     place, direction = place.copy(), direction.copy()
     moving = np.ones(place.shape[1], dtype=bool)
@@ -115,7 +114,7 @@ def at_the_crotch(place: Floats, direction: Floats, walls: list[Floats]) -> Floa
     return np.asarray(place[0])
 
 
-def wall(side: float, edge: Floats) -> Floats:
+def wall(side: float, edge: FloatArray) -> FloatArray:
     """Points of the stem's side from the lens's edge on, which may have sunk or risen."""
     rise = np.linspace(max(0.0, float(edge[1, 0]) - BASE_MM), STEM_MM, WALL_POINTS)
     side_of_stem = np.array([side * (HALF_MM + FLARE * rise**2), BASE_MM + rise])

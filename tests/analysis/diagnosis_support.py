@@ -10,14 +10,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis import Analysed, Settings, analysed
 from solen.analysis.diagnosis import Change, Cycles, Model, Response, Table
 from solen.analysis.diagnosis.response import INDEX, LOSS_STEP
+from solen.arrays import FloatArray
 from tests.analysis.made_support import Protocol, Truth, made
-
-FloatArray = NDArray[np.float64]
 
 MOVES_MM_PER_DEG, EDGE_MM, WIDER, PART = 0.03, 0.04, 0.15, 0.5
 INDEX_STEP, WAY_MM = 0.0045, 40.0

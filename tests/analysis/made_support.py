@@ -3,11 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis import Signals
+from solen.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 LEVELS = (0.0, 3.0, 0.0, -3.0)
 """Levels of one cycle of the paper; it comes back to the first."""
 

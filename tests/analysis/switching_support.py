@@ -3,10 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from solen.arrays import FloatArray, IntArray
 
 PERIOD_S = 1.0 / 200.0
 

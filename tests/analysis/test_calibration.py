@@ -18,9 +18,10 @@ from solen.analysis.calibration import (
     training_of,
 )
 from solen.analysis.calibration.reference import posterior
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from tests.analysis.calibration_support import SHORT, trained
-from tests.analysis.made_support import FloatArray, Truth, made
+from tests.analysis.made_support import Truth, made
 
 NOISY = Truth(noise_V=0.02, protocol=SHORT)
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from solen.analysis.demodulation import DROPPED, find_clock, slots_of, subtract
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from tests.analysis.switching_support import FloatArray, waveform
+from tests.analysis.switching_support import waveform
 
 SAMPLE_US = 100.0
 

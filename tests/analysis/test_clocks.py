@@ -9,8 +9,9 @@ from solen.analysis import Settings, analysed
 from solen.analysis.clocks import Alignment, align
 from solen.analysis.unseen import Protocol as Asked
 from solen.analysis.unseen import unseen
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from tests.analysis.made_support import FloatArray, Protocol, Truth, made
+from tests.analysis.made_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.02)
 

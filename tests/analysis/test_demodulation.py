@@ -20,9 +20,10 @@ from solen.analysis.demodulation import (
 )
 from solen.analysis.demodulation.rejection import KERNELS, mean_gain
 from solen.analysis.demodulation.subtract import slot_sd
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.readout import Adc, Circuit, Drive, Phototransistor, volts
-from tests.analysis.switching_support import PERIOD_S, FloatArray, stream
+from tests.analysis.switching_support import PERIOD_S, stream
 
 
 def demodulated(readings: int, ambient: object, kernel: Kernel = "two-sided", emitters: int = 1) -> Demodulated:

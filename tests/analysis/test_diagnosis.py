@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.stats import t
 
 from solen.analysis import Settings, analysed
@@ -14,6 +13,7 @@ from solen.analysis.diagnosis import Bend, Cycles, Response, Table, advice, diag
 from solen.analysis.diagnosis.model import LOSS, OFFSET, SPREAD, ZERO, Model
 from solen.analysis.diagnosis.response import INDEX
 from solen.analysis.diagnosis.table import angles_deg
+from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
 from solen.readout.transistor import load_line
 from solen.sensor import Sensor
@@ -31,8 +31,6 @@ from tests.analysis.diagnosis_support import (
     truth,
 )
 from tests.analysis.made_support import made
-
-FloatArray = NDArray[np.float64]
 
 DESIGN = loads('schema = 1\nname = "one"\n[material]\nindex = 1.44\n[emitter]\nwidth_mm = 0.2\n')
 GAINS = {"gain right": 8.0, "gain left": 7.0, "offset right": 5.0, "offset left": 4.8}

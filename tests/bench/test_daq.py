@@ -12,8 +12,8 @@ from typing import Any
 import h5netcdf
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench import waveform
 from solen.bench.clock import Still
 from solen.bench.close import Closed, closed
@@ -30,15 +30,14 @@ from solen.bench.simulated.daq import SimulatedDaq, settling
 from solen.bench.simulated.prints import Print, converter, prints_of
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, DataError
-from solen.pipeline import analyse as analysis
-from solen.pipeline import bench as pipeline
+from solen.pipeline.bench import analyse as analysis
+from solen.pipeline.bench import rig as pipeline
 from solen.readout import settled, volts
 from solen.spec import load, template, with_values
 from solen.spec.toml import dumps
 from tests.bench.rig_support import PROTOCOL, RIG
 from tests.bench.test_kills import Killed, killed
 
-FloatArray = NDArray[np.float64]
 DARK, ROOM = RoomLight(), RoomLight(mean_mw_cm2=0.05)
 DAQS = {
     "counter": 'switching = "counter"',

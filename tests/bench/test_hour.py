@@ -14,7 +14,7 @@ import pytest
 from solen.analysis.demodulation import slots_of, subtract
 from solen.bench.close import subtracted
 from solen.bench.simulated.motion import Axis
-from solen.pipeline import bench as pipeline
+from solen.pipeline.bench import rig as pipeline
 
 
 def test_one_look_at_an_axis_is_what_many_at_once_are() -> None:

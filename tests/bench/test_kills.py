@@ -17,8 +17,8 @@ import pytest
 
 from solen.bench.journal import Journaled, read_journal
 from solen.errors import BenchError, DataError, SolenError
-from solen.pipeline import bench as pipeline
-from solen.pipeline.analyse import Request, analyse
+from solen.pipeline.bench import rig as pipeline
+from solen.pipeline.bench.analyse import Request, analyse
 
 CYCLES, PERIOD_S = 3, 0.005
 AT_ONCE = 5

@@ -11,8 +11,9 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.bench.clock import Still
-from solen.bench.clocks import FloatArray, on_run
+from solen.bench.clocks import on_run
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.journal import read_journal
 from solen.bench.protocol import load_protocol
@@ -21,8 +22,8 @@ from solen.bench.run import Instruments, Tick, begin, cycles_done, run
 from solen.bench.simulated.prints import prints_of
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, OutputError, SpecError
-from solen.pipeline import bench as pipeline
-from solen.pipeline.analyse import Request, analyse
+from solen.pipeline.bench import rig as pipeline
+from solen.pipeline.bench.analyse import Request, analyse
 from solen.sensor import Sensor
 from solen.spec import load, save, with_values
 

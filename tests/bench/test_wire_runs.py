@@ -26,8 +26,8 @@ from solen.bench.simulated.gcs2 import Gcs2Controller
 from solen.bench.simulated.prints import prints_of
 from solen.bench.simulated.wire import Served
 from solen.errors import BenchError
-from solen.pipeline import bench as pipeline
-from solen.pipeline.analyse import Request, analyse
+from solen.pipeline.bench import rig as pipeline
+from solen.pipeline.bench.analyse import Request, analyse
 
 CYCLES = 2
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from solen.cli import _run
-from solen.pipeline import design as pipeline
+from solen.cli import run_command
+from solen.pipeline.design import commands as pipeline
 from solen.spec import template
 from solen.trace import convergence
 from tests.command_support import refusal, snapshot
@@ -333,7 +333,7 @@ def test_a_file_that_cannot_be_written(
     for folder in ("folder.svg", "folder.nc"):
         (refused.folder / folder).mkdir()
     before = snapshot(refused.folder)
-    code = _run([name, "sensor.toml", flag, target])
+    code = run_command([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
     assert (code, printed.out) == (2, "")
     assert "cannot be written" in printed.err
@@ -416,7 +416,7 @@ def test_a_link_is_written_through(tmp_path: Path, capsys: pytest.CaptureFixture
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     (tmp_path / "real.csv").write_text("old", encoding="utf-8")
     (tmp_path / "link.csv").symlink_to("real.csv")
-    assert _run(["lens", str(tmp_path / "sensor.toml"), "--csv", str(tmp_path / "link.csv")]) == 0
+    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(tmp_path / "link.csv")]) == 0
     assert capsys.readouterr().err == ""
     assert (tmp_path / "link.csv").is_symlink()
     assert (tmp_path / "real.csv").read_text(encoding="utf-8").startswith("x_mm")
@@ -427,6 +427,6 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path, capsys: pytest.Captur
     (tmp_path / "sensor.toml").write_text(GOOD, encoding="utf-8")
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
-    assert _run(["lens", str(tmp_path / "sensor.toml"), "--csv", str(pipe)]) == 2
+    assert run_command(["lens", str(tmp_path / "sensor.toml"), "--csv", str(pipe)]) == 2
     assert "cannot be written: not an ordinary file" in capsys.readouterr().err
     assert stat.S_ISFIFO(pipe.stat().st_mode)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.material import Tabulated, load_resin
 from solen.material.index.slab import forward
 from solen.spec import template
@@ -64,7 +64,7 @@ class Shell:
     def lines(self, *arguments: str) -> list[str]:
         """Lines on stdout of a command that succeeds without a word on stderr."""
         self.capsys.readouterr()
-        code = _run(list(arguments))
+        code = run_command(list(arguments))
         printed = self.capsys.readouterr()
         assert (code, printed.err) == (0, "")
         return printed.out.splitlines()

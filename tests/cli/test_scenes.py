@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.curve import Segment
 from solen.scene import Interface, Monitor, Rays, Region, Scene, save
 
@@ -40,7 +40,7 @@ def own(tmp_path: Path) -> Path:
 
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert _run(["trace", *arguments]) == 0
+    assert run_command(["trace", *arguments]) == 0
     found = capsys.readouterr()
     assert not found.err
     return found.out
@@ -96,7 +96,7 @@ def test_a_figure_of_a_scene(peer: Path, tmp_path: Path, capsys: pytest.CaptureF
 def test_what_a_scene_does_not_have_is_refused(
     arguments: tuple[str, ...], told: str, peer: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert _run(["trace", str(peer), *arguments]) == 2
+    assert run_command(["trace", str(peer), *arguments]) == 2
     found = capsys.readouterr()
     assert not found.out
     assert told in found.err
@@ -107,10 +107,10 @@ def test_what_a_scene_does_not_have_is_refused(
 def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "scene.json"
     file.write_text(content, encoding="utf-8")
-    assert _run(["trace", str(file)]) == 2
+    assert run_command(["trace", str(file)]) == 2
     assert str(file) in capsys.readouterr().err
 
 
 def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run(["trace", str(own), "--sampling", "adaptive"]) == 2
+    assert run_command(["trace", str(own), "--sampling", "adaptive"]) == 2
     assert "reads receivers alone, and this scene has monitors" in capsys.readouterr().err

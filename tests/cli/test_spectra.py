@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from tests.recording.exports import cary, tensile
 
 TRACES = [("film 1", "%T", 0), ("film 2", "%T", 3), ("film 1", "Abs", 0)]
@@ -20,7 +20,7 @@ def export(tmp_path: Path) -> Path:
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    code = _run(["spectra", *map(str, arguments)])
+    code = run_command(["spectra", *map(str, arguments)])
     printed = capsys.readouterr()
     assert (code, printed.err) == (0, "")
     return printed.out
@@ -52,7 +52,7 @@ def test_traces_are_chosen_by_name(export: Path, capsys: pytest.CaptureFixture[s
     found = as_json(capsys, export, "--trace", "film 1")
     assert [one["name"] for one in found["traces"]] == ["film 1"]
     assert found["warnings"] == []
-    assert _run(["spectra", str(export), "--trace", "film 3"]) == 2
+    assert run_command(["spectra", str(export), "--trace", "film 3"]) == 2
     assert "trace film 3; not in spectra.csv; did you mean film 2?" in capsys.readouterr().err
 
 
@@ -84,7 +84,7 @@ def test_what_cannot_be_read_is_one_line(
 ) -> None:
     path = tmp_path / "file.csv"
     path.write_bytes(content.encode("cp1252"))
-    assert _run(["spectra", str(path), "--figure", str(tmp_path / "f.svg")]) == 2
+    assert run_command(["spectra", str(path), "--figure", str(tmp_path / "f.svg")]) == 2
     printed = capsys.readouterr()
     assert line in printed.err
     assert len(printed.err.splitlines()) == 1

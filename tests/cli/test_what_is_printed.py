@@ -12,9 +12,9 @@ import pytest
 import xarray as xr
 
 import solen
-from solen.cli import _run
-from solen.pipeline import design as pipeline
-from solen.report import html
+from solen.cli import run_command
+from solen.pipeline.design import commands as pipeline
+from solen.report.design import html
 from solen.spec import loads, template
 from solen.trace import convergence
 
@@ -36,7 +36,7 @@ class Told:
     def lines(self, *arguments: str) -> list[str]:
         """Lines of stdout of a command that succeeds without a word on stderr."""
         self.capsys.readouterr()
-        code = _run(list(arguments))
+        code = run_command(list(arguments))
         printed = self.capsys.readouterr()
         assert (code, printed.err) == (0, "")
         return printed.out.splitlines()
@@ -433,7 +433,7 @@ def test_ctrl_c_is_one_line_and_130(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pipeline, "check", interrupted)
-    code = _run(["check", design])
+    code = run_command(["check", design])
     printed = capsys.readouterr()
     assert (code, printed.out) == (130, "")
     assert printed.err.startswith("solen: interrupted")

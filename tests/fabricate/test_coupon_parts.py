@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import pytest
 import trimesh
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import DataError
 from solen.fabricate import Label, as_step, as_stl, mesh_of
 from solen.fabricate.coupons import as_job, as_plan, cautions, coupon_parts, read_job
@@ -213,9 +213,9 @@ def test_the_list_says_what_was_read_into_the_source(told: Run) -> None:
 
 
 def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert _run(["coupons", "--list"]) == 0
+    assert run_command(["coupons", "--list"]) == 0
     assert "printed: " not in capfd.readouterr().err
-    assert _run(["coupons", "--out", str(tmp_path / "p"), "--only", "z-reference"]) == 0
+    assert run_command(["coupons", "--out", str(tmp_path / "p"), "--only", "z-reference"]) == 0
     assert re.search(r"z-reference: 3 features, 44\.05 mm3", capfd.readouterr().out)
 
 
@@ -252,7 +252,7 @@ def test_bad_input_ends_in_one_line_and_writes_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert _run(["coupons", *arguments]) == 2
+    assert run_command(["coupons", *arguments]) == 2
     printed = capfd.readouterr()
     assert part in printed.err
     assert printed.err.count("\n") == 1

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.spec import template
 from tests.command_support import answered, refusal
 
@@ -125,7 +125,7 @@ def test_several_pieces_are_told(told: Run) -> None:
 
 
 def test_lines_for_a_reader(capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run(["export", "my sensor.toml", "--out", "out", "--stl", "--pockets", "--figure", "a.svg"]) == 0
+    assert run_command(["export", "my sensor.toml", "--out", "out", "--stl", "--pockets", "--figure", "a.svg"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "SOLen 860 nm"
     assert any(line.startswith("stl: ") and line.endswith("my-sensor.stl") for line in lines)

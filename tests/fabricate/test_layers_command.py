@@ -15,7 +15,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.fabricate.layers import archive, as_png
 from solen.spec import template
 from tests.command_support import answered, refusal, snapshot
@@ -160,13 +160,13 @@ def test_two_runs_give_the_same_files(told: Run, folder: Path) -> None:
 
 
 def test_lines_for_a_reader(capfd: pytest.CaptureFixture[str]) -> None:
-    assert _run(["layers", "box.stl", "--out", "out", *QUICK]) == 0
+    assert run_command(["layers", "box.stl", "--out", "out", *QUICK]) == 0
     assert "volume_error" in capfd.readouterr().out
-    assert _run(["export", "my sensor.toml", "--out", "out", "--layers", *QUICK]) == 0
+    assert run_command(["export", "my sensor.toml", "--out", "out", "--layers", *QUICK]) == 0
     assert "my-sensor-layers.zip" in capfd.readouterr().out
-    assert _run(["printers"]) == 0
+    assert run_command(["printers"]) == 0
     assert "asiga-ultra-32" in capfd.readouterr().out
-    assert _run(["printers", "generic"]) == 0
+    assert run_command(["printers", "generic"]) == 0
     assert "pitch_um: typical 50 (estimate: chosen)" in capfd.readouterr().out
 
 
@@ -250,7 +250,7 @@ def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest
         return as_png(image, pitch_mm)
 
     monkeypatch.setattr(archive, "as_png", interrupted)
-    assert _run(["layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130
+    assert run_command(["layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130
     assert len(calls) == 3
     assert snapshot(folder) == before
 
@@ -258,8 +258,8 @@ def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest
 JOB = """
 import resource, sys, time
 from pathlib import Path
-from solen.pipeline.layers import layers
-from solen.pipeline.slicing import Slicing
+from solen.pipeline.print.layers import layers
+from solen.pipeline.print.slicing import Slicing
 begun = time.perf_counter()
 how = Slicing(printer="asiga-ultra-32", orientation="upright", copies=12)
 found = layers(Path("my sensor.toml"), Path("out"), how, ["body.stem_length_mm=25.9"])

@@ -10,9 +10,9 @@ import pytest
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.fabricate.process import Feature, default_process, parsed_process, printed_mm, process_text, read_process
 from solen.lens.measured import read_profile
-from solen.pipeline.calibrateprinter import calibrate_printer, read_features
-from solen.pipeline.design import open_design
-from solen.pipeline.printed import Outputs, Print, printed, process_of, with_resin
+from solen.pipeline.design.commands import open_design
+from solen.pipeline.print.calibrate import calibrate_printer, read_features
+from solen.pipeline.print.predict import Outputs, Print, printed, process_of, with_resin
 from solen.sensor import Sensor
 from solen.spec import template
 from tests.fabricate.print_support import settings
@@ -80,7 +80,7 @@ def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, dict
 
 
 def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, dict[str, Any]]) -> None:
-    from solen.pipeline.export import export
+    from solen.pipeline.design.export import export
 
     folder, _ = made
     drawn = folder / "drawn.toml"

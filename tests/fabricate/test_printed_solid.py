@@ -13,7 +13,7 @@ from solen.errors import DataError, OutputError, SpecError
 from solen.fabricate.process import Settings, default_process, printed_solid
 from solen.fabricate.process.light import terms_at
 from solen.fabricate.process.solid import SLAB_UM, slabs
-from solen.pipeline.printed import Outputs, Print, printed
+from solen.pipeline.print.predict import Outputs, Print, printed
 from solen.spec import template
 from tests.fabricate.test_printed_command import sure
 

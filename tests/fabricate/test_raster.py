@@ -5,17 +5,16 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.raster import coverage, coverage_bytes, rings_of
 
-Floats = NDArray[np.float64]
 ROUNDING = 1e-12
 """Shares are sums of some hundred numbers, each rounded to less than 7e-15."""
 
 
-def by_shapely(area: shapely.Geometry, pitch: float, origin: tuple[float, float], shape: tuple[int, int]) -> Floats:
+def by_shapely(area: shapely.Geometry, pitch: float, origin: tuple[float, float], shape: tuple[int, int]) -> FloatArray:
     """Share of each pixel by intersecting its square."""
     rows, columns = np.indices(shape)
     x, y = origin[0] + columns * pitch, origin[1] + rows * pitch

@@ -1,11 +1,9 @@
 """Profiles of lenses as a picture or a print model would give them, from ovals and made-up errors."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.lens import FittedProfile, MeasuredLens, MeasuredProfile, OvalLens, profile_of
-
-Floats = NDArray[np.float64]
 
 LENS = OvalLens(1.0, 20.0, 2.0, 1.44)
 X = np.linspace(-2.0, 2.0, 2001)
@@ -13,14 +11,19 @@ X = np.linspace(-2.0, 2.0, 2001)
 
 
 def profile(
-    more_um: Floats | float = 0.0, u_mm: float = 0.0, *, x: Floats = X, oval: OvalLens = LENS, simulated: bool = True
+    more_um: FloatArray | float = 0.0,
+    u_mm: float = 0.0,
+    *,
+    x: FloatArray = X,
+    oval: OvalLens = LENS,
+    simulated: bool = True,
 ) -> MeasuredProfile:
     """Profile of an oval with more material by so many µm along its normal."""
     z = oval.z_mm(x) - 1e-3 * np.asarray(more_um) * np.hypot(1.0, oval.slope(x))
     return profile_of(x, z, u_mm, simulated=simulated)
 
 
-def noise_um(size_um: float, seed: int = 1, neighbours: float = 0.0) -> Floats:
+def noise_um(size_um: float, seed: int = 1, neighbours: float = 0.0) -> FloatArray:
     """Normal errors of the points, those of ``neighbours`` points going together."""
     numbers = np.random.default_rng(seed).standard_normal(X.size)
     if neighbours:

@@ -6,22 +6,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.interface import refracted
 from solen.lens import FlatFace, MeasuredLens, OvalLens, lens_of, profile_of, profile_text
 from solen.lens.deviation import FittedProfile
 from solen.plane import unit
 from solen.spec import Design, loads
-from tests.lens.measured_support import LENS, Floats, X, lens, noise_um, placed, profile
+from tests.lens.measured_support import LENS, X, lens, noise_um, placed, profile
 
 EVENLY = np.linspace(-1.999, 1.999, 2003)
 
 
-def normals_off_mrad(found: MeasuredLens, truth: OvalLens = LENS) -> Floats:
+def normals_off_mrad(found: MeasuredLens, truth: OvalLens = LENS) -> FloatArray:
     return np.asarray(1e3 * (np.arctan(found.slope(EVENLY)) - np.arctan(truth.slope(EVENLY))))
 
 
-def rms(values: Floats) -> float:
+def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
-from solen.recording.model import FloatArray
 
 DP, EC = 120.0, 8.0
 DOSES = np.repeat(np.geomspace(12.0, 120.0, 8), 3)

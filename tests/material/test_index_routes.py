@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.masks import WORDS, Why
 from solen.material.index.reading import Length, combined, reading, student
@@ -21,11 +21,10 @@ from solen.material.index.spectrum import IndexSpectrum
 
 NM = np.linspace(400.0, 900.0, 501)
 H = Length(25.0, 0.5)
-Array = NDArray[np.float64]
 LAYERS = ((1.489, 0.0), (1.52, 2e-4), (1.6, 2e-3))
 
 
-def clear(n: float = 1.489) -> tuple[Array, Array]:
+def clear(n: float = 1.489) -> tuple[FloatArray, FloatArray]:
     return forward(np.full(NM.shape, n), 0.0, 25.0, NM)
 
 

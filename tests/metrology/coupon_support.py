@@ -5,13 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon, Feature
-from tests.metrology.render.coverage import Ring, coverage
+from tests.metrology.render.coverage import coverage
 from tests.metrology.render.optics import gaussian
-
-Floats = NDArray[np.float64]
 
 CORNERS = 360
 
@@ -90,12 +88,12 @@ class Camera:
         shape = self.shape or (int(1e3 * high / self.um_per_px), int(1e3 * wide / self.um_per_px))
         return shape, self.at_px or (0.5 * shape[1] + 0.3, 0.5 * shape[0] - 0.4)
 
-    def cover(self, area: shapely.Geometry, coupon: Coupon) -> Floats:
+    def cover(self, area: shapely.Geometry, coupon: Coupon) -> FloatArray:
         """Share of each pixel that an area covers."""
         shape, (u, v) = self.frame(coupon)
         turn = np.exp(1j * np.radians(self.angle_deg))
 
-        def px(ring: shapely.LinearRing) -> Ring:
+        def px(ring: shapely.LinearRing) -> FloatArray:
             x, y = np.asarray(ring.coords).T
             place = 1e3 / self.um_per_px * turn * ((-x if self.mirrored else x) + 1j * y)
             return np.column_stack([u + place.real, v - place.imag])
@@ -104,7 +102,7 @@ class Camera:
         rings = [px(ring) for one in polygons for ring in (one.exterior, *one.interiors)]
         return coverage(rings, shape)
 
-    def picture(self, printed: Print, seed: int = 0) -> Floats:
+    def picture(self, printed: Print, seed: int = 0) -> FloatArray:
         """Grey values (rows, columns)."""
         rng = np.random.default_rng(seed)
         coupon, levels = printed.coupon, self.levels
@@ -117,7 +115,7 @@ class Camera:
         image = image + self.noise * rng.standard_normal(image.shape)
         return np.asarray(np.rint(255.0 * np.clip(image, 0.0, 1.0)) / 255.0)
 
-    def z_map(self, printed: Print, *, rough_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0) -> Floats:
+    def z_map(self, printed: Print, *, rough_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0) -> FloatArray:
         """Heights in mm (rows, columns) over the plate, tilted, with the roughness of pixels and of larger patches."""
         rng = np.random.default_rng(seed)
         coupon = printed.coupon

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from solen.arrays import FloatArray
 from solen.metrology import Edge, fit_edge, normals_of
 from tests.metrology.render.camera import Camera
 from tests.metrology.render.micrograph import Scene, reflected
@@ -13,18 +13,17 @@ from tests.metrology.render.optics import Optics
 from tests.metrology.render.scenery import gradient
 from tests.metrology.render.shape import Placing, front_mm, outline_mm, shipped
 
-Floats = NDArray[np.float64]
 OUTLINE, FRONT = outline_mm(shipped()), front_mm(shipped())
 
 
-def along(points: Floats, step_px: float) -> Floats:
+def along(points: FloatArray, step_px: float) -> FloatArray:
     """Points at even steps along a polyline."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.arange(0.0, length[-1], step_px)
     return np.column_stack([np.interp(at, length, points[:, i]) for i in (0, 1)])
 
 
-def off_px(points: Floats, line: Floats) -> Floats:
+def off_px(points: FloatArray, line: FloatArray) -> FloatArray:
     """Signed distances of points from a polyline of short pieces, positive to the right of its way as one sees it."""
     near = np.clip(cKDTree(line).query(points)[1], 1, len(line) - 2)
     best = np.full(len(points), np.inf)
@@ -42,10 +41,10 @@ class Found:
     """Edge points of one picture, and how far (px) each that is kept lies from the true outline, outwards positive."""
 
     edge: Edge
-    error_px: Floats
+    error_px: FloatArray
 
     @property
-    def over_u(self) -> Floats:
+    def over_u(self) -> FloatArray:
         """Errors over their stated standard uncertainties."""
         return np.asarray(self.error_px / self.edge.u_px[self.edge.kept])
 

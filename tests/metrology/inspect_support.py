@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.pipeline.inspect import inspect
+from solen.arrays import FloatArray
+from solen.pipeline.print.inspect import inspect
 from solen.spec import template
 from tests.metrology.render.camera import Camera, png
-from tests.metrology.render.coverage import Ring
 from tests.metrology.render.micrograph import Level, Scene, dark_field, reflected, transmitted
 from tests.metrology.render.optics import Optics, gaussian
 from tests.metrology.render.scenery import Scenery, gradient
@@ -27,7 +27,7 @@ class Shot:
     ``taper_um`` is by how much the other face's outline stands out of the one in focus, for lighting that shows both.
     """
 
-    outline: Ring
+    outline: FloatArray
     um_per_px: float = 5.0
     angle_deg: float = 5.0
     light: str = "reflected"
@@ -78,7 +78,7 @@ def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860",
     return inspect(picture, design_file(folder, design), **{"um_per_px": shot.um_per_px, **options})
 
 
-def lens(name: str = "solen-860", **values: Any) -> Ring:
+def lens(name: str = "solen-860", **values: Any) -> FloatArray:
     """Outline of a shipped design's part."""
     return outline_mm(shipped(name, **values))
 

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.metrology import Image, as_image
 from solen.metrology.ideal import Ideal
-from solen.pipeline.inspect import ideal_of
+from solen.pipeline.print.inspect import ideal_of
 from tests.metrology.render.micrograph import Level, Scene, reflected
-from tests.metrology.render.shape import Placing, Ring, outline_mm, shipped
+from tests.metrology.render.shape import Placing, outline_mm, shipped
 
 UM_PER_PX = 5.0
 SHAPE = (900, 1200)
@@ -29,10 +30,10 @@ def as_levels(grey: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(grey / float(np.iinfo(grey.dtype).max), dtype=np.float64)
 
 
-def printed(change: Callable[[Ring], Ring] | None = None, design: str = "solen-860") -> Ring:
+def printed(change: Callable[[FloatArray], FloatArray] | None = None, design: str = "solen-860") -> FloatArray:
     return outline_mm(shipped(design), change)
 
 
-def plain(outline: Ring = OUTLINE, placing: Placing = PLACING, seed: int = 1, **options: Any) -> Image:
+def plain(outline: FloatArray = OUTLINE, placing: Placing = PLACING, seed: int = 1, **options: Any) -> Image:
     """The part brighter than its ground."""
     return taken(reflected(outline, placing), seed, **options)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from solen.errors import SolenError
-from solen.pipeline.inspect import inspect
+from solen.pipeline.print.inspect import inspect
 from tests.metrology.damaged_support import png_claiming
 from tests.metrology.inspect_support import Shot, design_file, inspected, lens
 from tests.metrology.render.camera import Camera, coloured, jpeg, png

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Choices, Coupon, Feature, layout
 from solen.metrology.coupons import Fidelity, Measured, fit_disc, measure
@@ -17,7 +17,6 @@ from tests.metrology.render.coverage import coverage
 from tests.metrology.render.optics import gaussian
 from tests.metrology.render.scenery import dust, fibres
 
-Floats = NDArray[np.float64]
 UM = 13.0
 
 
@@ -54,7 +53,7 @@ def check_sizes(found: Fidelity, true: dict[str, float], most: float = 4.0) -> N
 
 def disc(
     radius_px: float, rng: np.random.Generator, *, blur_px: float = 2.0, noise: float = 0.03
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     side = int(2 * radius_px + 60)
     middle = side / 2 + rng.uniform(-0.5, 0.5, 2)
     ring = np.asarray(circle(float(middle[0]), float(middle[1]), radius_px).exterior.coords)
@@ -62,7 +61,7 @@ def disc(
     return image + noise * rng.standard_normal(image.shape), middle
 
 
-def fitted_discs(radius_px: float, count: int) -> Floats:
+def fitted_discs(radius_px: float, count: int) -> FloatArray:
     """Deviation of the diameter and its uncertainty, px, shape (count, 2)."""
     rng = np.random.default_rng(round(10 * radius_px))
     rows = []

@@ -2,28 +2,27 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import erf
 
+from solen.arrays import FloatArray
 from solen.metrology import fit_edge, fit_two_edges, normals_of
 
-Floats = NDArray[np.float64]
 CENTRE, RADIUS = np.array([200.4, 160.7]), 120.3
 
 
-def blurred_disc(blur_px: float, inside: float = 0.2, outside: float = 0.7) -> Floats:
+def blurred_disc(blur_px: float, inside: float = 0.2, outside: float = 0.7) -> FloatArray:
     """Disc whose edge is an error function across; at this radius that is a Gaussian's blur within 1 %."""
     y, x = np.mgrid[0:320, 0:400]
     distance = np.hypot(x - CENTRE[0], y - CENTRE[1]) - RADIUS
     return np.asarray(inside + (outside - inside) * 0.5 * (1.0 + erf(distance / (np.sqrt(2.0) * blur_px))))
 
 
-def circle(radius: float, count: int = 250) -> Floats:
+def circle(radius: float, count: int = 250) -> FloatArray:
     angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     return CENTRE + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def off(points: Floats) -> Floats:
+def off(points: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(*(points - CENTRE).T) - RADIUS)
 
 

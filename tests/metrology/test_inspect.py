@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import SolenError
 from solen.lens.measured import read_profile
-from solen.pipeline.inspect import inspect
+from solen.pipeline.print.inspect import inspect
 from solen.spec import dumps
 from tests.metrology.lens_support import OUTLINE, PLACING, SHAPE, UM_PER_PX, printed
 from tests.metrology.render.camera import ome_tiff, png
@@ -34,7 +34,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def asked(
     folder: Path, capsys: pytest.CaptureFixture[str], *options: str, name: str = "lens.ome.tif"
 ) -> dict[str, Any]:
-    assert _run(["inspect", str(folder / name), "--design", str(folder / "design.toml"), "--json", *options]) == 0
+    assert (
+        run_command(["inspect", str(folder / name), "--design", str(folder / "design.toml"), "--json", *options]) == 0
+    )
     printed_lines = capsys.readouterr().out.splitlines()
     assert len(printed_lines) == 1
     return dict(json.loads(printed_lines[0]))
@@ -67,7 +69,7 @@ def test_everything_that_is_asked_for_is_told_and_written(
 
 
 def test_lines_for_a_reader(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run(["inspect", str(folder / "lens.ome.tif"), "--design", str(folder / "design.toml")]) == 0
+    assert run_command(["inspect", str(folder / "lens.ome.tif"), "--design", str(folder / "design.toml")]) == 0
     text = capsys.readouterr().out
     assert "µm (rms) from" in text
     assert "nearest of 3 designs: n = 1.44" in text
@@ -118,7 +120,7 @@ def test_bad_input_is_one_line(
     arguments, expected = BAD[case]
     if "--design" not in arguments:
         arguments = [*arguments, "--design", "design.toml"]
-    assert _run(["inspect", *arguments]) == 2
+    assert run_command(["inspect", *arguments]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert len(said.err.splitlines()) == 1

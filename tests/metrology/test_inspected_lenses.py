@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from solen.arrays import FloatArray
 from solen.cli.app import app
 from tests.metrology.edge_support import along, off_px
 from tests.metrology.inspect_support import INDICES, Shot, design_file, inspected, lens, true_pose, turned
@@ -21,8 +21,6 @@ from tests.metrology.render.camera import Camera, png
 from tests.metrology.render.optics import airy, defocus, gaussian, sharp
 from tests.metrology.render.scenery import Scenery, dust, fibres, gradient, texture, vignetting
 from tests.metrology.render.shape import bump, front_mm, outline_mm, shipped
-
-Floats = NDArray[np.float64]
 
 LENSES = {name: lens(name) for name in INDICES}
 PLAIN = Shot(LENSES["solen-860"])
@@ -74,7 +72,7 @@ def test_the_three_designs_are_told_apart_in_every_picture(tmp_path: Path) -> No
     assert told == 102
 
 
-def pose_errors(found: dict[str, Any], shot: Shot) -> tuple[float, Floats]:
+def pose_errors(found: dict[str, Any], shot: Shot) -> tuple[float, FloatArray]:
     """Errors of rotation and of the vertex, over their stated standard uncertainties."""
     angle_deg, vertex_px = true_pose(shot)
     off_um = (np.array(found["vertex_px"]) - vertex_px) * shot.um_per_px
@@ -97,7 +95,7 @@ def test_rotation_and_place_come_back_within_their_uncertainties(tmp_path: Path)
 @pytest.mark.evidence
 def test_stated_uncertainties_hold_over_many_pictures(tmp_path: Path) -> None:
     """Of 60 pictures of perfect prints: errors of places, pose and numbers over what is stated."""
-    z: list[Floats] = []
+    z: list[FloatArray] = []
     rotations, shifts, rms, inside = [], [], [], 0
     for seed in range(60):
         shot = random_shot("solen-860", seed, 5.0)
@@ -126,11 +124,11 @@ def test_stated_uncertainties_hold_over_many_pictures(tmp_path: Path) -> None:
     assert inside > 50
 
 
-def laid_off_um(points_mm: Floats) -> Floats:
+def laid_off_um(points_mm: FloatArray) -> FloatArray:
     """Distances of points from the design after a rotation and a shift that solen has no part in; outwards positive."""
     front = along(front_mm(shipped()), 1e-3)
 
-    def off_mm(motion: Floats) -> Floats:
+    def off_mm(motion: FloatArray) -> FloatArray:
         turn = np.exp(1j * motion[2]) * (points_mm[:, 0] + 1j * points_mm[:, 1])
         return off_px(np.column_stack([turn.real + motion[0], turn.imag + motion[1]]), front)
 
@@ -140,7 +138,7 @@ def laid_off_um(points_mm: Floats) -> Floats:
 def test_a_bump_and_a_hollow_come_back_with_sign_place_and_height(tmp_path: Path) -> None:
     """Against the true outline, laid on the design by plain least squares: solen weighs what is far off less."""
 
-    def changed(points: Floats) -> Floats:
+    def changed(points: FloatArray) -> FloatArray:
         return bump(-0.8, -25.0, 0.1)(bump(0.7, 25.0, 0.1)(points))
 
     found = inspected(tmp_path, replace(PLAIN, outline=outline_mm(shipped(), changed)), 6)

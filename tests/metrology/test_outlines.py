@@ -17,7 +17,7 @@ from solen.metrology.ideal import Ideal
 from solen.metrology.nearest import cautions, nearest
 from solen.metrology.outline import measure
 from solen.metrology.register import effective_number, register
-from solen.pipeline.inspect import ideal_of
+from solen.pipeline.print.inspect import ideal_of
 from solen.plane import Rigid
 from solen.sensor import Sensor
 from solen.spec import loads

@@ -9,8 +9,9 @@ import tifffile
 from PIL import Image as Pillow
 from scipy.special import erf, j0, j1
 
+from solen.arrays import FloatArray
 from tests.metrology.render.camera import Camera, integrated, jpeg, ome_tiff, png, tiff
-from tests.metrology.render.coverage import Ring, coverage
+from tests.metrology.render.coverage import coverage
 from tests.metrology.render.micrograph import Scene, reflected, transmitted
 from tests.metrology.render.optics import Optics, airy, airy_kernel, defocus, disc_kernel, gaussian, smear
 from tests.metrology.render.scenery import dust, gradient, vignetting
@@ -20,7 +21,7 @@ OUTLINE = outline_mm(shipped())
 PLACING = Placing(10.0, (240.0, 60.0), angle_deg=4.0)
 
 
-def star(rng: np.random.Generator, corners: int) -> Ring:
+def star(rng: np.random.Generator, corners: int) -> FloatArray:
     """A simple polygon that leaves a picture of 20 by 24 px on all sides."""
     angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
     radii = rng.uniform(2.0, 18.0, corners)

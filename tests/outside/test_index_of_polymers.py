@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.index import Length, forward, invert, measured, reading
 from solen.material.index.masks import Why
 
@@ -14,10 +14,8 @@ POLYMERS = ("PMMA_Zhang-Tomson", "PDMS_Zhang-10-1", "PC_Zhang", "PET_Zhang")
 THICKNESSES_UM = (25.0, 50.0, 100.0, 200.0)
 U = 1e-3
 
-Array = NDArray[np.float64]
 
-
-def tabulated(outside: Path, name: str) -> tuple[Array, Array, Array]:
+def tabulated(outside: Path, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Wavelength in nm, n and k of a polymer."""
     text = (outside / "refractiveindex" / f"{name}.yml").read_text(encoding="utf-8")
     rows = yaml.safe_load(text)["DATA"][0]["data"].strip().splitlines()

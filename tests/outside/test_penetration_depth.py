@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.material.cure.colour import Attenuation, attenuation
 from solen.material.index.light import Light, led, measured_light
 from solen.recording import read, spectra
-from solen.recording.model import FloatArray
 
 PATH_UM = 93.0
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.scene import dumps, loads, rayoptics
 from solen.trace import Turns, trace, trace_in_turns
 from tests.outside.peer_support import Peer, angle_source, beam, load, point_source
@@ -93,7 +93,7 @@ def test_a_grating_is_told_and_the_rest_is_read(name: str, outside: Path) -> Non
 
 def test_the_command_line_reads_a_peer(outside: Path, capsys: pytest.CaptureFixture[str]) -> None:
     name = "glass/Glass/weak"
-    assert _run(["trace", str(place(outside, name)), "--json"]) == 0
+    assert run_command(["trace", str(place(outside, name)), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     maps = found["detectors"]["detector1"]["map"]
     position, irradiance = recorded(outside, name)

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from solen.analysis import Settings
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import DataError, SpecError
-from solen.pipeline import analyse as pipeline
-from solen.pipeline.signals import Columns, named_channels
+from solen.pipeline.bench import analyse as pipeline
+from solen.pipeline.bench.signals import Columns, named_channels
 from tests.analysis.made_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.01)
@@ -32,7 +32,7 @@ def write(path: Path, truth: Truth, header: str = "time_s,angle_deg,left_V,right
 
 
 def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
-    assert _run(["analyse", *arguments, "--json"]) == 0
+    assert run_command(["analyse", *arguments, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -207,7 +207,7 @@ def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFix
     found = result(capsys, str(path), "--amplitude-deg", "3")
     assert len(found["sensors"]["daq"]["cycles"]) == 6
     assert any("no angle was recorded" in warning for warning in found["warnings"])
-    assert _run(["analyse", str(path)]) == 2
+    assert run_command(["analyse", str(path)]) == 2
     assert "give --amplitude-deg" in capsys.readouterr().err
 
 
@@ -285,7 +285,7 @@ def test_the_shipped_recording_answers_as_the_paper_says(tmp_path: Path, capsys:
         assert len(sensor["cycles"]) == 6
     assert found["lens_beside_none"]["right"]["without_lens_percent"] < 10.0
     assert not any("convention" in warning for warning in found["warnings"])
-    assert _run(["analyse", "--example", str(path)]) == 2  # it is never written over
+    assert run_command(["analyse", "--example", str(path)]) == 2  # it is never written over
     assert "exists already" in capsys.readouterr().err
 
 
@@ -359,7 +359,7 @@ def test_an_hour_of_eight_receivers_at_200_hz(tmp_path: Path) -> None:
 HOUR = """
 import resource, sys, time
 from pathlib import Path
-from solen.pipeline import analyse as pipeline
+from solen.pipeline.bench import analyse as pipeline
 file, folder = map(Path, sys.argv[1:])
 found = pipeline.analyse(pipeline.Request((file,)), figure=folder / "a.png", traces=folder / "b.png")
 assert [len(one["cycles"]) for one in found["sensors"].values()] == 4 * [1499]

@@ -7,10 +7,10 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from solen.errors import SolenError
-from solen.pipeline.cure import Print, cure
-from solen.pipeline.cutback import cutback
-from solen.pipeline.exposures import exposures
-from solen.pipeline.penetration import Lamp, penetration
+from solen.pipeline.resin.cure import Print, cure
+from solen.pipeline.resin.cutback import cutback
+from solen.pipeline.resin.exposures import exposures
+from solen.pipeline.resin.penetration import Lamp, penetration
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NUMBERS = st.one_of(

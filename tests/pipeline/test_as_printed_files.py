@@ -9,8 +9,8 @@ import pytest
 
 from solen.errors import DataError, DesignError, SolenError, SpecError
 from solen.lens import profile_text
-from solen.pipeline import design as pipeline
-from solen.pipeline.export import export
+from solen.pipeline.design import commands as pipeline
+from solen.pipeline.design.export import export
 from solen.spec import dumps, json_schema, load, loads, save, with_values
 from tests.lens.measured_support import X, noise_um, profile
 

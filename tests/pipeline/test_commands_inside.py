@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from solen import files
 from solen.errors import OutputError, SpecError
-from solen.pipeline import design as pipeline
+from solen.pipeline.design import commands as pipeline
 from solen.spec import load, template, template_names
 
 S, F, N, HALF = 1.0, 20.0, 1.44, 2.0

@@ -18,12 +18,12 @@ import pytest
 from solen.analysis.calibration import file as saved
 from solen.bench.follow import Following
 from solen.bench.journal import Journal
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import DataError
-from solen.pipeline import bench
-from solen.pipeline import decode as pipeline
-from solen.pipeline.decode_sources import Wanted
-from solen.pipeline.signals import Columns
+from solen.pipeline.bench import decode as pipeline
+from solen.pipeline.bench import rig as bench
+from solen.pipeline.bench.decode_sources import Wanted
+from solen.pipeline.bench.signals import Columns
 from tests.analysis.made_support import Protocol, Truth, made
 from tests.bench.rig_support import PROTOCOL
 from tests.command_support import answered
@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (where / "design.toml").write_text(DESIGN, encoding="utf-8")
     (where / "bend.toml").write_text(f'{DESIGN}\n[motion]\nkind = "bend"\n', encoding="utf-8")
     (where / "emitter.toml").write_text(f'{DESIGN}\n[motion]\npivot = "emitter"\n', encoding="utf-8")
-    assert _run(["calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
+    assert run_command(["calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
     return where
 
 
@@ -218,7 +218,7 @@ def test_a_pool_of_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> 
 
 def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
     capfd.readouterr()
-    assert _run([*arguments]) == 2
+    assert run_command([*arguments]) == 2
     err = capfd.readouterr().err.strip().splitlines()
     return [line for line in err if line.startswith("solen: ")][-1] if err[-1].startswith("solen: ") else ""
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, OutputError, SpecError
-from solen.pipeline.demodulate import Options, demodulate
+from solen.pipeline.bench.demodulate import Options, demodulate
 from solen.recording import read
-from tests.analysis.switching_support import PERIOD_S, FloatArray, stream, waveform
+from tests.analysis.switching_support import PERIOD_S, stream, waveform
 
 
 def written(path: Path, heads: str, *columns: Sequence[object] | FloatArray) -> Path:

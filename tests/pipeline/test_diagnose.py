@@ -10,10 +10,10 @@ import pytest
 
 from solen.analysis import Settings
 from solen.analysis.diagnosis import Response
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import DataError, SpecError
-from solen.pipeline import analyse as recordings
-from solen.pipeline import diagnose as pipeline
+from solen.pipeline.bench import analyse as recordings
+from solen.pipeline.bench import diagnose as pipeline
 from solen.spec import loads
 from tests.analysis.diagnosis_support import Lit, response
 from tests.analysis.made_support import made
@@ -110,7 +110,7 @@ def test_a_bench_run_carries_its_design(tmp_path: Path, capfd: pytest.CaptureFix
 
 
 def _lines(capfd: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
-    assert _run(["diagnose", *arguments]) == 0
+    assert run_command(["diagnose", *arguments]) == 0
     return capfd.readouterr().out.splitlines()
 
 
@@ -170,9 +170,9 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
 @pytest.mark.evidence
 def test_a_bench_run_is_diagnosed_as_it_was_drawn(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "bench"
-    assert _run(["bench", "new", str(folder)]) == 0
+    assert run_command(["bench", "new", str(folder)]) == 0
     rig = ["bench", "run", str(folder / "rotation.toml"), "--rig", str(folder / "rig.toml")]
-    assert _run([*rig, "--out", str(folder / "rec")]) == 0
+    assert run_command([*rig, "--out", str(folder / "rec")]) == 0
     found = answered(capfd, "diagnose", str(folder / "rec" / "rotation.nc"))
     assert set(found["sensors"]) == {"lens-1", "lens-2", "lens-3", "no-lens"}
     for label, sensor in found["sensors"].items():

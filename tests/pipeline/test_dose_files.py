@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.errors import DataError, SolenError, SpecError
-from solen.pipeline.cure import Print, cure
-from solen.pipeline.cutback import cutback
-from solen.pipeline.exposures import exposures
-from solen.pipeline.penetration import Lamp, penetration
+from solen.pipeline.resin.cure import Print, cure
+from solen.pipeline.resin.cutback import cutback
+from solen.pipeline.resin.exposures import exposures
+from solen.pipeline.resin.penetration import Lamp, penetration
 
 DP, EC = 110.0, 6.0
 
@@ -404,7 +404,7 @@ def test_commands_print_json_and_lines_and_leave_files(
 ) -> None:
     command = commands(tmp_path)[number]
     out, figure = tmp_path / "out.json", tmp_path / "figure.png"
-    assert _run([*command, "--json", "--out", str(out), "--figure", str(figure)]) == 0
+    assert run_command([*command, "--json", "--out", str(out), "--figure", str(figure)]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
     found = plain_json(printed.out)
@@ -412,19 +412,19 @@ def test_commands_print_json_and_lines_and_leave_files(
     assert written["kind"] == command[0]
     assert written["warnings"] == found["warnings"]
     assert figure.read_bytes().startswith(b"\x89PNG")
-    assert _run(command) == 0
+    assert run_command(command) == 0
     lines = capsys.readouterr().out.splitlines()
     assert all(f"warning: {told}" in lines for told in found["warnings"])
 
 
 def test_the_command_says_what_one_layer_cannot_show(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _run(commands(tmp_path)[0])
+    run_command(commands(tmp_path)[0])
     assert "one layer of 25 µm cannot show this: 0.1 % in its transmittance is 1.7 dB/cm" in capsys.readouterr().out
 
 
 def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / "bad.csv", "length_mm,power_mW\n20,1\n20,1.1\n")
-    assert _run(["cutback", str(path), "--json"]) == 2
+    assert run_command(["cutback", str(path), "--json"]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert len(printed.err.splitlines()) == 1

@@ -11,7 +11,7 @@ import tifffile
 from PIL import Image as Pillow
 from PIL import PngImagePlugin
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.geometry.coupons import Choices, layout
 from tests.command_support import answered
 from tests.metrology.coupon_support import Camera, Print
@@ -55,7 +55,7 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
         if one["resolved"]:
             assert one["measured_mm"] == pytest.approx(one["nominal_mm"] + 0.02, abs=5 * one["u_mm"])
     assert "simulated: a.png" in Path("a.svg").read_text(encoding="utf-8")
-    assert _run([*options]) == 0
+    assert run_command([*options]) == 0
     lines = capfd.readouterr().out
     assert "smallest pillar that stands: 0.1 mm, printed 0.12" in lines
     assert "0.08 mm is not" in lines
@@ -70,7 +70,7 @@ def test_a_job_tells_the_layout(told: Run) -> None:
     assert found["coupon"] == "group-b"
     assert {one["diameter_mm"] for one in found["features"] if one["kind"] == "gap"} == {0.3}
     assert {one["name"] for one in found["features"] if one["kind"] == "gap" and one["resolved"]} >= {"g-0.5", "g-0.1"}
-    assert _run(["fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
+    assert run_command(["fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
 
 
 def test_a_z_map_of_the_reference(told: Run) -> None:
@@ -113,7 +113,7 @@ def test_bad_input_ends_in_one_line(
     Path("job.json").write_text("{}", encoding="utf-8")
     Path("z.csv").write_text("1,2\n3,4\n", encoding="utf-8")
     before = sorted(path.name for path in tmp_path.iterdir())
-    assert _run(["fidelity", *arguments]) == 2
+    assert run_command(["fidelity", *arguments]) == 2
     printed = capfd.readouterr()
     assert part in printed.err
     assert printed.err.count("\n") == 1

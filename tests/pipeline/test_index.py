@@ -6,22 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.material.index import forward
 from solen.material.index.routes import AS_PUBLISHED
-from solen.pipeline.index import index
-from solen.pipeline.indexroute import IndexOptions
+from solen.pipeline.resin.index import index
+from solen.pipeline.resin.indexroute import IndexOptions
 
 NM = np.arange(500.0, 901.0, 10.0)
 N = 1.48 + 5e3 / NM**2
 R, T = forward(N, 2e-5, 50.0, NM)
 
-Array = NDArray[np.float64]
 
-
-def table(folder: Path, columns: dict[str, Array], name: str = "layer.csv") -> Path:
+def table(folder: Path, columns: dict[str, FloatArray], name: str = "layer.csv") -> Path:
     file = folder / name
     rows = [
         ",".join(columns),
@@ -224,7 +222,7 @@ def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, 
         ({"wavelength_nm": NM, "height": T}, "layer.csv; holds no transmittance"),
     ],
 )
-def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str, Array], line: str) -> None:
+def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str, FloatArray], line: str) -> None:
     with pytest.raises(DataError) as refusal:
         index(table(tmp_path, columns), options())
     assert str(refusal.value).startswith(line)

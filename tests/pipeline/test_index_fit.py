@@ -5,7 +5,7 @@ import pytest
 
 from solen.material.index import Length, forward, measured, reading
 from solen.material.index.fit import Fit
-from solen.pipeline.indexfit import fitted
+from solen.pipeline.resin.indexfit import fitted
 
 NM = np.arange(450.0, 901.0, 5.0)
 N = 1.48 + 4500.0 / NM**2

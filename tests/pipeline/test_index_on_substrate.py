@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.material import Cauchy, Sellmeier, library_resin
 from solen.material.index import forward
 from solen.material.index.stack import Substrate, on_substrate
-from solen.pipeline.index import index
-from solen.pipeline.indexroute import IndexOptions
+from solen.pipeline.resin.index import index
+from solen.pipeline.resin.indexroute import IndexOptions
 
 NM = np.arange(420.0, 901.0, 5.0)
 N = 1.472 + 0.0049 / (NM * 1e-3) ** 2
@@ -23,10 +23,8 @@ SHEET = Substrate(
 )
 ON_PET: dict[str, Any] = {"baseline": "substrate", "substrate": "pet", "substrate_thickness_um": 100.0}
 
-Array = NDArray[np.float64]
 
-
-def table(folder: Path, **columns: Array) -> Path:
+def table(folder: Path, **columns: FloatArray) -> Path:
     file = folder / "layer.csv"
     rows = zip(NM.tolist(), *(column.tolist() for column in columns.values()), strict=True)
     lines = [",".join(("wavelength_nm", *columns)), *(",".join(map(repr, row)) for row in rows)]
@@ -34,7 +32,7 @@ def table(folder: Path, **columns: Array) -> Path:
     return file
 
 
-def found(folder: Path, columns: dict[str, Array], **more: Any) -> dict[str, Any]:
+def found(folder: Path, columns: dict[str, FloatArray], **more: Any) -> dict[str, Any]:
     result = index(table(folder, **columns), IndexOptions(**{"thickness_um": 25.0} | more))
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     return result
@@ -122,7 +120,7 @@ def test_a_substrate_that_is_not_known_there_is_told(tmp_path: Path) -> None:
         found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "pc"})
 
 
-def free(**noise: float) -> dict[str, Array]:
+def free(**noise: float) -> dict[str, FloatArray]:
     rng = np.random.default_rng(6)
     r, t = forward(N, 5e-5, 25.0, NM)
     return {"T": t, "R": r + noise.get("r", 0.0) * rng.standard_normal(NM.size)}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError, DesignError, OutputError, SpecError
-from solen.pipeline.readout import readout
+from solen.pipeline.design.readout import readout
 from solen.spec import template
 
 FAST = ("motion.step_deg=1.5", "emitter.width_mm=0.2")

@@ -9,7 +9,7 @@ import pytest
 
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.material import Cauchy
-from solen.pipeline.refractometer import RefractometerOptions, refractometer
+from solen.pipeline.resin.refractometer import RefractometerOptions, refractometer
 
 
 def found(*n: float, u: float = 5e-4, **more: Any) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from solen.errors import OutputError, SolenError, SpecError
-from solen.pipeline import design as pipeline
-from solen.report import html
+from solen.pipeline.design import commands as pipeline
+from solen.report.design import html
 from solen.sensor import Study, study
 from solen.spec import template
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from solen.cli import _run
+from solen.cli import run_command
 from solen.material.stiffness import EQUIBIAXIAL, PLANAR, UNIAXIAL, Dimensions, model
-from solen.pipeline.stiffness import Request, stiffness
+from solen.pipeline.resin.stiffness import Request, stiffness
 
 
 def pressed(path: Path, modulus: float, *, seed: int = 0, cycles: int = 2) -> Path:
@@ -153,7 +153,7 @@ def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
 
 def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(pressed(tmp_path / "cube.csv", 1.0))
-    assert _run(["stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
+    assert run_command(["stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
     told = capsys.readouterr().out
     assert told.startswith("modulus 1.1")
     assert "MPa (compression, 2 to 10 % strain)" in told
@@ -171,7 +171,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         "--fit",
         "none",
     ]
-    assert _run(["stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
+    assert run_command(["stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
     assert set(found) >= {
@@ -216,7 +216,7 @@ def test_bad_input_ends_with_one_line_and_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
     file = str(pressed(tmp_path / "cube.csv", 1.0))
-    assert _run(["stiffness", file, *arguments]) == 2
+    assert run_command(["stiffness", file, *arguments]) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.startswith("solen: ")
@@ -226,5 +226,5 @@ def test_bad_input_ends_with_one_line_and_2(
 
 
 def test_no_file_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert _run(["stiffness"]) == 2
+    assert run_command(["stiffness"]) == 2
     assert "needs a file" in capsys.readouterr().err

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.pipeline.signals import Columns, Sampled, sampled
+from solen.pipeline.bench.signals import Columns, Sampled, sampled
 from solen.recording import read
-from solen.recording.model import FloatArray
 
 ROWS = np.column_stack([0.005 * np.arange(40), np.linspace(-3.0, 3.0, 40), np.linspace(1.0, 2.0, 40), np.full(40, 2.5)])
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError, SpecError
-from solen.pipeline.cure import Print, cure
-from solen.pipeline.cutback import cutback
-from solen.pipeline.exposures import exposures
+from solen.pipeline.resin.cure import Print, cure
+from solen.pipeline.resin.cutback import cutback
+from solen.pipeline.resin.exposures import exposures
 
 
 def discs(path: Path, unit_um: float = 1.0) -> Path:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from solen.report.html import figures
+from solen.report.design.html import figures
 from solen.sensor import Study, study
 from solen.spec import loads, template, with_values
 

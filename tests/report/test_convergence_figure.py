@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from solen.report.canvas import encoded, svg
-from solen.report.figures import METHODS, convergence_figure
+from solen.report.design.figures import METHODS, convergence_figure
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 from solen.trace import Convergence, Mode, convergence

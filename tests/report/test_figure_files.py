@@ -6,8 +6,8 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.canvas import encoded, svg
-from solen.report.figures import profile_figure, rays_figure, response_figure, sensor_view
-from solen.report.html import figures
+from solen.report.design.figures import profile_figure, rays_figure, response_figure, sensor_view
+from solen.report.design.html import figures
 from tests.report.conftest import Drawn, Studies
 
 

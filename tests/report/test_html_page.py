@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.html import html, shown
-from solen.report.results import results
+from solen.report.design.html import html, shown
+from solen.report.design.results import results
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from solen.report.html import html
+from solen.report.design.html import html
 from tests.report.conftest import Drawn, Studies
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

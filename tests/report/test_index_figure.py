@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from solen.material.index import IndexSpectrum, Length, as_published, forward, lossless, measured, reading
-from solen.pipeline.index import arrays
-from solen.report.index import TITLES, index_figure
+from solen.pipeline.resin.index import arrays
+from solen.report.resin.index import TITLES, index_figure
 
 NM = np.linspace(400.0, 900.0, 101)
 R, T = forward(1.5, 1e-5, 50.0, NM)

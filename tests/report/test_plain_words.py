@@ -5,8 +5,8 @@ import re
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.results import results
-from solen.report.words import findings, headline, warnings
+from solen.report.design.results import results
+from solen.report.design.words import findings, headline, warnings
 from solen.sensor import Study
 from tests.report.conftest import DESIGNS, Studies
 

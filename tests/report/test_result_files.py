@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from solen.report.design.results import csv_table, json_text, results, summary
 from solen.report.plain import number
-from solen.report.results import csv_table, json_text, results, summary
 from solen.sensor import Study
 from solen.spec import Design
 from tests.report.conftest import Studies

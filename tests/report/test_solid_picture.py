@@ -11,7 +11,7 @@ from solen.curve import Segment
 from solen.fabricate import Mesh, Part, Prism, mesh_of
 from solen.geometry import Face
 from solen.report import canvas
-from solen.report.fabricate import rendered, solid_figure
+from solen.report.print.fabricate import rendered, solid_figure
 from tests.fabricate.solid_support import design, part_of, seated
 
 

@@ -4,14 +4,13 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 
 def zemax(
     path: Path,
-    rays: Real,
+    rays: FloatArray,
     *,
     unit: int = 4,
     kind: int = 0,
@@ -30,7 +29,7 @@ def zemax(
 
 def tm25(
     path: Path,
-    rays: Real,
+    rays: FloatArray,
     *,
     spectral: int = 1,
     wavelength_nm: float = 850.0,
@@ -52,7 +51,7 @@ def tm25(
     return path
 
 
-def lambertian(many: int, size_mm: float = 0.2, seed: int = 5) -> Real:
+def lambertian(many: int, size_mm: float = 0.2, seed: int = 5) -> FloatArray:
     """Rays (N, 7) of a Lambertian square about +z: x, y, z in mm, direction, flux."""
     u = np.random.default_rng(seed).random((many, 4))
     sine, phi = np.sqrt(u[:, 0]), 2.0 * np.pi * u[:, 1]

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.arrays import FloatArray
 from solen.curve import Curve, Spline
 from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, MeasuredProfile, OvalLens, profile_text
@@ -14,7 +15,7 @@ from solen.sensor import Response, Sensor, idle_keys, printed
 from solen.spec import loads
 from solen.trace import Limits, trace, trace_reference
 from tests.agreement.compare_support import TURN_RAD, compared, turned
-from tests.lens.measured_support import LENS, Floats, X, noise_um, placed, profile
+from tests.lens.measured_support import LENS, X, noise_um, placed, profile
 
 ANGLES = (-3.0, -1.0, -0.3, 0.0, 0.4, 2.0)
 CHIP = "[emitter]\nwidth_mm = 0.2\n"
@@ -38,7 +39,7 @@ class PointByPoint(Lens):
     front = Spline.through(np.column_stack([X, profile(noise_um(0.5), 0.0005).z_mm]))
 
 
-def contrasts(found: Sensor) -> Floats:
+def contrasts(found: Sensor) -> FloatArray:
     return found.power((-1.0, 0.4), tolerance=1e-3).contrast
 
 

@@ -11,7 +11,7 @@ The interface: `clipped` marks samples.
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 _RUN = 3
 """Samples in a row of one extreme value, on the move, from which on they count as clipped."""

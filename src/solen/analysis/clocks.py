@@ -21,8 +21,8 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import fftconvolve
 
 from solen.analysis.motion import Motion, find_motion
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 _CELLS = 512
 _PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one

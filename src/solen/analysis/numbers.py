@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from solen.analysis.response import Passes, curve
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 NEAR_ZERO_DEG = 0.5
 """Angles about 0 over which the sensitivity near zero is taken."""

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.analysis.motion import Motion, Ramp
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 DIRECTIONS = ("rising", "falling")
 _STEPS_DEG = (1.0, 2.0, 5.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from solen.analysis.numbers import Estimate, over_cycles, receiver_numbers
 from solen.analysis.response import Passes, curve
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 _NOTHING_V = 1e-9  # a change below this is rounding
 

@@ -21,8 +21,8 @@ from solen.analysis.numbers import receiver_numbers
 from solen.analysis.response import Curve, Passes, common_range, curve, grid_deg, nice_step, passes
 from solen.analysis.sides import pair_numbers, sign_warnings
 from solen.analysis.signals import Signals, pair
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 _SETTLE = 0.2
 """Share of a hold at its beginning that its noise is not taken from."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 LONGEST_GAP = 5.0
 """Times the usual step from which on a step is a gap."""

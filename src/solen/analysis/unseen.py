@@ -19,8 +19,8 @@ from scipy.signal import fftconvolve
 
 from solen.analysis.clocks import principal
 from solen.analysis.signals import pair
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 _MOST = 1 << 20
 _ALIKE = 0.5  # correlation with itself one cycle later, at least

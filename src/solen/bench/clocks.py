@@ -12,9 +12,8 @@ The interface: `on_run` gives the line of one stretch without a break.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 LEAST_SPAN_S = 5.0
 """Below it a rate cannot be told from delays, and the two clocks are taken to run alike."""

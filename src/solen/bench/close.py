@@ -24,13 +24,13 @@ from scipy.interpolate import PchipInterpolator
 
 from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
+from solen.arrays import FloatArray
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.frames import ANEW
 from solen.bench.journal import Journaled, Rows
 from solen.bench.waveform import Waveform
 from solen.extras import need
 
-FloatArray = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
 AT_ONCE = 16_384

@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.close import subtracted
 from solen.bench.journal import END, HEADER, MAGIC, ROWS, Rows, dtypes_of, read_journal, read_on
 from solen.errors import DataError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

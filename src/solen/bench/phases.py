@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from solen.analysis.demodulation import Clock, find_clock
-from solen.analysis.demodulation.slots import FloatArray, IntArray
+from solen.arrays import FloatArray, IntArray
 from solen.bench.daq import Setup
 from solen.errors import DataError
 

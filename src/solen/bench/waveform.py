@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
+from solen.arrays import BoolArray, FloatArray
 from solen.bench.clocks import OnRun, on_run
 from solen.bench.daq import Setup, volts_of
 from solen.bench.journal import Journaled
 from solen.bench.phases import clock_of, states
 from solen.errors import DataError
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Sensor = Mapping[str, Any]
 
 WINDOW_S = 10.0

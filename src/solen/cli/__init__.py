@@ -1,63 +1,19 @@
-"""The commands, in the order of the chain. Each is a thin door on `solen.pipeline`.
+"""The commands. Each is a thin door on `solen.pipeline`; `solen.cli.commands` is the table of them.
 
 With ``--json`` a command prints one JSON object on stdout and everything else on stderr. Bad input ends with one line
-on stderr and exit code 2; Ctrl-C with one line and 130. Nothing heavy is imported before a command needs it: the
-modules beside this one hold the commands, each registers with `solen.cli.app`.
+on stderr and exit code 2; Ctrl-C with one line and 130.
 """
 
 import io
 import os
 import sys
+from collections.abc import Sequence
 
 import cyclopts
 
-from solen.cli import (
-    analyse,
-    bench,
-    coupons,
-    cure,
-    cutback,
-    decode,
-    demodulate,
-    design,
-    diagnose,
-    export,
-    index,
-    inspect,
-    layers,
-    printed,
-    readout,
-    refractometer,
-    resin,
-    spectra,
-    stiffness,
-)
-from solen.cli.app import app
+from solen.cli.app import SHOWN, app, show_outcome
 from solen.errors import SolenError
-
-__all__ = [
-    "analyse",
-    "app",
-    "bench",
-    "coupons",
-    "cure",
-    "cutback",
-    "decode",
-    "demodulate",
-    "design",
-    "diagnose",
-    "export",
-    "index",
-    "inspect",
-    "layers",
-    "main",
-    "printed",
-    "readout",
-    "refractometer",
-    "resin",
-    "spectra",
-    "stiffness",
-]
+from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -67,18 +23,22 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
-    sys.exit(_run(sys.argv[1:]))
+    sys.exit(run_command(sys.argv[1:]))
 
 
-def _run(arguments: list[str]) -> int:
-    """Exit code of a command line."""
+def run_command(arguments: Sequence[str]) -> int:
+    """Run a command line, print its answer and return its exit code."""
+    SHOWN.as_json, SHOWN.quiet = "--json" in arguments, "--quiet" in arguments
+    rest = [argument for argument in arguments if argument not in {"--json", "--quiet"}]
     try:
-        app(arguments, exit_on_error=False, print_error=False, result_action="return_none")
+        answer = app(rest, exit_on_error=False, print_error=False, result_action="return_value")
+        if isinstance(answer, Outcome):
+            show_outcome(answer)
         sys.stdout.flush()
     except SolenError as bad:
         return _refuse(str(bad), BAD_INPUT)
     except cyclopts.CycloptsError as bad:
-        return _refuse(" ".join(str(bad).split()), BAD_INPUT)
+        return _refuse(_one_line(bad), BAD_INPUT)
     except KeyboardInterrupt:
         return _refuse("interrupted; no file is half-written", INTERRUPTED)
     except BrokenPipeError:  # the reader of a pipe had enough
@@ -88,6 +48,15 @@ def _run(arguments: list[str]) -> int:
         _drop_output()
         return _refuse(f"output cannot be written: {bad.strerror or bad}", BAD_INPUT)
     return 0
+
+
+def _one_line(bad: cyclopts.CycloptsError) -> str:
+    """What is wrong with a command line; a value that an option's own limits refuse is named by its option."""
+    if isinstance(bad.__cause__, ValueError) and hasattr(bad.__cause__, "errors"):
+        from solen.spec.strict import option_refusal
+
+        return str(option_refusal(bad.__cause__, command_line=True))
+    return " ".join(str(bad).split())
 
 
 def _drop_output() -> None:

@@ -1,14 +1,28 @@
-"""What the commands share: the application they register with, options that many have, and how answers are shown."""
+"""What the commands share: the application, options that many have, and how an answer is printed.
 
+A command is a function that returns an `Outcome`: a typed result and the files that were written. `show` prints it:
+as one JSON object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the
+files. A command module registers the lines of its result::
+
+    @lines.register
+    def _(loss: CutBack) -> Iterator[str]:
+        yield f"loss {loss.loss_dB_per_cm:.3g} dB/cm"
+"""
+
+import functools
 import json
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Group, Parameter
+from cyclopts import App, Parameter
 
 from solen import __version__
+from solen.cli.commands import COMMANDS, DESIGN, GROUPS
+from solen.results import Outcome
 
 Set = Annotated[
     list[str] | None,
@@ -16,30 +30,70 @@ Set = Annotated[
         name="--set", negative=(), help="A key of the design and its value, as in --set lens.focus_mm=25; repeatable."
     ),
 ]
-Json = Annotated[bool, Parameter(name="--json", negative=(), help="Print one JSON object on stdout.")]
-
 FigureFile = Annotated[Path | None, Parameter(name="--figure", help="Draw the result into this .svg, .png or .pdf.")]
-Out = Annotated[
-    Path | None, Parameter(name="--out", help="Write the result to this .json, which solen resin build reads.")
-]
+Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]
+Json = Annotated[bool, Parameter(name="--json", negative=(), show=False)]
 
-MATERIAL = Group("The resin, from what instruments export", sort_key=1)
-DESIGN = Group("The sensor, from its design", sort_key=2)
-PRINT = Group("The print", sort_key=3)
-BENCH = Group("The bench, and what it recorded", sort_key=4)
+EVERYWHERE = "Every command also takes --json (one JSON object on stdout) and --quiet (nothing but warnings)."
 
-app = App(
-    name="solen",
-    version=__version__,
-    help="From the index of a resin to the response curve of a 3D-printed soft optical sensor.",
-    help_format="plaintext",
-    suppress_keyboard_interrupt=False,
-)
+
+@dataclass
+class Shown:
+    """How the running command shows its answer."""
+
+    as_json: bool = False
+    quiet: bool = False
+
+
+SHOWN = Shown()
+
+
+def _application() -> App:
+    """The application with all commands, none of them loaded."""
+    made = App(
+        name="solen",
+        version=__version__,
+        help="From the spectrum of a resin to a printed, tested and calibrated soft optical sensor.",
+        help_epilogue=EVERYWHERE,
+        help_format="plaintext",
+        suppress_keyboard_interrupt=False,
+    )
+    groups = {DESIGN: made}
+    for name, text in GROUPS.items():
+        groups[name] = App(name=name, help=text, help_epilogue=EVERYWHERE, sort_key=len(COMMANDS[DESIGN]) + len(groups))
+        made.command(groups[name])
+    for group, rows in COMMANDS.items():
+        for place, (name, where, text) in enumerate(rows):
+            groups[group].command(f"solen.cli.{where}", name=name, help=text, sort_key=place)
+    return made
+
+
+app = _application()
+
+
+@functools.singledispatch
+def lines(result: Any) -> Iterable[str]:
+    """Lines that tell a reader what a result says; registered by the module of its command."""
+    raise TypeError(f"no lines for {type(result).__name__}")
+
+
+def show_outcome(outcome: Outcome[Any]) -> None:
+    """Print an answer as was asked: JSON, lines, or with ``--quiet`` the warnings alone."""
+    if SHOWN.as_json:
+        print(json.dumps(outcome.to_dict(), allow_nan=False))
+        return
+    if not SHOWN.quiet:
+        print("\n".join(lines(outcome.result)))
+    for warning in dict.fromkeys(getattr(outcome.result, "warnings", ())):
+        print(f"warning: {warning}", file=sys.stderr if SHOWN.quiet else sys.stdout)
+    if not SHOWN.quiet:
+        for name, path in outcome.files.items():
+            print(f"{name}: {path}")
 
 
 def show(found: dict[str, Any], as_json: bool, told: Callable[[], list[str]]) -> None:
     """Print one JSON object, or lines for a reader."""
-    print(json.dumps(found, allow_nan=False) if as_json else "\n".join(told()))
+    print(json.dumps(found, allow_nan=False) if as_json or SHOWN.as_json else "\n".join(told()))
 
 
 def listing(values: dict[str, Any]) -> list[str]:
@@ -63,7 +117,7 @@ def short(value: float | None) -> str:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
-    """A progress bar on stderr where that is a terminal."""
+    """A progress bar on stderr where that is a terminal, and nobody asked for quiet."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -74,6 +128,7 @@ def progress_bar(what: str) -> Iterator[Callable[[float], None]]:
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    hidden = SHOWN.quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda done: bar.update(task, completed=done)

@@ -7,14 +7,13 @@ of every piece lie within a tolerance. The error of a piece falls with the fourt
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import MOST_POINTS
 from solen.curve.spline import Spline
 from solen.errors import DesignError
 
-Floats = NDArray[np.float64]
-Function = Callable[[Floats], Floats]
+Function = Callable[[FloatArray], FloatArray]
 
 MARGIN = 0.5
 """Share of the tolerance that the places looked at may use up: between them the error is hardly larger."""
@@ -51,7 +50,7 @@ def fitted(place: Function, velocity: Function, tolerance_mm: float, breaks: Seq
         ends = np.sort(np.concatenate([ends, (0.5 * (ends[:-1] + ends[1:]))[rough]]))
 
 
-def _error_mm(controls: Floats, ends: Floats, place: Function) -> Floats:
+def _error_mm(controls: FloatArray, ends: FloatArray, place: Function) -> FloatArray:
     """Largest distance (N,) of each piece from its places at the quarters."""
     errors = []
     for v in (0.25, 0.5, 0.75):

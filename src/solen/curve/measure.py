@@ -1,12 +1,10 @@
 """Lengths along a curve, by Gauss-Legendre quadrature of its speed over panels halved until they agree."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import Curve
 from solen.curve.chain import CubicChain
-
-Floats = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
@@ -58,7 +56,7 @@ class Measure:
             u = following
         return float(u)
 
-    def _lengths(self, low: Floats, high: Floats) -> Floats:
+    def _lengths(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Lengths (N,) between parameters (N,)."""
         half = 0.5 * (high - low)
         u = (0.5 * (low + high))[:, None] + half[:, None] * NODES

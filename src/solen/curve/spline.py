@@ -3,15 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.curve.base import check_points
 from solen.curve.chain import CubicChain
 from solen.curve.cubic import Control
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ class Spline(CubicChain):
         return Spline(self.control_points[::-1])
 
 
-def _checked(points: ArrayLike, closed: bool) -> Floats:
+def _checked(points: ArrayLike, closed: bool) -> FloatArray:
     """Points as an array (N, 2) of finite numbers, enough of them."""
     try:
         given = np.array(points, dtype=float)
@@ -142,7 +141,7 @@ def _checked(points: ArrayLike, closed: bool) -> Floats:
     return given
 
 
-def _tangents(chord: Floats, length: Floats, closed: bool) -> Floats:
+def _tangents(chord: FloatArray, length: FloatArray, closed: bool) -> FloatArray:
     """Derivatives (N, 2) of the spline at its points by the length of the chords: where curvature is continuous.
 
     With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ =
@@ -162,7 +161,7 @@ def _tangents(chord: Floats, length: Floats, closed: bool) -> Floats:
     )
 
 
-def _tridiagonal(below: Floats, above: Floats, diagonal: Floats, right: Floats) -> Floats:
+def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a system whose diagonal outweighs its two neighbours, (N − 1,) each, for right sides (N, M)."""
     pivot, solution = diagonal.copy(), right.copy()
     for i in range(1, len(pivot)):
@@ -175,7 +174,7 @@ def _tridiagonal(below: Floats, above: Floats, diagonal: Floats, right: Floats) 
     return solution
 
 
-def _cyclic(below: Floats, above: Floats, right: Floats) -> Floats:
+def _cyclic(below: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
     """The same with 2 on the diagonal and the first and the last unknown neighbours, by Sherman and Morrison.
 
     The two corners are a matrix of rank one, u vᵀ, away from a tridiagonal one.

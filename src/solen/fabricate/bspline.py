@@ -17,9 +17,9 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Parabola, Segment
 from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus
@@ -34,7 +34,6 @@ LOOKED_AT = 8
 PANELS = 4096
 """Into how many equal steps of its own parameter a curve is divided to find another."""
 
-Floats = NDArray[np.float64]
 Control = tuple[Point, Point, Point, Point]
 
 
@@ -62,7 +61,7 @@ class Bspline:
         return self.points[-1]
 
     @property
-    def knot_vector(self) -> Floats:
+    def knot_vector(self) -> FloatArray:
         """Knots (points + degree + 1,), each as often as it counts."""
         return np.repeat(self.knots, self.multiplicities)
 
@@ -110,11 +109,11 @@ def quadratic(curve: Parabola) -> tuple[Point, Point, Point]:
     return curve.start, (x + 0.5 * per_u, z + 0.5 * rise), curve.end
 
 
-def _points(rows: Floats) -> tuple[Point, ...]:
+def _points(rows: FloatArray) -> tuple[Point, ...]:
     return tuple((x, z) for x, z in rows.tolist())
 
 
-def _with_ends(rows: Floats, curve: Curve) -> Floats:
+def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
     """Rows of which the first and the last are the curve's ends to the last digit."""
     return np.vstack([[curve.start], rows[1:-1], [curve.end]])
 
@@ -139,7 +138,7 @@ def _interpolated(curve: Curve) -> BSpline:
     raise DesignError(type(curve).__name__, limit=limit, remedy="divide the curve")
 
 
-def _even_parameter(curve: Curve) -> Callable[..., Floats]:
+def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
     """A curve's own parameter as a function of one that grows with length, turning and itself, from 0 to 1."""
     u = np.linspace(0.0, 1.0, 2 * PANELS + 1)
     per_u = curve.velocities(u)

@@ -3,12 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import CubicChain, Curve, Measure, Segment
 from solen.geometry import Face
-
-Floats = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
@@ -32,7 +30,7 @@ def _enclosed(outline: Sequence[Face]) -> float:
     return sum(_swept(face.curve, origin) for face in outline)
 
 
-def _swept(curve: Curve, origin: Floats) -> float:
+def _swept(curve: Curve, origin: FloatArray) -> float:
     """Area that the line from the origin to a point of the curve sweeps as the point goes along it."""
     if isinstance(curve, Segment):
         return _cross(np.array([curve.a]) - origin, np.array([curve.b]) - origin).item() / 2
@@ -49,7 +47,7 @@ def _swept(curve: Curve, origin: Floats) -> float:
     return float(halves.sum())
 
 
-def _panels(curve: Curve, origin: Floats, low: Floats, high: Floats) -> Floats:
+def _panels(curve: Curve, origin: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Swept areas (N,) between parameters (N,)."""
     half = 0.5 * (high - low)
     u = ((0.5 * (low + high))[:, None] + half[:, None] * NODES).ravel()
@@ -57,5 +55,5 @@ def _panels(curve: Curve, origin: Floats, low: Floats, high: Floats) -> Floats:
     return np.asarray(0.5 * half * (rate @ WEIGHTS))
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

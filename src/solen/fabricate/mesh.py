@@ -11,16 +11,14 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DesignError, SpecError
 from solen.fabricate.part import Part, Prism
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 FINEST_MM, COARSEST_MM = 1e-4, 1.0
 """Least and greatest tolerance of a mesh."""
@@ -36,8 +34,8 @@ class Mesh:
     ``vertices`` (N, 3) are in mm, ``triangles`` (M, 3) their numbers, counter-clockwise as seen from outside.
     """
 
-    vertices: Floats
-    triangles: Ints
+    vertices: FloatArray
+    triangles: IntArray
     tolerance_mm: float
 
     @cached_property
@@ -47,7 +45,7 @@ class Mesh:
         return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
     @property
-    def normals(self) -> Floats:
+    def normals(self) -> FloatArray:
         """Outward unit normals (M, 3)."""
         a, b, c = self.vertices[self.triangles.T]
         normal = np.cross(b - a, c - a)
@@ -122,7 +120,7 @@ def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
     return solid
 
 
-def _welded(ring: Floats, weld_mm: float) -> Floats:
+def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
     """Corners (N, 2) of a closed polyline without those too near to the one kept before."""
     corners = ring[:-1]
     kept = [0]
@@ -134,7 +132,7 @@ def _welded(ring: Floats, weld_mm: float) -> Floats:
     return corners[kept]
 
 
-def _check_apart(prism: Prism, rings: list[Floats], tolerance_mm: float) -> None:
+def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
     """`SpecError` where polylines so coarse cross themselves or one another, though the curves do not."""
     import shapely
 
@@ -145,7 +143,7 @@ def _check_apart(prism: Prism, rings: list[Floats], tolerance_mm: float) -> None
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it smaller")
 
 
-def _prism_surface(rings: list[Floats], from_mm: float, to_mm: float) -> tuple[Floats, Ints]:
+def _prism_surface(rings: list[FloatArray], from_mm: float, to_mm: float) -> tuple[FloatArray, IntArray]:
     """Closed surface of a prism: the corners below and then above, two triangles for each side, the two ends."""
     from manifold3d import triangulate
 

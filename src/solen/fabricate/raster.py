@@ -17,13 +17,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 
 if TYPE_CHECKING:
     import shapely.geometry.base
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 BAND = 64
 """Rows that are summed at a time: few enough to stay in a processor's cache."""
@@ -47,7 +46,7 @@ class Grid:
         if min(self.shape) < 1:
             raise DataError("pixels", value=self.shape, limit="must be at least one row and one column")
 
-    def placed(self, ring: Floats) -> Floats:
+    def placed(self, ring: FloatArray) -> FloatArray:
         """Points (N, 2) in mm as columns and rows."""
         return (np.asarray(ring, float) - self.origin_mm) / self.pitch_mm
 
@@ -56,12 +55,12 @@ class Grid:
 class Pieces:
     """Edges cut at pixels, by ascending row: the height that each descends, and the share of it for its own pixel."""
 
-    row: Ints
-    column: Ints
-    climb: Floats
-    own: Floats
+    row: IntArray
+    column: IntArray
+    climb: FloatArray
+    own: FloatArray
 
-    def summed(self, first: int, last: int, columns: int) -> Floats:
+    def summed(self, first: int, last: int, columns: int) -> FloatArray:
         """Covered shares (last - first, columns) of some rows."""
         chosen = slice(*np.searchsorted(self.row, [first, last]))
         at = (self.row[chosen] - first) * (columns + 1) + self.column[chosen]
@@ -74,8 +73,8 @@ class Pieces:
 
 
 def coverage(
-    rings: Sequence[Floats], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
-) -> Floats:
+    rings: Sequence[FloatArray], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+) -> FloatArray:
     """Share of each pixel that lies within closed polygons.
 
     Parameters
@@ -104,7 +103,7 @@ def coverage(
 
 
 def coverage_bytes(
-    rings: Sequence[Floats], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
+    rings: Sequence[FloatArray], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
     """`coverage` as grey values 0 to 255, rounded to the nearest; the sums take a few rows of memory at a time."""
     grid, found = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
@@ -123,7 +122,7 @@ def coverage_bytes(
     return found
 
 
-def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[Floats]:
+def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
     """Rings of a shapely area as `coverage` wants them; lines and points in it are left out."""
     import shapely
 
@@ -136,7 +135,7 @@ def _bands(first: int, last: int) -> Iterator[tuple[int, int]]:
     return ((row, min(row + BAND, last)) for row in range(first, last, BAND))
 
 
-def _extent(rings: Sequence[Floats], grid: Grid) -> tuple[Ints, Ints]:
+def _extent(rings: Sequence[FloatArray], grid: Grid) -> tuple[IntArray, IntArray]:
     """First and last + 1 (row, column) of the grid that polygons reach."""
     placed = [grid.placed(ring) for ring in rings]
     low, high = np.min([one.min(axis=0) for one in placed], axis=0), np.max([one.max(axis=0) for one in placed], axis=0)
@@ -149,7 +148,7 @@ def _extent(rings: Sequence[Floats], grid: Grid) -> tuple[Ints, Ints]:
     )
 
 
-def _pieces(rings: Sequence[Floats], grid: Grid) -> Pieces:
+def _pieces(rings: Sequence[FloatArray], grid: Grid) -> Pieces:
     """Edges of polygons, cut at the sides of pixels."""
     rows, columns = grid.shape
     starts, ends = _edges([grid.placed(ring) for ring in rings])
@@ -164,7 +163,7 @@ def _pieces(rings: Sequence[Floats], grid: Grid) -> Pieces:
     return Pieces(row[order], np.maximum(column, 0)[order], climb[order], own[order])
 
 
-def _edges(placed: Sequence[Floats]) -> tuple[Floats, Floats]:
+def _edges(placed: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Starts and ends (N, 2) of the sides of closed polygons; level ones change nothing and are left out."""
     starts = np.vstack([np.empty((0, 2)), *placed])
     ends = np.vstack([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in placed)])
@@ -174,7 +173,7 @@ def _edges(placed: Sequence[Floats]) -> tuple[Floats, Floats]:
     return starts[climbs], ends[climbs]
 
 
-def _cut(starts: Floats, ends: Floats, rows: int, columns: int) -> tuple[Floats, Floats]:
+def _cut(starts: FloatArray, ends: FloatArray, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
     """Starts and ends (M, 2) of the pieces of edges between the lines that divide pixels."""
     count = len(starts)
     across, up = (_crossings(starts, ends, axis, most) for axis, most in ((0, columns), (1, rows)))
@@ -187,7 +186,7 @@ def _cut(starts: Floats, ends: Floats, rows: int, columns: int) -> tuple[Floats,
     return points[:-1][same], points[1:][same]
 
 
-def _crossings(starts: Floats, ends: Floats, axis: int, most: int) -> tuple[Ints, Floats, Floats]:
+def _crossings(starts: FloatArray, ends: FloatArray, axis: int, most: int) -> tuple[IntArray, FloatArray, FloatArray]:
     """Where edges cross the lines 0 to ``most`` of an axis: number of the edge, share of its length, point."""
     low = np.clip(np.ceil(np.minimum(starts[:, axis], ends[:, axis])), 0, most + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(starts[:, axis], ends[:, axis])), -1, most).astype(np.int64)

@@ -12,14 +12,11 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.fabricate.mesh import Mesh
 from solen.fabricate.meshfiles import CORE, MODEL
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MM = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 LARGEST_MB = 500
@@ -34,12 +31,12 @@ REMEDY = "export it again, or as STL"
 class Pieces:
     """Triangles that were gathered so far."""
 
-    vertices: list[Floats] = field(default_factory=list)
-    triangles: list[Ints] = field(default_factory=list)
+    vertices: list[FloatArray] = field(default_factory=list)
+    triangles: list[IntArray] = field(default_factory=list)
     count: int = 0
     objects: int = 0
 
-    def add(self, vertices: Floats, triangles: Ints) -> None:
+    def add(self, vertices: FloatArray, triangles: IntArray) -> None:
         """Add a mesh."""
         self.vertices.append(vertices)
         self.triangles.append(triangles + self.count)
@@ -95,7 +92,9 @@ def _model(path: Path) -> ET.Element:
         raise DataError(str(path), limit=f"cannot be read: {bad.strerror or bad}", remedy="check it") from None
 
 
-def _gather(reference: ET.Element, objects: dict[str, ET.Element], outer: Floats, pieces: Pieces, depth: int) -> None:
+def _gather(
+    reference: ET.Element, objects: dict[str, ET.Element], outer: FloatArray, pieces: Pieces, depth: int
+) -> None:
     """Add what an item or a component refers to, moved by its transformation and those around it."""
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
@@ -115,7 +114,7 @@ def _gather(reference: ET.Element, objects: dict[str, ET.Element], outer: Floats
         _gather(component, objects, moved, pieces, depth + 1)
 
 
-def _numbers(mesh: ET.Element, name: str, keys: tuple[str, str, str]) -> Floats:
+def _numbers(mesh: ET.Element, name: str, keys: tuple[str, str, str]) -> FloatArray:
     """Numbers (N, 3) of a mesh's vertices or triangles."""
     rows = [[float(one.attrib[key]) for key in keys] for one in mesh.iter(f"{SPACE}{name}")]
     found = np.array(rows, float).reshape(-1, 3)
@@ -124,7 +123,7 @@ def _numbers(mesh: ET.Element, name: str, keys: tuple[str, str, str]) -> Floats:
     return found
 
 
-def _transform(text: str | None) -> Floats:
+def _transform(text: str | None) -> FloatArray:
     """Matrix (4, 4) for rows of coordinates, of the twelve numbers that a 3MF gives."""
     found = np.eye(4)
     if text:

@@ -17,13 +17,11 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Measure, Parabola, Segment, Spline, fitted
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
-
-Floats = NDArray[np.float64]
 
 BEND_TOLERANCE_MM = 1e-9
 """How far a bent wall may be from the spline that stands for it."""
@@ -42,21 +40,21 @@ PANELS = 256
 class Profile(Protocol):
     """How a bend is shared out: what share of it has been reached at a share of the length below the fork."""
 
-    def turn(self, share: Floats) -> Floats:
+    def turn(self, share: FloatArray) -> FloatArray:
         """Share of the angle at shares of the length, 0 at the fork."""
 
-    def per_share(self, share: Floats) -> Floats:
+    def per_share(self, share: FloatArray) -> FloatArray:
         """Derivative of `turn`."""
 
 
 class Even:
     """Constant curvature."""
 
-    def turn(self, share: Floats) -> Floats:
+    def turn(self, share: FloatArray) -> FloatArray:
         """See `Profile`."""
         return share
 
-    def per_share(self, share: Floats) -> Floats:
+    def per_share(self, share: FloatArray) -> FloatArray:
         """See `Profile`."""
         return np.ones_like(share)
 
@@ -84,11 +82,11 @@ class Drawn:
         self._spline = CubicSpline(share, turn / largest)
         self._slope = self._spline.derivative()
 
-    def turn(self, share: Floats) -> Floats:
+    def turn(self, share: FloatArray) -> FloatArray:
         """See `Profile`."""
         return np.asarray(self._spline(share))
 
-    def per_share(self, share: Floats) -> Floats:
+    def per_share(self, share: FloatArray) -> FloatArray:
         """See `Profile`."""
         return np.asarray(self._slope(share))
 
@@ -117,13 +115,13 @@ class Bend:
         cos, sin = math.cos(turn), math.sin(turn)
         return Rigid(cos, sin, (float(x) + sin * float(z[0]), float(up) - cos * float(z[0])))
 
-    def places(self, points: Floats) -> Floats:
+    def places(self, points: FloatArray) -> FloatArray:
         """Where points (N, 2) between the two heights go."""
         x, z = points.T
         turn = self._turn(z)
         return np.asarray(self._centre(z) + np.column_stack([x * np.cos(turn), x * np.sin(turn)]))
 
-    def velocities(self, points: Floats, velocities: Floats) -> Floats:
+    def velocities(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
         """Where the derivatives (N, 2) of moving points go."""
         (x, z), (dx, dz) = points.T, velocities.T
         turn = self._turn(z)
@@ -131,7 +129,7 @@ class Bend:
         ahead = dz * (1.0 + x * self._turn_per_mm(z))
         return np.column_stack([dx * cos - ahead * sin, dx * sin + ahead * cos])
 
-    def check(self, points: Floats) -> None:
+    def check(self, points: FloatArray) -> None:
         """`DesignError` where material at points (N, 2) would be folded over: inside the centre of curvature."""
         least = float(np.min(1.0 + points[:, 0] * self._turn_per_mm(points[:, 1])))
         if least <= 0.0:
@@ -142,17 +140,17 @@ class Bend:
                 remedy="bend by less or over a longer stretch",
             )
 
-    def _share(self, z: Floats) -> Floats:
+    def _share(self, z: FloatArray) -> FloatArray:
         return np.clip((self.to_mm - z) / self.length_mm, 0.0, 1.0)
 
-    def _turn(self, z: Floats) -> Floats:
+    def _turn(self, z: FloatArray) -> FloatArray:
         """Angles in radians of the sections at heights (N,)."""
         return math.radians(self.angle_deg) * self.profile.turn(self._share(z))
 
-    def _turn_per_mm(self, z: Floats) -> Floats:
+    def _turn_per_mm(self, z: FloatArray) -> FloatArray:
         return -math.radians(self.angle_deg) / self.length_mm * self.profile.per_share(self._share(z))
 
-    def _centre(self, z: Floats) -> Floats:
+    def _centre(self, z: FloatArray) -> FloatArray:
         """Where the axis at heights (N,) goes, (N, 2): integrated downwards from the fork."""
         share = self._share(z)
         if isinstance(self.profile, Even):
@@ -163,13 +161,13 @@ class Bend:
         return np.asarray(np.array([0.0, self.to_mm]) + self._table[panel] + self._integral(panel / PANELS, share))
 
     @cached_property
-    def _table(self) -> Floats:
+    def _table(self) -> FloatArray:
         """Integrals (PANELS, 2) down to the start of every panel."""
         edge = np.arange(PANELS) / PANELS
         steps = self._integral(edge, edge + 1.0 / PANELS)
         return np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)[:-1]])
 
-    def _integral(self, low: Floats, high: Floats) -> Floats:
+    def _integral(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Steps (N, 2) down the centre line between shares of its length."""
         half = 0.5 * (high - low)
         share = (0.5 * (low + high))[:, None] + half[:, None] * NODES
@@ -258,10 +256,10 @@ def _arc(curve: Curve, bend: Bend) -> Arc | None:
 def _spline(curve: Curve, bend: Bend) -> Spline:
     """Spline of a bent curve."""
 
-    def place(u: Floats) -> Floats:
+    def place(u: FloatArray) -> FloatArray:
         return bend.places(curve.points(u))
 
-    def velocity(u: Floats) -> Floats:
+    def velocity(u: FloatArray) -> FloatArray:
         return bend.velocities(curve.points(u), curve.velocities(u))
 
     return fitted(place, velocity, BEND_TOLERANCE_MM)

@@ -18,15 +18,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.lens.measured import LEAST_POINTS, MeasuredProfile, scatter_mm
 from solen.lens.optics import OvalLens
 from solen.lens.smoothing import Smooth, smoothed
 from solen.lens.track import Track
-
-Floats = NDArray[np.float64]
 
 MOST_MISSING, TOLD_MISSING = 0.25, 0.02
 """Share of a half width that a profile may lack, and from which on it is warned of."""
@@ -81,20 +79,20 @@ class FittedProfile:
         self._check_reach()
         self._check_place()
 
-    def deviation_mm(self, x_mm: Floats) -> Floats:
+    def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
         """Smoothed deviation (N,) along z at lateral positions within the half width, mm; below 0 is more material."""
         inside, beyond = self._place(x_mm)
         spline = self.smooth.spline
         eased = EASE_MM * (1.0 - np.exp(-np.abs(beyond) / EASE_MM))
         return np.asarray(spline(inside) + spline(inside, 1) * np.sign(beyond) * eased)
 
-    def deviation_slope(self, x_mm: Floats) -> Floats:
+    def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
         """Derivative of `deviation_mm` by x."""
         inside, beyond = self._place(x_mm)
         per_length = self.smooth.spline(inside, 1) * np.exp(-np.abs(beyond) / EASE_MM)
         return np.asarray(per_length * self.track.length_per_x(x_mm))
 
-    def u_mm(self, x_mm: Floats) -> Floats:
+    def u_mm(self, x_mm: FloatArray) -> FloatArray:
         """Standard uncertainty (N,) of the profile along its normal, mm; beyond its ends it grows to the deviation."""
         x = self.profile.x_mm
         beyond = np.maximum(np.maximum(x[0] - x_mm, x_mm - x[-1]), 0.0)
@@ -109,7 +107,7 @@ class FittedProfile:
         return smoothed(self.track.length_at(x), deviation, u)
 
     @cached_property
-    def points(self) -> tuple[Floats, Floats]:
+    def points(self) -> tuple[FloatArray, FloatArray]:
         """Lateral positions of the points on the lens, and their deviations along z, mm."""
         x, z = self.profile.x_mm, self.profile.z_mm
         on = np.abs(x) <= self.designed.half_width_mm
@@ -151,7 +149,7 @@ class FittedProfile:
         return min(self.smooth.resolution, LONGEST_CORRELATION * self.designed.half_width_mm)
 
     @cached_property
-    def errors(self) -> tuple[Floats, Floats]:
+    def errors(self) -> tuple[FloatArray, FloatArray]:
         """Lengths (N,), and the matrix (N, N) that makes errors along z there, mm, of as many standard normal numbers.
 
         They have the size of `u_mm` and a Gaussian correlation.
@@ -229,7 +227,7 @@ class FittedProfile:
         return ""
 
     @cached_property
-    def _point_u_mm(self) -> Floats:
+    def _point_u_mm(self) -> FloatArray:
         """Uncertainty of each point of the profile: as stated, or by its scatter where that is more."""
         stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
         return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
@@ -240,7 +238,7 @@ class FittedProfile:
         first, last = self.track.length_at(np.array(self.reach_mm))
         return float(first), float(last)
 
-    def _place(self, x_mm: Floats) -> tuple[Floats, Floats]:
+    def _place(self, x_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Nearest measured length, and how far beyond it a lateral position lies."""
         along = self.track.length_at(x_mm)
         inside = np.clip(along, *self._ends)
@@ -279,5 +277,5 @@ class FittedProfile:
             )
 
 
-def _rms(values: Floats) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))

@@ -16,14 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from solen import recording
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
 from solen.spec.objects import check_keys, parsed, value_of
-
-Floats = NDArray[np.float64]
 
 KIND = "lens profile"
 SCHEMA = 1
@@ -66,9 +65,9 @@ class MeasuredProfile:
         What cannot be concluded from it, in sentences.
     """
 
-    x_mm: Floats
-    z_mm: Floats
-    u_mm: Floats
+    x_mm: FloatArray
+    z_mm: FloatArray
+    u_mm: FloatArray
     simulated: bool
     name: str
     edge: str
@@ -154,7 +153,7 @@ def profile_text(profile: MeasuredProfile) -> str:
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
-def scatter_mm(x_mm: Floats, z_mm: Floats, slope: Floats | None = None) -> float:
+def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
     """Standard deviation, along the normal, of what is not common to neighbouring points.
 
     Each point is compared with the straight line through those beside it; half of all deviations from that are larger
@@ -172,7 +171,7 @@ def scatter_mm(x_mm: Floats, z_mm: Floats, slope: Floats | None = None) -> float
     return float(_GAUSS_MAD * np.median(size))
 
 
-def _running_median(values: Floats, reach: int = 10) -> Floats:
+def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
     """Median of each number and up to ``reach`` on either side."""
     reach = min(reach, (values.size - 1) // 2)
     padded = np.pad(values, reach, mode="edge")
@@ -238,7 +237,7 @@ def _told(where: str, bad: DataError) -> DataError:
     return DataError(f"{where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
 
 
-def _column(key: str, values: ArrayLike) -> Floats:
+def _column(key: str, values: ArrayLike) -> FloatArray:
     """Numbers (N,) that nobody can change any more; `DataError` where one is none."""
     try:
         column = np.array(values, dtype=float)
@@ -254,7 +253,7 @@ def _column(key: str, values: ArrayLike) -> Floats:
     return column
 
 
-def _check(x: Floats, z: Floats, u: Floats) -> None:
+def _check(x: FloatArray, z: FloatArray, u: FloatArray) -> None:
     for key, column in (("z_mm", z), ("u_mm", u)):
         if column.size != x.size:
             limit = f"must be as many as x_mm has, {x.size}"
@@ -272,7 +271,7 @@ def _check(x: Floats, z: Floats, u: Floats) -> None:
         raise DataError(f"u_mm[{int(bad[0])}]", value=float(u[bad[0]]), limit=limit, remedy="give it in mm")
 
 
-def _check_order(x: Floats) -> None:
+def _check_order(x: FloatArray) -> None:
     step = np.diff(x)
     wrong = np.flatnonzero(step <= 0.0)
     if not wrong.size:
@@ -289,7 +288,7 @@ def _check_order(x: Floats) -> None:
     )
 
 
-def _check_size(x: Floats, z: Floats) -> None:
+def _check_size(x: FloatArray, z: FloatArray) -> None:
     width_mm = float(x[-1] - x[0])
     if not NARROWEST_MM <= width_mm <= WIDEST_MM:
         limit = f"must be {NARROWEST_MM:g} to {WIDEST_MM:g} mm wide"

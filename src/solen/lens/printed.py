@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.curve import Spline, fitted
 from solen.lens.deviation import FittedProfile
 from solen.lens.optics import Lens, OvalLens
-
-Floats = NDArray[np.float64]
 
 CURVE_TOLERANCE_MM = 1e-6
 """How far the curve that rays meet may be from the smoothed profile: 1 nm."""
@@ -76,22 +75,22 @@ class MeasuredLens(Lens):
         That of a drawn outline is within `DRAWN_CURVE_SHARE` of the profile's uncertainty.
         """
 
-        def place(x: Floats) -> Floats:
+        def place(x: FloatArray) -> FloatArray:
             return np.column_stack([x, self.z_mm(x)])
 
-        def velocity(x: Floats) -> Floats:
+        def velocity(x: FloatArray) -> FloatArray:
             return np.column_stack([np.ones_like(x), self.slope(x)])
 
         half_mm = self.half_width_mm
         return fitted(place, velocity, self._curve_mm, (-half_mm, -0.5 * half_mm, 0.0, 0.5 * half_mm, half_mm))
 
-    def z_mm(self, x_mm: ArrayLike) -> Floats:
+    def z_mm(self, x_mm: ArrayLike) -> FloatArray:
         """Profile z(x) at lateral positions (N,) within the half width."""
         x = np.asarray(x_mm, dtype=float)
         error = self._error(x, 0) if self.drawn else 0.0
         return np.asarray(self.designed.z_mm(x) + self.fit.deviation_mm(x) + error)
 
-    def slope(self, x_mm: ArrayLike) -> Floats:
+    def slope(self, x_mm: ArrayLike) -> FloatArray:
         """dz/dx of the profile, dimensionless."""
         x = np.asarray(x_mm, dtype=float)
         error = self._error(x, 1) if self.drawn else 0.0
@@ -135,7 +134,7 @@ class MeasuredLens(Lens):
         """Standard uncertainty of `best_focus_mm` by that of the points: `DRAWN_SPOTS` drawn outlines scatter so."""
         return _u_best_focus_mm(self, index)
 
-    def _rays(self, index: float) -> tuple[Floats, Floats]:
+    def _rays(self, index: float) -> tuple[FloatArray, FloatArray]:
         """Rays in the material, x = a + t z, of those that the face lets in; one behind another part is left out."""
         x = np.linspace(-self.half_width_mm, self.half_width_mm, 4 * SPOT_RAYS + 1)
         seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
@@ -148,14 +147,14 @@ class MeasuredLens(Lens):
         return x[bent] - t * z[bent], t
 
     @cached_property
-    def _error(self) -> Callable[[Floats, int], Floats]:
+    def _error(self) -> Callable[[FloatArray, int], FloatArray]:
         """Random curve along z of a drawn outline, or its derivative by x: normal, correlated along the oval."""
         from scipy.interpolate import CubicSpline
 
         track, (nodes, root) = self.fit.track, self.fit.errors
         spline = CubicSpline(nodes, root @ np.random.default_rng(self.drawn).standard_normal(nodes.size))
 
-        def error(x: Floats, order: int) -> Floats:
+        def error(x: FloatArray, order: int) -> FloatArray:
             per_x = track.length_per_x(x) if order else 1.0
             return np.asarray(spline(track.length_at(x), order) * per_x)
 

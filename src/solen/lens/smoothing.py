@@ -14,9 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 DEGREE, ORDER = 3, 3
 """Of the spline's pieces, and of the differences that are kept small; what is left free of them is a parabola."""
@@ -41,7 +40,7 @@ class Smooth:
         Root of the mean square of the residuals, each in units of its standard uncertainty.
     """
 
-    spline: Callable[..., Floats]
+    spline: Callable[..., FloatArray]
     length: float
     parameters: float
     residual: float
@@ -60,16 +59,16 @@ class _Penalised:
     coefficients.
     """
 
-    data: Floats
-    right: Floats
-    back: Floats
+    data: FloatArray
+    right: FloatArray
+    back: FloatArray
     squares: float
     count: int
 
-    def matrix(self, strength: float) -> Floats:
+    def matrix(self, strength: float) -> FloatArray:
         return self.data + strength * (1.0 - self.data)
 
-    def coefficients(self, strength: float) -> Floats:
+    def coefficients(self, strength: float) -> FloatArray:
         return np.asarray(self.back @ (self.right / self.matrix(strength)))
 
     def parameters(self, strength: float) -> float:
@@ -88,7 +87,7 @@ class _Penalised:
         return float(free * np.log(squares) + np.log(matrix).sum() - penalised * np.log(strength))
 
 
-def smoothed(place: Floats, value: Floats, u: Floats) -> Smooth:
+def smoothed(place: FloatArray, value: FloatArray, u: FloatArray) -> Smooth:
     """Smooth curve through values (N,) at ascending places (N,) with standard uncertainties above 0.
 
     N must be 16 at least.
@@ -110,7 +109,7 @@ def smoothed(place: Floats, value: Floats, u: Floats) -> Smooth:
     return Smooth(spline, float(place[-1] - place[0]), found.parameters(strength), residual)
 
 
-def _penalised(normal: Floats, right: Floats, squares: float, count: int) -> _Penalised:
+def _penalised(normal: FloatArray, right: FloatArray, squares: float, count: int) -> _Penalised:
     from scipy.linalg import cholesky, eigh, solve_triangular
 
     differences = np.diff(np.eye(len(normal)), ORDER, axis=0)

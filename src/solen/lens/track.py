@@ -5,14 +5,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.lens.optics import OvalLens
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-Floats = NDArray[np.float64]
 
 GRID = 4001
 """Places at which lengths are tabulated."""
@@ -22,8 +21,8 @@ GRID = 4001
 class Track:
     """Table of the length along an oval; make it with `Track.along`."""
 
-    x_mm: Floats
-    length_mm: Floats
+    x_mm: FloatArray
+    length_mm: FloatArray
 
     @classmethod
     def along(cls, oval: OvalLens) -> "Track":
@@ -39,15 +38,15 @@ class Track:
         """Length of all of it."""
         return float(self.length_mm[-1])
 
-    def length_at(self, x_mm: Floats) -> Floats:
+    def length_at(self, x_mm: FloatArray) -> FloatArray:
         """Lengths (N,) at lateral positions."""
         return np.asarray(self._forwards(x_mm))
 
-    def length_per_x(self, x_mm: Floats) -> Floats:
+    def length_per_x(self, x_mm: FloatArray) -> FloatArray:
         """Derivatives (N,) of the lengths by the lateral position."""
         return np.asarray(self._forwards(x_mm, 1))
 
-    def x_at(self, length_mm: Floats) -> Floats:
+    def x_at(self, length_mm: FloatArray) -> FloatArray:
         """Lateral positions (N,) at lengths."""
         return np.interp(length_mm, self.length_mm, self.x_mm)
 

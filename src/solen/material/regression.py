@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import fdtrc, stdtr, stdtrit
 
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 FALSE_ALARMS = 0.01
 """How often `bad_points` names a point in data without a bad one."""

@@ -4,13 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from solen.arrays import FloatArray
 from solen.metrology.edge import LINES, Edge, fit_edge, fit_two_edges
 from solen.metrology.find import Pose
 from solen.metrology.ideal import Ideal
 from solen.metrology.image import Image
 from solen.metrology.strip import Line, Strip
-
-Floats = NDArray[np.float64]
 
 MOST_PLACES = 2500
 SPACING_PX = 3.0
@@ -54,11 +53,11 @@ def edges_along(image: Image, pose: Pose, ideal: Ideal, strip: Strip, along: lis
     return [one(index) for index in range(len(ordered))]
 
 
-def _smooth(off: Floats) -> Floats:
+def _smooth(off: FloatArray) -> FloatArray:
     return np.asarray(ndimage.gaussian_filter1d(off, 3.0, mode="nearest"))
 
 
-def _spaces(off: Floats, px_per_mm: float) -> list[float]:
+def _spaces(off: FloatArray, px_per_mm: float) -> list[float]:
     """For each line the median distance in px to the nearest other one; infinite for one alone."""
     return [
         min(

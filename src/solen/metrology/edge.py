@@ -13,13 +13,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from solen.arrays import BoolArray, FloatArray
 from solen.metrology.step import MOST_BLUR_PX, Steps, Usual, fit_steps
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 REASONS = (
     "outside the picture",
@@ -89,13 +86,13 @@ class Edge:
         How many places were set aside, by reason (`REASONS`).
     """
 
-    points_px: Floats
-    normals: Floats
-    u_px: Floats
-    blur_px: Floats
-    rise: Floats
-    inside: Flags
-    kept: Flags
+    points_px: FloatArray
+    normals: FloatArray
+    u_px: FloatArray
+    blur_px: FloatArray
+    rise: FloatArray
+    inside: BoolArray
+    kept: BoolArray
     rejected: dict[str, int]
 
     @property
@@ -109,7 +106,7 @@ class Edge:
         return float(np.median(self.rise[self.kept])) if self.kept.any() else float("nan")
 
 
-def normals_of(contour_px: Floats, *, closed: bool, over: int = 5) -> Floats:
+def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
     """Unit normals (N, 2) of a contour: to the left of its way, as one sees it in the picture.
 
     The way goes from ``over`` places before to ``over`` places behind, and (dx, dy) is turned into (dy, −dx).
@@ -125,8 +122,13 @@ def normals_of(contour_px: Floats, *, closed: bool, over: int = 5) -> Floats:
 
 
 def profiles(
-    grey: Floats, points_px: Floats, normals: Floats, t_px: Floats, lines: int = LINES, order: Literal[1, 3] = 3
-) -> tuple[Floats, Flags]:
+    grey: FloatArray,
+    points_px: FloatArray,
+    normals: FloatArray,
+    t_px: FloatArray,
+    lines: int = LINES,
+    order: Literal[1, 3] = 3,
+) -> tuple[FloatArray, BoolArray]:
     """Grey values (N, M) at distances ``t_px`` (M,) along normals, and whether they lie in the picture.
 
     Values between pixels are by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart, are averaged.
@@ -145,7 +147,9 @@ def profiles(
     return values / lines, inside
 
 
-def _patch(grey: Floats, points: Floats, reach: float, order: Literal[1, 3]) -> tuple[Floats, tuple[int, int]]:
+def _patch(
+    grey: FloatArray, points: FloatArray, reach: float, order: Literal[1, 3]
+) -> tuple[FloatArray, tuple[int, int]]:
     """Spline coefficients of the part of the picture that is needed, and its first column and row."""
     rows, columns = grey.shape
     margin = reach + 12.0  # the spline's memory is a few pixels
@@ -157,9 +161,9 @@ def _patch(grey: Floats, points: Floats, reach: float, order: Literal[1, 3]) -> 
 
 
 def fit_edge(
-    grey: Floats,
-    contour_px: Floats,
-    normals: Floats,
+    grey: FloatArray,
+    contour_px: FloatArray,
+    normals: FloatArray,
     *,
     blur_px: float = 2.0,
     half_px: float = float("inf"),
@@ -196,10 +200,10 @@ def fit_edge(
 
 
 def fit_two_edges(
-    grey: Floats,
-    contour_px: Floats,
-    normals: Floats,
-    at_px: Floats,
+    grey: FloatArray,
+    contour_px: FloatArray,
+    normals: FloatArray,
+    at_px: FloatArray,
     *,
     blur_px: float = 2.0,
     ceiling: float = float("inf"),
@@ -218,15 +222,15 @@ def fit_two_edges(
 class _View:
     """A contour in a picture, and how it is looked at."""
 
-    grey: Floats
-    contour_px: Floats
-    normals: Floats
+    grey: FloatArray
+    contour_px: FloatArray
+    normals: FloatArray
     half_px: float
     ceiling: float
     lines: int
     closed: bool
 
-    def blur(self, at: Floats, guess_px: float) -> float:
+    def blur(self, at: FloatArray, guess_px: float) -> float:
         """Median blur of some of the places, looked at ever wider until the lines are long enough for it."""
         some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
         part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
@@ -239,7 +243,7 @@ class _View:
             guess_px = min(found, MOST_BLUR_PX)
         return guess_px
 
-    def two_blurs(self, at: Floats, guess_px: float) -> Floats:
+    def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
         """Blurs of two edges from some of the places: the pair with which most of the fits succeed, and best."""
         some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
         part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
@@ -252,7 +256,7 @@ class _View:
                 best, blurs = merit, np.median(steps.blur_px[good], axis=0)
         return np.asarray(np.clip(blurs, 0.5, MOST_BLUR_PX))
 
-    def fitted(self, at: Floats, blur_px: float | Floats) -> tuple[Steps, Flags, Flags]:
+    def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
         """Fits, and whether each line lies in the picture and how much of it is saturated.
 
         A second fit knows from the first what the lines have in common: where edges overlap or are faint, each line by
@@ -269,7 +273,7 @@ class _View:
         usual = _usual(alone, seen & ~saturated)
         return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
-    def _saturated(self, t: Floats, use: Flags) -> Flags:
+    def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
         """Lines some place of which is at the camera's limit: what is cut off there pulls the step aside."""
         limit = self.grey >= self.ceiling
         if not limit.any():
@@ -277,7 +281,7 @@ class _View:
         share, _ = profiles(limit.astype(np.float64), self.contour_px, self.normals, t, self.lines, order=1)
         return np.asarray(((share > SATURATED) & use).any(axis=1))
 
-    def judged(self, steps: Steps, which: int, rising: bool | None, inside: Flags, saturated: Flags) -> Edge:
+    def judged(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
         """One of the fitted edges, with what is no edge set aside."""
         at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
@@ -306,7 +310,7 @@ class _View:
         return Edge(points, self.normals, u, blur, rise, inside, kept, rejected | more)
 
 
-def _steadied(noise: Floats) -> Floats:
+def _steadied(noise: FloatArray) -> FloatArray:
     """By what factors (N,) uncertainties change where the noise is taken from neighbours as well.
 
     A line has some ten values and five parameters: what is left tells its own noise to 30 % at best.
@@ -316,7 +320,9 @@ def _steadied(noise: Floats) -> Floats:
     return np.asarray(np.sqrt((1.0 + NEIGHBOURS_WEIGHT * (usual / own) ** 2) / (1.0 + NEIGHBOURS_WEIGHT)))
 
 
-def scatter_over_u(points: Floats, normals: Floats, u: Floats, kept: Flags, lines: int = LINES) -> float:
+def scatter_over_u(
+    points: FloatArray, normals: FloatArray, u: FloatArray, kept: BoolArray, lines: int = LINES
+) -> float:
     """By what factor edges scatter more between neighbours than the residuals of their fits say; at least 1.
 
     Residuals are taken as independent, which those of a sharpened, compressed or textured picture are not, nor quite
@@ -338,7 +344,7 @@ def scatter_over_u(points: Floats, normals: Floats, u: Floats, kept: Flags, line
     return float(max(1.0, 1.4826 * float(np.median(np.abs(rest)))))
 
 
-def _usual(steps: Steps, fit: Flags) -> Usual | None:
+def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
     """What the fits that are good have in common; None where few are."""
     noise = _median(steps.noise, fit)
     good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
@@ -355,7 +361,7 @@ def _usual(steps: Steps, fit: Flags) -> Usual | None:
     )
 
 
-def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
+def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
     """What no reason speaks against, and how many each reason takes away from what is left."""
     kept, rejected = np.ones(count, dtype=bool), {}
     for reason, flags in bad.items():
@@ -364,23 +370,23 @@ def _counted(bad: dict[str, Flags], count: int) -> tuple[Flags, dict[str, int]]:
     return kept, rejected
 
 
-def _alone(kept: Flags, inside: Flags) -> Flags:
+def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
     """Places of which most neighbours in the picture are no edges: one among many that were spoilt is spoilt too."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)
 
 
-def _beside(odd: Flags) -> Flags:
+def _beside(odd: BoolArray) -> BoolArray:
     """Places that are odd, and those up to `BESIDE` places beside them: what lies on an edge fades out."""
     return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
 
-def _median(values: Floats, where: Flags) -> float:
+def _median(values: FloatArray, where: BoolArray) -> float:
     return float(np.median(values[where])) if where.any() else 0.0
 
 
-def _off(points: Floats, contour: Floats, normals: Floats, kept: Flags, closed: bool) -> Flags:
+def _off(points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool) -> BoolArray:
     """Places further from the running median of their neighbours than these scatter, and than half a pixel."""
     if int(kept.sum()) < NEIGHBOURS:
         return np.zeros(len(kept), dtype=bool)

@@ -18,9 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from solen.arrays import FloatArray
 from solen.metrology.ideal import Ideal, outward
-
-Floats = NDArray[np.float64]
 
 ACROSS_PX = 70
 """Coarse pixels across the lens."""
@@ -56,21 +55,21 @@ class Pose:
     mirrored: bool = False
 
     @property
-    def _turn(self) -> Floats:
+    def _turn(self) -> FloatArray:
         """Matrix from lens coordinates to directions in the picture, x to the right and y downwards."""
         c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
         flip = -1.0 if self.mirrored else 1.0
         return np.array([[flip * c, -s], [-flip * s, -c]])
 
-    def to_px(self, points_mm: Floats) -> Floats:
+    def to_px(self, points_mm: FloatArray) -> FloatArray:
         """Places (N, 2) in the picture of points (N, 2) in lens coordinates."""
         return np.asarray(points_mm @ self._turn.T * (1e3 / self.um_per_px) + np.asarray(self.vertex_px))
 
-    def to_mm(self, points_px: Floats) -> Floats:
+    def to_mm(self, points_px: FloatArray) -> FloatArray:
         """Lens coordinates (N, 2) of places (N, 2) in the picture."""
         return np.asarray((points_px - np.asarray(self.vertex_px)) @ self._turn * (self.um_per_px / 1e3))
 
-    def direction_px(self, directions: Floats) -> Floats:
+    def direction_px(self, directions: FloatArray) -> FloatArray:
         """Unit directions (N, 2) in the picture of those in lens coordinates."""
         return np.asarray(directions @ self._turn.T)
 
@@ -83,7 +82,7 @@ class Found:
     score: float
 
 
-def find(grey: Floats, um_per_px: float, ideal: Ideal, *, mirrored: bool = False) -> list[Found]:
+def find(grey: FloatArray, um_per_px: float, ideal: Ideal, *, mirrored: bool = False) -> list[Found]:
     """Poses at which a picture is most like a lens, best first; those after the first lie elsewhere.
 
     Parameters
@@ -112,7 +111,7 @@ def find(grey: Floats, um_per_px: float, ideal: Ideal, *, mirrored: bool = False
     ]
 
 
-def binned(grey: Floats, factor: int) -> Floats:
+def binned(grey: FloatArray, factor: int) -> FloatArray:
     """Mean of blocks of ``factor`` by ``factor`` pixels; a rest at the far sides is left out."""
     if factor == 1:
         return grey
@@ -163,9 +162,9 @@ def _differ(one: Pose, other: Pose, least_px: float) -> bool:
 class _Template:
     """The outline that is looked for: points (N, 2) a coarse pixel apart, their normals (N, 2) and weights (N,)."""
 
-    points_mm: Floats
-    normals: Floats
-    weights: Floats
+    points_mm: FloatArray
+    normals: FloatArray
+    weights: FloatArray
     apart_px: int
 
     @classmethod
@@ -193,7 +192,7 @@ class _Gradients:
     padded: tuple[int, int]
 
     @classmethod
-    def of(cls, coarse: Floats) -> "_Gradients":
+    def of(cls, coarse: FloatArray) -> "_Gradients":
         x = ndimage.gaussian_filter(coarse, SMOOTH_PX, order=(0, 1))
         y = ndimage.gaussian_filter(coarse, SMOOTH_PX, order=(1, 0))
         strength = np.hypot(x, y)
@@ -218,7 +217,7 @@ class _Gradients:
             y, x = _unwrapped(row, rows, self.shape[0]), _unwrapped(column, columns, self.shape[1])
             yield float(x), float(y), score
 
-    def _scores(self, pose: Pose, shape: "_Template") -> Floats:
+    def _scores(self, pose: Pose, shape: "_Template") -> FloatArray:
         """Sum of squared cosines for every place of the vertex, over the sum of weights."""
         points, normals = pose.to_px(shape.points_mm), pose.direction_px(shape.normals)
         weights = shape.weights
@@ -237,7 +236,7 @@ def _unwrapped(at: int, padded: int, own: int) -> int:
     return at - padded if at >= 1.5 * own else at
 
 
-def _nearby(scores: Floats, near: tuple[float, float], reach: int = 4) -> tuple[int, int]:
+def _nearby(scores: FloatArray, near: tuple[float, float], reach: int = 4) -> tuple[int, int]:
     """Row and column of the highest score around a place."""
     rows = np.arange(round(near[1]) - reach, round(near[1]) + reach + 1) % scores.shape[0]
     columns = np.arange(round(near[0]) - reach, round(near[0]) + reach + 1) % scores.shape[1]

@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from solen.arrays import BoolArray, FloatArray
 from solen.curve import Curve
 from solen.errors import DataError
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 TOLERANCE_MM = 1e-6
 """How far the dense points' chords may leave the exact curve: a nanometre."""
@@ -42,10 +40,10 @@ class Feet:
         Shape (N,): whether the nearest place is an end of the front.
     """
 
-    arc_mm: Floats
-    off_mm: Floats
-    normals: Floats
-    beyond: Flags
+    arc_mm: FloatArray
+    off_mm: FloatArray
+    normals: FloatArray
+    beyond: BoolArray
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,9 @@ class Ideal:
     """
 
     name: str
-    front_mm: Floats
-    left_mm: Floats
-    right_mm: Floats
+    front_mm: FloatArray
+    left_mm: FloatArray
+    right_mm: FloatArray
 
     @classmethod
     def of(cls, name: str, front: Curve, left: Curve | None = None, right: Curve | None = None) -> "Ideal":
@@ -89,12 +87,12 @@ class Ideal:
         return float(np.hypot(*(self.front_mm[-1] - self.front_mm[0])))
 
     @cached_property
-    def normals(self) -> Floats:
+    def normals(self) -> FloatArray:
         """Outward unit normals (N, 2) at the points of the front."""
         return outward(self.front_mm)
 
     @cached_property
-    def arc_mm(self) -> Floats:
+    def arc_mm(self) -> FloatArray:
         """Length of the front up to each of its points."""
         steps = np.hypot(*np.diff(self.front_mm, axis=0).T)
         return np.concatenate([[0.0], np.cumsum(steps)])
@@ -105,13 +103,13 @@ class Ideal:
         mirrored = self.front_mm[::-1] * np.array([-1.0, 1.0])
         return bool(np.abs(self.feet(mirrored).off_mm).max() < SYMMETRIC_MM)
 
-    def at(self, arc_mm: Floats) -> tuple[Floats, Floats]:
+    def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (N, 2) and outward unit normals (N, 2) at lengths along the front."""
         points = np.stack([np.interp(arc_mm, self.arc_mm, self.front_mm[:, i]) for i in (0, 1)], axis=1)
         normals = np.stack([np.interp(arc_mm, self.arc_mm, self.normals[:, i]) for i in (0, 1)], axis=1)
         return points, normals / np.hypot(*normals.T)[:, None]
 
-    def feet(self, points_mm: Floats) -> Feet:
+    def feet(self, points_mm: FloatArray) -> Feet:
         """Nearest places of the front to points (N, 2) in lens coordinates."""
         _, nearest = self._tree.query(points_mm)
         last = len(self.front_mm) - 2
@@ -133,7 +131,7 @@ class Ideal:
     def _tree(self) -> "cKDTree[None]":
         return cKDTree(self.front_mm)
 
-    def _foot(self, points: Floats, segment: NDArray[np.intp]) -> tuple[Floats, Floats]:
+    def _foot(self, points: FloatArray, segment: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
         """How far along segments the feet of points are, as a fraction, and the squared distances."""
         start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
         share = np.sum((points - start) * way, axis=1) / np.sum(way * way, axis=1)
@@ -141,13 +139,13 @@ class Ideal:
         return share, np.sum(rest * rest, axis=1)
 
 
-def outward(points: Floats) -> Floats:
+def outward(points: FloatArray) -> FloatArray:
     """Unit normals (N, 2) to the right of the way along points."""
     way = np.gradient(points, axis=0)
     return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
 
 
-def _dense(curve: Curve) -> Floats:
+def _dense(curve: Curve) -> FloatArray:
     """Points of a curve: near enough for the tolerance, and for normals between them."""
     points = curve.flattened(TOLERANCE_MM)
     length = float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
@@ -157,7 +155,7 @@ def _dense(curve: Curve) -> Floats:
     return np.asarray(points, dtype=np.float64)
 
 
-def _cut(curve: Curve | None, reach: float) -> Floats:
+def _cut(curve: Curve | None, reach: float) -> FloatArray:
     """Points of a wall up to a length from its start."""
     if curve is None:
         return np.zeros((0, 2))

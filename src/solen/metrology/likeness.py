@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.metrology.edge import Edge, fit_edge
 from solen.metrology.find import Pose
@@ -16,8 +17,6 @@ from solen.metrology.ideal import Ideal, outward
 from solen.metrology.image import Image
 from solen.metrology.register import Registration
 from solen.metrology.strip import Strip, lines
-
-Floats = NDArray[np.float64]
 
 WALL_FROM, WALL_REACH = 0.25, 0.3
 """Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
@@ -66,9 +65,9 @@ def part_width_mm(image: Image, pose: Pose, ideal: Ideal) -> float | None:
 class _Wall:
     """A wall behind the front: places (N, 2) of the design, its normals outwards, how far out the edge was seen."""
 
-    points_mm: Floats
-    normals: Floats
-    off_mm: Floats
+    points_mm: FloatArray
+    normals: FloatArray
+    off_mm: FloatArray
     shown: NDArray[np.bool_]
 
 

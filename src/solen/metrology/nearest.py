@@ -15,13 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.metrology.find import Pose
 from solen.metrology.ideal import Ideal
 from solen.metrology.register import Registration, register
-
-Floats = NDArray[np.float64]
 
 SURE = 0.95
 PARAMETERS = 3
@@ -53,7 +51,9 @@ class Rival:
     scaled_rms_um: float
 
 
-def nearest(points_px: Floats, u_px: Floats, pose: Pose, ideals: Sequence[Ideal], u_scale: float = 0.0) -> list[Rival]:
+def nearest(
+    points_px: FloatArray, u_px: FloatArray, pose: Pose, ideals: Sequence[Ideal], u_scale: float = 0.0
+) -> list[Rival]:
     """Designs with their probabilities, the nearest first.
 
     Parameters
@@ -76,7 +76,7 @@ def nearest(points_px: Floats, u_px: Floats, pose: Pose, ideals: Sequence[Ideal]
     return sorted(rivals, key=lambda rival: rival.registration.rms_um)
 
 
-def _probabilities(found: Sequence[Registration]) -> Floats:
+def _probabilities(found: Sequence[Registration]) -> FloatArray:
     """Chances after, from the sums of squares of the points that all registrations use."""
     common = set.intersection(*(set(one.used.tolist()) for one in found))
     squares = np.array([_sum_of_squares(one, common) for one in found])

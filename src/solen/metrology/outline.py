@@ -11,7 +11,6 @@ The interface: `measure` gives an `Outline`: the edges, their points in the orde
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.errors import DataError, SpecError
 from solen.metrology.along import SHARPER, by_focus, edges_along, share, why_rejected
@@ -32,8 +31,6 @@ from solen.metrology.likeness import (
 )
 from solen.metrology.register import Registration, register
 from solen.metrology.strip import Line, Strip, lines
-
-Floats = NDArray[np.float64]
 
 NAMES = ("outer", "inner")
 CHOICES = ("auto", "outer", "inner", "sharper")

@@ -15,11 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import BoolArray, FloatArray
 from solen.metrology.find import Pose
 from solen.metrology.ideal import Ideal
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ROUNDS = 60
 HUBER = 2.5
@@ -58,18 +56,18 @@ class Registration:
     """
 
     pose: Pose
-    points_mm: Floats
-    off_um: Floats
-    u_um: Floats
-    arc_mm: Floats
+    points_mm: FloatArray
+    off_um: FloatArray
+    u_um: FloatArray
+    arc_mm: FloatArray
     used: NDArray[np.intp]
     u_rotation_deg: float
     u_shift_um: tuple[float, float]
-    by_scale_um: Floats
+    by_scale_um: FloatArray
     scale_factor: float
     u_scale_factor: float
     independent: float
-    weights: Floats = field(repr=False)
+    weights: FloatArray = field(repr=False)
 
     @property
     def rms_um(self) -> float:
@@ -87,18 +85,18 @@ class _Fit:
     """Motion of the points in lens coordinates p -> (1 + e) R(turn) p + shift, and where they come to lie."""
 
     turn: float
-    shift: Floats
+    shift: FloatArray
     grown: float
-    points: Floats
-    off: Floats
-    arc: Floats
-    jacobian: Floats
-    weights: Floats
-    inside: Flags
+    points: FloatArray
+    off: FloatArray
+    arc: FloatArray
+    jacobian: FloatArray
+    weights: FloatArray
+    inside: BoolArray
 
 
 def register(
-    points_px: Floats, u_px: Floats, pose: Pose, ideal: Ideal, u_scale: float = 0.0, *, scaled: bool = False
+    points_px: FloatArray, u_px: FloatArray, pose: Pose, ideal: Ideal, u_scale: float = 0.0, *, scaled: bool = False
 ) -> Registration:
     """Lay points of a picture on a design.
 
@@ -148,7 +146,7 @@ def register(
     )
 
 
-def effective_number(values: Floats) -> float:
+def effective_number(values: FloatArray) -> float:
     """Number of independent values that tell as much about a mean square as correlated ones in their order do.
 
     N over 1 + 2 Σ ρ_k², ρ_k the correlation of values k places apart, up to the first that is not positive (see
@@ -168,7 +166,7 @@ def effective_number(values: Floats) -> float:
     return float(max(count / (1.0 + 2.0 * np.sum(rho[1:stop] ** 2)), 1.0))
 
 
-def _fit(start: Floats, ideal: Ideal, *, scaled: bool, begin: _Fit | None = None) -> _Fit:
+def _fit(start: FloatArray, ideal: Ideal, *, scaled: bool, begin: _Fit | None = None) -> _Fit:
     """The motion that makes the points' distances least."""
     turn, shift, grown = (0.0, np.zeros(2), 0.0) if begin is None else (begin.turn, begin.shift, begin.grown)
     count = 4 if scaled else 3
@@ -188,7 +186,7 @@ def _fit(start: Floats, ideal: Ideal, *, scaled: bool, begin: _Fit | None = None
     return fit
 
 
-def _placed(start: Floats, ideal: Ideal, turn: float, shift: Floats, grown: float) -> _Fit:
+def _placed(start: FloatArray, ideal: Ideal, turn: float, shift: FloatArray, grown: float) -> _Fit:
     """Points after a motion: their distances, derivatives by turn, shift and growth, and Huber's weights."""
     c, s = math.cos(turn), math.sin(turn)
     points = (1.0 + grown) * start @ np.array([[c, s], [-s, c]]) + shift
@@ -202,7 +200,7 @@ def _placed(start: Floats, ideal: Ideal, turn: float, shift: Floats, grown: floa
     return _Fit(turn, shift, grown, points, feet.off_mm, feet.arc_mm, jacobian, weights, inside)
 
 
-def _covariance(jacobian: Floats, off: Floats, weights: Floats, independent: float) -> Floats:
+def _covariance(jacobian: FloatArray, off: FloatArray, weights: FloatArray, independent: float) -> FloatArray:
     """Covariance of the parameters with as many independent distances as there are."""
     count, parameters = jacobian.shape
     freedom = max(independent - parameters, 1.0)
@@ -211,7 +209,7 @@ def _covariance(jacobian: Floats, off: Floats, weights: Floats, independent: flo
     return np.asarray(np.linalg.pinv(normal) * variance * count / independent)
 
 
-def _of_pose(jacobian: Floats, u: Floats, weights: Floats) -> Floats:
+def _of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatArray:
     """Standard uncertainty at each point that the edges' own uncertainties give the pose."""
     inverse = np.linalg.pinv(jacobian.T @ (weights[:, None] * jacobian))
     noise = jacobian.T @ ((weights * u)[:, None] ** 2 * jacobian)
@@ -219,7 +217,7 @@ def _of_pose(jacobian: Floats, u: Floats, weights: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, spread, jacobian), 0.0)))
 
 
-def _left(column: Floats, jacobian: Floats, weights: Floats) -> Floats:
+def _left(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> FloatArray:
     """What of a change of all distances no turn and no shift can take away."""
     normal = jacobian.T @ (weights[:, None] * jacobian)
     return np.asarray(column - jacobian @ (np.linalg.pinv(normal) @ (jacobian.T @ (weights * column))))

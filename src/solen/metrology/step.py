@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import erf
 
-Floats = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 ROUNDS = 40
 SETTLED_PX = 1e-4
@@ -39,13 +39,13 @@ class Usual:
         Standard deviation of a grey value, by which these are weighed against the values.
     """
 
-    log_blur: Floats
+    log_blur: FloatArray
     u_log_blur: float
     slope_per_px: float
     u_slope_per_px: float
     noise: float
 
-    def of(self, parameters: int) -> tuple[Floats, Floats]:
+    def of(self, parameters: int) -> tuple[FloatArray, FloatArray]:
         """Expected parameters (P,) and weights (P,) in units of the grey values."""
         expected, weight = np.zeros(parameters), np.zeros(parameters)
         expected[1], weight[1] = self.slope_per_px, self.noise / max(self.u_slope_per_px, 1e-12)
@@ -73,21 +73,21 @@ class Steps:
         Shape (N,): whether the fit ended.
     """
 
-    at_px: Floats
-    u_at_px: Floats
-    rise: Floats
-    blur_px: Floats
-    level: Floats
-    slope_per_px: Floats
-    noise: Floats
+    at_px: FloatArray
+    u_at_px: FloatArray
+    rise: FloatArray
+    blur_px: FloatArray
+    level: FloatArray
+    slope_per_px: FloatArray
+    noise: FloatArray
     settled: NDArray[np.bool_]
 
 
 def fit_steps(
-    t_px: Floats,
-    values: Floats,
-    at_px: Floats,
-    blur_px: float | Floats,
+    t_px: FloatArray,
+    values: FloatArray,
+    at_px: FloatArray,
+    blur_px: float | FloatArray,
     use: NDArray[np.bool_],
     usual: Usual | None = None,
 ) -> Steps:
@@ -134,7 +134,7 @@ def fit_steps(
     return _steps(parameters, jacobian, np.sum(residual**2, axis=1), weight, settled, stiff)
 
 
-def _start(t: Floats, values: Floats, at: Floats, blur: Floats, weight: Floats) -> Floats:
+def _start(t: FloatArray, values: FloatArray, at: FloatArray, blur: FloatArray, weight: FloatArray) -> FloatArray:
     """First parameters: levels and rises by linear least squares at the guessed places and blur."""
     count, edges = at.shape
     shape = 0.5 * (1.0 + erf((t[None, None, :] - at[:, :, None]) / (np.sqrt(2.0) * blur[:, None])))
@@ -147,7 +147,9 @@ def _start(t: Floats, values: Floats, at: Floats, blur: Floats, weight: Floats) 
     return parameters
 
 
-def _model(t: Floats, values: Floats, parameters: Floats, weight: Floats) -> tuple[Floats, Floats]:
+def _model(
+    t: FloatArray, values: FloatArray, parameters: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Weighted residuals (N, M), and derivatives (N, M, P) of the model by level, slope, and rise, place, log blur."""
     rise, at, blur = parameters[:, 2::3], parameters[:, 3::3], np.exp(parameters[:, 4::3])
     u = (t[None, None, :] - at[:, :, None]) / blur[:, :, None]
@@ -162,7 +164,7 @@ def _model(t: Floats, values: Floats, parameters: Floats, weight: Floats) -> tup
     return (values - model) * weight, jacobian * weight[..., None]
 
 
-def _normal(jacobian: Floats, damping: Floats, stiff: Floats) -> Floats:
+def _normal(jacobian: FloatArray, damping: FloatArray, stiff: FloatArray) -> FloatArray:
     """Normal matrices (N, P, P) with what is known before, their diagonals raised by a fraction."""
     normal = np.matmul(np.swapaxes(jacobian, 1, 2), jacobian) + np.diag(stiff**2)
     diagonal = np.einsum("nii->ni", normal)
@@ -172,8 +174,13 @@ def _normal(jacobian: Floats, damping: Floats, stiff: Floats) -> Floats:
 
 
 def _step(
-    parameters: Floats, jacobian: Floats, residual: Floats, damping: Floats, expected: Floats, stiff: Floats
-) -> Floats:
+    parameters: FloatArray,
+    jacobian: FloatArray,
+    residual: FloatArray,
+    damping: FloatArray,
+    expected: FloatArray,
+    stiff: FloatArray,
+) -> FloatArray:
     """Steps (N, P); a blur at its limit that would go beyond stays there, or what depends on it would never settle."""
     gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
@@ -183,7 +190,7 @@ def _step(
     return np.asarray(np.linalg.solve(normal, np.where(held, 0.0, gradient)[..., None])[..., 0])
 
 
-def _limited(parameters: Floats, step: Floats, t: Floats) -> Floats:
+def _limited(parameters: FloatArray, step: FloatArray, t: FloatArray) -> FloatArray:
     """Parameters after a step that leaves every edge on its line and changes a blur by no more than a third."""
     trial = parameters + step
     trial[:, 3::3] = np.clip(trial[:, 3::3], t[0], t[-1])
@@ -193,7 +200,12 @@ def _limited(parameters: Floats, step: Floats, t: Floats) -> Floats:
 
 
 def _steps(
-    parameters: Floats, jacobian: Floats, cost: Floats, weight: Floats, settled: NDArray[np.bool_], stiff: Floats
+    parameters: FloatArray,
+    jacobian: FloatArray,
+    cost: FloatArray,
+    weight: FloatArray,
+    settled: NDArray[np.bool_],
+    stiff: FloatArray,
 ) -> Steps:
     freedom = np.maximum(weight.sum(axis=1) - parameters.shape[1], 1.0)
     variance = cost / freedom

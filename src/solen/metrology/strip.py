@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from solen.arrays import BoolArray, FloatArray
 from solen.metrology.find import Pose, binned
 from solen.metrology.ideal import Ideal
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 ALONG, ACROSS = 500, 160
 """Places along the front, and pixels from its middle to a side of the strip, about."""
@@ -51,19 +49,21 @@ class Strip:
         Shape (N, M), whether the place is in the picture.
     """
 
-    arc_mm: Floats
-    off_mm: Floats
-    change: Floats
-    seen: Flags
+    arc_mm: FloatArray
+    off_mm: FloatArray
+    change: FloatArray
+    seen: BoolArray
 
     @classmethod
-    def of(cls, grey: Floats, pose: Pose, ideal: Ideal, reach_mm: float) -> "Strip":
+    def of(cls, grey: FloatArray, pose: Pose, ideal: Ideal, reach_mm: float) -> "Strip":
         """Strip of a picture, ``reach_mm`` to each side of the front."""
         arc = np.linspace(0.0, float(ideal.arc_mm[-1]), ALONG)
         return cls.along(grey, pose, arc, *ideal.at(arc), reach_mm)
 
     @classmethod
-    def along(cls, grey: Floats, pose: Pose, arc: Floats, points: Floats, normals: Floats, reach_mm: float) -> "Strip":
+    def along(
+        cls, grey: FloatArray, pose: Pose, arc: FloatArray, points: FloatArray, normals: FloatArray, reach_mm: float
+    ) -> "Strip":
         """Strip along any points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
         reach_px = reach_mm * 1e3 / pose.um_per_px
         factor = max(1, int(reach_px / ACROSS))
@@ -101,11 +101,11 @@ class Line:
         Shape (N,): whether it stands out there.
     """
 
-    off_mm: Floats
+    off_mm: FloatArray
     rising: bool
     strength: float
     covered: float
-    shown: Flags
+    shown: BoolArray
 
 
 def lines(strip: Strip, most: int = MOST_LINES) -> list[Line]:
@@ -128,7 +128,7 @@ def lines(strip: Strip, most: int = MOST_LINES) -> list[Line]:
     return found
 
 
-def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, before: list[Line]) -> Line:
+def _line(strip: Strip, rising: bool, free: BoolArray, scale: float, noise: float, before: list[Line]) -> Line:
     """The line of one sign that gathers the most change where it is free to go."""
     change = np.where(free, strip.change if rising else -strip.change, 0.0)
     gain = np.maximum(change, 0.0)
@@ -144,7 +144,7 @@ def _line(strip: Strip, rising: bool, free: Flags, scale: float, noise: float, b
     return Line(strip.off_mm[path], rising, strength, covered, shown)
 
 
-def _peaks(gain: Floats, path: NDArray[np.intp]) -> Flags:
+def _peaks(gain: FloatArray, path: NDArray[np.intp]) -> BoolArray:
     """Where a line stands on a maximum across, and not on the flank of the broader line beside it."""
     along, last = np.arange(len(path)), gain.shape[1] - 1
     own = gain[along, path]
@@ -152,7 +152,7 @@ def _peaks(gain: Floats, path: NDArray[np.intp]) -> Flags:
     return np.asarray((own >= sides[0]) & (own >= sides[1]))
 
 
-def best_path(gain: Floats) -> NDArray[np.intp]:
+def best_path(gain: FloatArray) -> NDArray[np.intp]:
     """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
     rows, columns = gain.shape
     cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))

@@ -19,14 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.metrology import tiff
 from solen.metrology.image import LARGEST_MB
 from solen.metrology.planes import check_size, check_vision, is_simulated
 from solen.metrology.scale import Scale, Tag, decided
 from solen.recording import Provenance
-
-Floats = NDArray[np.float64]
 
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
@@ -52,13 +51,13 @@ class ZMap:
         What must be said of it.
     """
 
-    z_mm: Floats
+    z_mm: FloatArray
     scale: Scale
     provenance: Provenance
     warnings: tuple[str, ...] = ()
 
     @property
-    def grey(self) -> Floats:
+    def grey(self) -> FloatArray:
         """Heights (rows, columns) from 0 to 1 as a picture, gaps filled with the nearest height."""
         from scipy import ndimage
 
@@ -134,7 +133,7 @@ def _bytes(path: Path) -> bytes:
         raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its permissions") from None
 
 
-def _of_tiff(file: str, data: bytes) -> tuple[Floats, tuple[Tag, ...], str, bool]:
+def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:
     """Levels as the file holds them, the sizes of a pixel that it states, and whether it says that it is simulated."""
     check_vision(file)
     import tifffile
@@ -157,7 +156,7 @@ def _of_tiff(file: str, data: bytes) -> tuple[Floats, tuple[Tag, ...], str, bool
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
 
-def _levels(file: str, values: NDArray[Any]) -> Floats:
+def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.ndim != 2:
         raise DataError(file, value=values.shape, limit="is no grid of heights: one number for each pixel is needed")
     if values.dtype.kind not in "uif":
@@ -170,7 +169,7 @@ def _levels(file: str, values: NDArray[Any]) -> Floats:
     return levels
 
 
-def _of_text(file: str, data: bytes) -> Floats:
+def _of_text(file: str, data: bytes) -> FloatArray:
     """Numbers of a table without a header, one row of pixels to a line; lines that begin with # are left out."""
     try:
         text = data.decode("utf-8-sig")

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.parts import AdcPart, AdcRange
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,13 +9,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.parts import TrimmerPart
 from solen.readout.circuit import Case, Circuit, Floats, spread
 from solen.readout.emitter import REFERENCE_C
-
-FloatArray = NDArray[np.float64]
 
 KNEES = 5.0
 """Knees above saturation that the target stands: there the current falls short by e⁻⁵, 0.7 %."""

@@ -7,12 +7,10 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
-
-FloatArray = NDArray[np.float64]
 
 SETTLED = 5.0
 """Time constants after which 0.7 % of a step are left."""

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeVar, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.measure import Measure
 from solen.errors import DataError, SpecError
 from solen.geometry import Body
@@ -25,7 +25,6 @@ from solen.readout.emitter import REFERENCE_C, Drive
 from solen.readout.transistor import LoadLine, Phototransistor, load_line
 from solen.spec import Design
 
-FloatArray = NDArray[np.float64]
 Floats = float | FloatArray
 
 Case = Literal["dimmest", "typical", "brightest"]

@@ -10,12 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.parts import EmitterPart, PatternPart
-
-FloatArray = NDArray[np.float64]
 
 REFERENCE_C = 25.0
 """Temperature of datasheets."""

@@ -15,13 +15,11 @@ Not in here: ripple of the supply and noise of the emitter's current. Both act o
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.readout.circuit import Circuit, Floats
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.transistor import LoadLine
-
-FloatArray = NDArray[np.float64]
 
 CHARGE_C = 1.602176634e-19
 BOLTZMANN_J_PER_K = 1.380649e-23

@@ -7,16 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.parts import TrimmerPart
 from solen.readout.advice import Advice, advise, slopes_V_per_deg
 from solen.readout.cautions import of_a_difference_V, resolution_deg
 from solen.readout.circuit import Case, Circuit, spread
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import Noise, noise
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

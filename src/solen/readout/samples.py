@@ -6,15 +6,13 @@ The interface: `volts` of power fractions; `noisy` adds noise and reads; `settle
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.readout.circuit import Circuit, Floats
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import analogue_V
 from solen.readout.transistor import LoadLine
-
-FloatArray = NDArray[np.float64]
 
 ROWS = 1 << 16
 """Rows that are worked on at a time, so that an hour of samples needs little more memory than its result."""

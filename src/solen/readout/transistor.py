@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import wrightomega
 
+from solen.arrays import FloatArray
 from solen.parts import Light, ReceiverPart
 from solen.readout.emitter import REFERENCE_C
-
-FloatArray = NDArray[np.float64]
 
 SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
 """Where a part does not say: usual for small silicon phototransistors."""

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.recording import dates
-from solen.recording.model import Channel, FloatArray, Provenance, Recording
+from solen.recording.model import Channel, Provenance, Recording
 from solen.recording.source import Source
 from solen.recording.table import along_axes, is_simulated, unique
 from solen.recording.words import heading

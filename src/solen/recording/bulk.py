@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording import cary, layout, table, testxpert
 from solen.recording.grid import Grid, of_text
 from solen.recording.layout import Layout
-from solen.recording.model import FloatArray, Recording
+from solen.recording.model import Recording
 from solen.recording.source import Source
 
 LEAST_BYTES = 2_000_000

@@ -12,8 +12,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.recording import carylog, scan
 from solen.recording.grid import Grid
 from solen.recording.model import Channel, Provenance, Recording
@@ -30,7 +30,6 @@ MODES = {
 _SATURATED_ABS = 10.0
 _LIMITS = {"%": 1e4, "1": 12.0}
 """No spectrophotometer shows a number beyond these: a lost decimal point does."""
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording.words import plain
 from solen.units import factor
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.recording.grid import Grid
 from solen.recording.numbers import digits
-
-FloatArray = NDArray[np.float64]
 
 RANGE_NM = (100.0, 100_000.0)
 """Wavelengths in nm beyond these are none: no lab's monochromator or interferometer reaches them."""

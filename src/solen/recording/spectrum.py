@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import Channel, FloatArray, Recording
+from solen.recording.model import Channel, Recording
 
 _MOST_RATIO = 2.0  # a ratio of light beyond this has a percentage in it
 

@@ -18,10 +18,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.scene.sources.base import Line
-
-Real = NDArray[np.float64]
 
 ZEMAX_HEADER = struct.Struct("<iI100s7fI9f4f4i")
 ZEMAX_NUMBER = 1010
@@ -44,9 +43,9 @@ class RaySet:
     each ray has, or None where the rays are not told apart by colour.
     """
 
-    point_mm: Real
-    direction: Real
-    power: Real
+    point_mm: FloatArray
+    direction: FloatArray
+    power: FloatArray
     spectrum: tuple[Line, ...] = ()
     line: NDArray[np.int64] | None = None
 
@@ -57,7 +56,7 @@ class RaySet:
 class _Columns(NamedTuple):
     """Rays as a file holds them: (N, columns) numbers, and which columns are flux and wavelength (None: not there)."""
 
-    numbers: Real
+    numbers: FloatArray
     flux: int
     wavelength: int | None
     wavelength_nm: float
@@ -154,7 +153,7 @@ def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, 
     return start + -(-(place - start) // TM25_BLOCK) * TM25_BLOCK, _gathered(lines)
 
 
-def _rays(data: bytes, start: int, many: int, width: int, what: str) -> Real:
+def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArray:
     """Numbers (N, width) of all rays; the file must hold all of them and nothing more."""
     size = 4 * width
     whole = start + many * size
@@ -190,7 +189,7 @@ def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
     return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
 
 
-def _lines(nm: Real, power: Real) -> tuple[tuple[Line, ...], NDArray[np.int64]]:
+def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], NDArray[np.int64]]:
     """Wavelengths of rays, gathered to lines of equal width where there are many, and which of them each ray has."""
     values, line = np.unique(nm, return_inverse=True)
     if len(values) > MOST_LINES:

@@ -15,12 +15,13 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from solen.arrays import Progress
 from solen.errors import SolenError
 from solen.parts import Light
 from solen.sensor.budget import Budget, budget
 from solen.sensor.off_index import NEAR_DEG, STANDARD_ERROR, Angles, OffIndex, off_indices, swept
 from solen.sensor.response import Response, Shift, contrast, shift
-from solen.sensor.sensor import Progress, Sensor
+from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 
 CHIP_MM = 0.2

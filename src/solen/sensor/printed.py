@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.lens import MeasuredLens
 from solen.sensor.off_index import STANDARD_ERROR, swept
 from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
 from solen.sensor.response import Response, contrast, powers
-from solen.sensor.sensor import Progress, Sensor
+from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
@@ -32,8 +32,6 @@ DRAWN_TOLERANCE = 1e-4
 """Within what fraction of the emitted power light of a point through a drawn outline is integrated."""
 DRAWN_RAYS = 2**14
 """Rays of a chip through a drawn outline: a contrast is known to some 5e-4 by them."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -57,17 +55,17 @@ class Comparison:
     width_mm: float
     designed: Response
     printed: Response
-    u_shape: Floats
+    u_shape: FloatArray
     null_deg: tuple[float | None, float | None]
     u_null_deg: float | None
 
     @property
-    def difference(self) -> Floats:
+    def difference(self) -> FloatArray:
         """(N,) contrast of the printed one less that of the designed one."""
         return self.printed.contrast - self.designed.contrast
 
     @property
-    def u_difference(self) -> Floats:
+    def u_difference(self) -> FloatArray:
         """(N,) standard uncertainty of `difference`: of the outline, and of both traces."""
         return np.sqrt(self.u_shape**2 + self.printed.u_contrast**2 + self.designed.u_contrast**2)
 
@@ -190,7 +188,7 @@ def _comparison(
     )
 
 
-def _contrasts(drawn: Sensor, found: Response) -> Floats:
+def _contrasts(drawn: Sensor, found: Response) -> FloatArray:
     """Contrasts (N,) with a drawn outline at the angles of a response; NaN where no light arrives.
 
     Where that was integrated for a point, or sampled, so are these; else a fan tells them.
@@ -204,7 +202,7 @@ def _contrasts(drawn: Sensor, found: Response) -> Floats:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def _u_null(response: Response, u_shape: Floats, null_deg: float | None) -> float | None:
+def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:
     """Uncertainty of a balance point: that of the contrast there by its slope between the angles beside it."""
     if null_deg is None or len(response.angle_deg) < 2:
         return None

@@ -11,6 +11,7 @@ from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
+from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
 from solen.geometry import Body, arm_angle_deg, outline_body, y_body
 from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
@@ -53,8 +54,6 @@ MATCHED = (
 )
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
-
-Progress = Callable[[float], None]
 
 
 class TraceOptions(TypedDict, total=False):

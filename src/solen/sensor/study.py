@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+from solen.arrays import Progress
 from solen.errors import DesignError
 from solen.sensor.practice import Practice, practice
 from solen.sensor.printed import Printed, printed
 from solen.sensor.response import Response
-from solen.sensor.sensor import Progress, Sensor
+from solen.sensor.sensor import Sensor
 from solen.spec import Design
 
 

@@ -77,6 +77,8 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+"""A number of an option, which a command line gives as text; `Number` is that of a file."""
 
 
 class Strict(BaseModel):
@@ -100,6 +102,45 @@ class Strict(BaseModel):
 
     # Keeps pydantic from calling this constructor for tables inside tables: the outermost tells every problem.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+
+class Options(BaseModel):
+    """Options of a stage: frozen, checked, and used as they are by its function and its command.
+
+    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below it says what it is; the
+    command line shows both. Numbers are taken from text, as a command line gives them.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
+
+    def __init__(self, /, **data: Any) -> None:
+        try:
+            super().__init__(**data)
+        except ValidationError as bad:
+            raise option_refusal(bad) from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+
+def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
+    """The first problem of options in one line; named as on the command line, ``--u-T``, or as in Python, ``u_T``."""
+    if not isinstance(bad, ValidationError):
+        return SpecError("options", limit=str(bad))
+    found = bad.errors(include_url=False)[0]
+    name, ctx = ".".join(str(part) for part in found["loc"]), found.get("ctx", {})
+    value, remedy = found["input"], ""
+    if found["type"] == "refused":
+        name, value, limit, remedy = (
+            ".".join(filter(None, (name, ctx["key"]))),
+            ctx["value"],
+            ctx["limit"],
+            ctx["remedy"],
+        )
+    else:
+        kind = found["type"].replace("_parsing", "_type")
+        limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else found["msg"]
+    shown = _shown(value) if value is not None else None
+    return SpecError(f"--{name.replace('_', '-')}" if command_line else name, value=shown, limit=limit, remedy=remedy)
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:

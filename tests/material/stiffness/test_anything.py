@@ -20,7 +20,7 @@ from solen.material.stiffness import (
     mean_modulus,
     specimen_of,
 )
-from solen.pipeline.stiffness_data import fit_data, specimen_data
+from solen.pipeline.resin.stiffness_data import fit_data, specimen_data
 
 WILD = st.one_of(
     st.floats(-1.5, 20),

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Image = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 
-def integrated(fine: Image, sub: int) -> Image:
+def integrated(fine: FloatArray, sub: int) -> FloatArray:
     """Mean over the ``sub`` by ``sub`` sub-pixels of each pixel."""
     rows, columns = fine.shape[0] // sub, fine.shape[1] // sub
     return np.asarray(fine.reshape(rows, sub, columns, sub).mean(axis=(1, 3)))
@@ -27,7 +27,7 @@ class Camera:
     shot_share: float = 0.5
     bits: int = 8
 
-    def levels(self, light: Image, rng: np.random.Generator) -> NDArray[Any]:
+    def levels(self, light: FloatArray, rng: np.random.Generator) -> NDArray[Any]:
         """Grey levels of light in 0 to 1."""
         variance = self.noise**2 * (1.0 - self.shot_share + self.shot_share * np.clip(light, 0.0, None))
         seen = light + np.sqrt(variance) * rng.standard_normal(light.shape)
@@ -79,7 +79,7 @@ def ome_tiff(levels: NDArray[Any], um_per_px: float) -> bytes:
 
 
 def _pillow(levels: NDArray[Any], kind: str, **options: Any) -> bytes:
-    from PIL import Image as Pillow
+    from PIL import as Pillow
 
     file = io.BytesIO()
     Pillow.fromarray(levels).save(file, kind, **options)

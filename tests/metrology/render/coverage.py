@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-Ring = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 
-def coverage(rings: Sequence[Ring], shape: tuple[int, int]) -> NDArray[np.float64]:
+def coverage(rings: Sequence[FloatArray], shape: tuple[int, int]) -> NDArray[np.float64]:
     """Share (rows, columns) of each pixel within closed polygons (N, 2) of (u, v) px, holes running the other way."""
     rows, columns = shape
     right_of = np.zeros((rows, columns + 1))
@@ -33,7 +33,7 @@ def coverage(rings: Sequence[Ring], shape: tuple[int, int]) -> NDArray[np.float6
     return np.asarray(np.abs(covered))
 
 
-def _pieces(ring: Ring) -> tuple[Ring, Ring]:
+def _pieces(ring: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Starts and ends (M, 2) of the sides, cut at every line of the grid that they cross."""
     closed = ring if np.array_equal(ring[0], ring[-1]) else np.vstack([ring, ring[:1]])
     start, step = closed[:-1], np.diff(closed, axis=0)

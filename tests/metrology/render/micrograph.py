@@ -16,20 +16,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from tests.metrology.render.camera import Camera, integrated
-from tests.metrology.render.coverage import Ring, coverage
+from tests.metrology.render.coverage import coverage
 from tests.metrology.render.optics import Optics, gaussian
 from tests.metrology.render.scenery import Scenery
 from tests.metrology.render.shape import Placing
-
-Image = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Level:
     """An outline in mm (closed polygons), where it lies, how bright it is against what is below, and its blur."""
 
-    rings_mm: Sequence[Ring]
+    rings_mm: Sequence[FloatArray]
     placing: Placing
     brightness: float
     optics: Optics
@@ -46,7 +45,7 @@ class Scene:
     camera: Camera = field(default_factory=Camera)
     sub: int = 1
 
-    def light(self, rng: np.random.Generator) -> Image:
+    def light(self, rng: np.random.Generator) -> FloatArray:
         """Light (rows, columns) on the pixels, 1 at full scale, before the camera."""
         fine = (self.shape[0] * self.sub, self.shape[1] * self.sub)
         image = np.full(self.shape, self.ground)
@@ -63,14 +62,14 @@ class Scene:
         return self.camera.levels(self.light(rng), rng)
 
 
-def reflected(outline: Ring, placing: Placing, *, step: float = 0.6, optics: Optics | None = None) -> list[Level]:
+def reflected(outline: FloatArray, placing: Placing, *, step: float = 0.6, optics: Optics | None = None) -> list[Level]:
     """One edge: the part ``step`` brighter than the ground."""
     return [Level([outline], placing, step, optics or gaussian(2.0))]
 
 
 def transmitted(
-    outer: tuple[Ring, Placing, float],
-    inner: tuple[Ring, Placing, float],
+    outer: tuple[FloatArray, Placing, float],
+    inner: tuple[FloatArray, Placing, float],
     *,
     wall: float = 0.55,
     part: float = 0.08,
@@ -85,6 +84,6 @@ def transmitted(
     ]
 
 
-def dark_field(outer: tuple[Ring, Placing, float], inner: tuple[Ring, Placing, float]) -> list[Level]:
+def dark_field(outer: tuple[FloatArray, Placing, float], inner: tuple[FloatArray, Placing, float]) -> list[Level]:
     """Only the wall between the two outlines is bright."""
     return transmitted(outer, inner, wall=-0.6, part=-0.04)

@@ -7,15 +7,14 @@ optics), and the smear of a stage that moved. Only the first resembles what an e
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 from scipy.signal import oaconvolve
 from scipy.special import j1
 
+from solen.arrays import FloatArray
 from tests.metrology.render.coverage import coverage
 
-Image = NDArray[np.float64]
-Optics = Callable[[Image, int], Image]
+Optics = Callable[[FloatArray, int], FloatArray]
 """Takes a picture of so many sub-pixels to the pixel to its blurred one."""
 
 
@@ -27,7 +26,7 @@ def sharp() -> Optics:
 def gaussian(sigma_px: float) -> Optics:
     """A Gaussian, cut at six standard deviations."""
 
-    def blurred(image: Image, fine: int) -> Image:
+    def blurred(image: FloatArray, fine: int) -> FloatArray:
         reach = int(np.ceil(6 * sigma_px * fine))
         weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (sigma_px * fine)) ** 2)
         weights /= weights.sum()
@@ -52,7 +51,7 @@ def smear(length_px: float, angle_deg: float) -> Optics:
     return _by_kernel(lambda fine: line_kernel(length_px * fine, angle_deg))
 
 
-def airy_kernel(first_dark: float) -> Image:
+def airy_kernel(first_dark: float) -> FloatArray:
     """(2 J1(v)/v)², v = 3.8317 r / first_dark: M. Born and E. Wolf, Principles of Optics, section 8.5.2."""
     reach = int(np.ceil(6 * first_dark))
     y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -61,13 +60,13 @@ def airy_kernel(first_dark: float) -> Image:
     return np.asarray(kernel / kernel.sum())
 
 
-def disc_kernel(radius: float) -> Image:
+def disc_kernel(radius: float) -> FloatArray:
     """Areas of a disc in the pixels."""
     reach = int(np.ceil(radius)) + 1
     return _outline_kernel([(radius * np.cos(a), radius * np.sin(a)) for a in np.linspace(0, 2 * np.pi, 721)], reach)
 
 
-def line_kernel(length: float, angle_deg: float) -> Image:
+def line_kernel(length: float, angle_deg: float) -> FloatArray:
     """Areas of a line half a pixel wide in the pixels."""
     reach = int(np.ceil(length / 2)) + 2
     turn = np.exp(1j * np.radians(angle_deg))
@@ -79,13 +78,13 @@ def _box(a: float, b: float) -> list[tuple[float, float]]:
     return [(-a, -b), (a, -b), (a, b), (-a, b)]
 
 
-def _outline_kernel(points: list[tuple[float, float]], reach: int) -> Image:
+def _outline_kernel(points: list[tuple[float, float]], reach: int) -> FloatArray:
     kernel = coverage([np.asarray(points) + reach + 0.5], (2 * reach + 1, 2 * reach + 1))
     return np.asarray(kernel / kernel.sum())
 
 
-def _by_kernel(kernel_of: Callable[[int], Image]) -> Optics:
-    def blurred(image: Image, fine: int) -> Image:
+def _by_kernel(kernel_of: Callable[[int], FloatArray]) -> Optics:
+    def blurred(image: FloatArray, fine: int) -> FloatArray:
         kernel = kernel_of(fine)
         reach = kernel.shape[0] // 2
         return np.asarray(oaconvolve(np.pad(image, reach, mode="edge"), kernel, mode="valid"))

@@ -3,19 +3,18 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from tests.metrology.render.coverage import coverage
 from tests.metrology.render.optics import gaussian
 
-Image = NDArray[np.float64]
-Scenery = Callable[[Image, np.random.Generator], Image]
+Scenery = Callable[[FloatArray, np.random.Generator], FloatArray]
 
 
 def gradient(share: float, angle_deg: float) -> Scenery:
     """Light that falls by ``share`` from one side of the picture to the other."""
 
-    def changed(image: Image, _rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, _rng: np.random.Generator) -> FloatArray:
         u, v = _unit_coordinates(image.shape)
         turn = np.radians(angle_deg)
         return np.asarray(image * (1.0 + 0.5 * share * (u * np.cos(turn) - v * np.sin(turn))))
@@ -26,7 +25,7 @@ def gradient(share: float, angle_deg: float) -> Scenery:
 def vignetting(share: float) -> Scenery:
     """Light that falls by ``share`` at the corners, with the square of the distance from the middle."""
 
-    def changed(image: Image, _rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, _rng: np.random.Generator) -> FloatArray:
         u, v = _unit_coordinates(image.shape)
         return image * (1.0 - 0.5 * share * (u**2 + v**2))
 
@@ -36,7 +35,7 @@ def vignetting(share: float) -> Scenery:
 def glare(patches: int, radius_px: float, level: float) -> Scenery:
     """Soft round patches of light anywhere in the picture, as of a lamp mirrored in the part's top."""
 
-    def changed(image: Image, rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return image + sum(
             level * np.exp(-0.5 * _squares(image.shape, centre) / radius_px**2)
             for centre in rng.uniform((0, 0), (image.shape[1], image.shape[0]), (patches, 2))
@@ -53,7 +52,7 @@ def glare_at(u: float, v: float, radius_px: float, level: float) -> Scenery:
 def dust(specks: int, radius_px: float, level: float) -> Scenery:
     """Specks of many corners, of sizes about ``radius_px``, each changing the light by the factor 1 + ``level``."""
 
-    def changed(image: Image, rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         rings = [_speck(rng, image.shape, radius_px * rng.lognormal(0.0, 0.4)) for _ in range(specks)]
         return _painted(image, rings, level)
 
@@ -63,7 +62,7 @@ def dust(specks: int, radius_px: float, level: float) -> Scenery:
 def fibres(count: int, length_px: float, width_px: float, level: float) -> Scenery:
     """Curled fibres."""
 
-    def changed(image: Image, rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.02) for _ in range(count)], level)
 
     return changed
@@ -72,7 +71,7 @@ def fibres(count: int, length_px: float, width_px: float, level: float) -> Scene
 def scratches(count: int, length_px: float, width_px: float, level: float) -> Scenery:
     """Straight scratches."""
 
-    def changed(image: Image, rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return _painted(image, [_fibre(rng, image.shape, length_px, width_px, 0.0) for _ in range(count)], level)
 
     return changed
@@ -81,31 +80,31 @@ def scratches(count: int, length_px: float, width_px: float, level: float) -> Sc
 def texture(share: float, size_px: float) -> Scenery:
     """Print texture: a rough surface of grains ``size_px`` wide that changes the light by ``share`` (RMS)."""
 
-    def changed(image: Image, rng: np.random.Generator) -> Image:
+    def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         grain = gaussian(size_px)(rng.standard_normal(image.shape), 1)
         return np.asarray(image * (1.0 + share * grain / grain.std()))
 
     return changed
 
 
-def _unit_coordinates(shape: tuple[int, ...]) -> tuple[Image, Image]:
+def _unit_coordinates(shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
     v, u = np.mgrid[-1 : 1 : shape[0] * 1j, -1 : 1 : shape[1] * 1j]
     return u, v
 
 
-def _squares(shape: tuple[int, ...], centre: tuple[float, float]) -> Image:
+def _squares(shape: tuple[int, ...], centre: tuple[float, float]) -> FloatArray:
     u, v = np.arange(shape[1]) + 0.5 - centre[0], np.arange(shape[0]) + 0.5 - centre[1]
     return np.asarray(u[None, :] ** 2 + v[:, None] ** 2)
 
 
-def _speck(rng: np.random.Generator, shape: tuple[int, ...], radius_px: float) -> Image:
+def _speck(rng: np.random.Generator, shape: tuple[int, ...], radius_px: float) -> FloatArray:
     angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
     radii = radius_px * rng.uniform(0.5, 1.3, 9)
     centre = rng.uniform((0, 0), (shape[1], shape[0]))
     return np.asarray(centre + np.column_stack([radii * np.cos(angles), radii * np.sin(angles)]))
 
 
-def _fibre(rng: np.random.Generator, shape: tuple[int, ...], length: float, width: float, curl: float) -> Image:
+def _fibre(rng: np.random.Generator, shape: tuple[int, ...], length: float, width: float, curl: float) -> FloatArray:
     steps = max(int(length / 4), 2)
     heading = rng.uniform(0, 2 * np.pi) + np.cumsum(rng.normal(0, curl * 4, steps))
     line = rng.uniform((0, 0), (shape[1], shape[0])) + 4 * np.cumsum(
@@ -115,7 +114,7 @@ def _fibre(rng: np.random.Generator, shape: tuple[int, ...], length: float, widt
     return np.vstack([line + aside, (line - aside)[::-1]])
 
 
-def _painted(image: Image, rings: list[Image], level: float) -> Image:
+def _painted(image: FloatArray, rings: list[FloatArray], level: float) -> FloatArray:
     cover = np.zeros_like(image)
     for ring in rings:
         cover = np.maximum(cover, np.minimum(coverage([ring], (image.shape[0], image.shape[1])), 1.0))

@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.geometry import Body
 from solen.sensor import Sensor
 from solen.spec import Design, loads, template, with_values
 
-Ring = NDArray[np.float64]
 DESIGNS = ("solen-860", "solen-500", "solen-450")
 FINE_MM = 1e-6
 
@@ -26,12 +25,12 @@ def body_of(design: Design) -> Body:
     return Sensor.of(design).body()
 
 
-def front_mm(design: Design) -> Ring:
+def front_mm(design: Design) -> FloatArray:
     """Points (N, 2) of the lens's front in mm, left to right."""
     return body_of(design).face("lens").curve.flattened(FINE_MM)
 
 
-def outline_mm(design: Design, change: Callable[[Ring], Ring] | None = None) -> Ring:
+def outline_mm(design: Design, change: Callable[[FloatArray], FloatArray] | None = None) -> FloatArray:
     """Closed outline (N, 2) of the whole part in mm; ``change`` moves points of the lens's front."""
     pieces = []
     for face in body_of(design).faces:
@@ -40,10 +39,10 @@ def outline_mm(design: Design, change: Callable[[Ring], Ring] | None = None) -> 
     return np.vstack(pieces)
 
 
-def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[Ring], Ring]:
+def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[FloatArray], FloatArray]:
     """A bump of a Gaussian's shape on the front: positive is more material, outwards."""
 
-    def changed(points: Ring) -> Ring:
+    def changed(points: FloatArray) -> FloatArray:
         along = np.gradient(points, axis=0)
         along /= np.hypot(*along.T)[:, None]
         outward = np.column_stack([along[:, 1], -along[:, 0]])  # walked left to right, the material lies on the left
@@ -53,7 +52,7 @@ def bump(at_mm: float, height_um: float, width_mm: float) -> Callable[[Ring], Ri
     return changed
 
 
-def grown(points: Ring, by_um: float) -> Ring:
+def grown(points: FloatArray, by_um: float) -> FloatArray:
     """A closed outline, counter-clockwise, moved outwards by so much; corners are mitred."""
     step = np.roll(points, -1, axis=0) - points
     normal = np.column_stack([step[:, 1], -step[:, 0]]) / np.hypot(*step.T)[:, None]
@@ -79,7 +78,7 @@ class Placing:
     tilt_deg: float = 0.0
     working_mm: float = 60.0
 
-    def px(self, points_mm: Ring) -> Ring:
+    def px(self, points_mm: FloatArray) -> FloatArray:
         """Points (N, 2) of the picture."""
         middle = np.asarray(self.middle_mm)
         x, z = (middle + self.magnification * (points_mm - middle)).T
@@ -90,7 +89,7 @@ class Placing:
         right, up = x * math.cos(turn) - z * math.sin(turn), x * math.sin(turn) + z * math.cos(turn)
         return np.asarray(np.column_stack([right, -up]) * 1e3 / self.um_per_px + np.asarray(self.origin_px))
 
-    def mm(self, points_px: Ring) -> Ring:
+    def mm(self, points_px: FloatArray) -> FloatArray:
         """Points (N, 2) of the design, at magnification 1 and without tilt."""
         right, down = ((points_px - np.asarray(self.origin_px)) * self.um_per_px * 1e-3).T
         turn = math.radians(self.angle_deg)

@@ -16,7 +16,7 @@ import numpy as np
 from solen.analysis.calibration.decoder import Decoded, Decoder
 from solen.analysis.calibration.fit import Calibration, calibrated, mean_of
 from solen.analysis.calibration.training import Samples, Training
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 _MOST_FOLDS = 20
 _MOST_READINGS = 40_000

@@ -21,10 +21,7 @@ from scipy.special import log_ndtr
 from scipy.stats import f as f_distribution
 
 from solen.analysis.calibration.fit import Calibration, at_angles
-from solen.recording.model import FloatArray
-
-BoolArray = NDArray[np.bool_]
-IntArray = NDArray[np.intp]
+from solen.arrays import BoolArray, FloatArray, IndexArray
 
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
@@ -77,7 +74,7 @@ class Decoded:
     ambiguous: BoolArray
     clipped: BoolArray
     at_end: BoolArray
-    other: IntArray
+    other: IndexArray
     other_deg: FloatArray
     other_probability: FloatArray
 
@@ -90,7 +87,7 @@ class Decoded:
             found[self.other[inside]] = True
         return np.asarray(found)
 
-    def picked(self, places: IntArray) -> "Decoded":
+    def picked(self, places: IndexArray) -> "Decoded":
         """The readings at some places, each but once, in that order."""
         number = np.full(len(self.angle_deg), -1, dtype=np.intp)
         number[places] = np.arange(len(places))
@@ -195,7 +192,7 @@ class Decoder:
             self._metrics[key] = self._new_metric(np.flatnonzero(key))
         return self._metrics[key]
 
-    def _new_metric(self, kept: IntArray) -> _Metric:
+    def _new_metric(self, kept: IndexArray) -> _Metric:
         whiten, constant = np.zeros((self.pieces, 2, 2)), np.zeros(self.pieces)
         if kept.size:
             root = np.linalg.cholesky(self._covariance[:, kept[:, None], kept])
@@ -216,7 +213,7 @@ class Decoder:
         level = -(slope * self._start).sum(axis=-1, keepdims=True)
         return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
 
-    def _allowed(self, top: FloatArray, piece: slice | IntArray, constant: FloatArray, size: int) -> FloatArray:
+    def _allowed(self, top: FloatArray, piece: slice | IndexArray, constant: FloatArray, size: int) -> FloatArray:
         """Squared distance at which the log-likelihood is as far below the top as still counts."""
         freedom = self._freedom[piece]
         most = np.minimum(2.0 * (constant[piece] - top + _DROP) / (freedom + size), 500.0)
@@ -242,7 +239,7 @@ class Decoder:
 
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
-    ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
         """Readings and pieces that may count, the reading's place along that piece, and its squared distance."""
         three = np.column_stack([volts, np.ones(len(volts))])
         along = three @ metric.along
@@ -263,17 +260,17 @@ class Decoder:
         row, place = np.nonzero(distance <= reach[:, None])
         return row, place, along[row, place], distance[row, place]
 
-    def _law(self, distance: FloatArray, piece: IntArray, size: int) -> FloatArray:
+    def _law(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
         """Logarithm of the t distribution but for its constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
-    def _point(self, place: IntArray, along: FloatArray) -> FloatArray:
+    def _point(self, place: IndexArray, along: FloatArray) -> FloatArray:
         """Voltages of the curve at places along its pieces, (..., 2)."""
         start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
-    def _beyond(self, volts: FloatArray, curve: FloatArray, piece: IntArray, marks: tuple[int, int]) -> FloatArray:
+    def _beyond(self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]) -> FloatArray:
         """Log-probability that clipped receivers would show their limit."""
         found = np.zeros(piece.shape)
         for place, mark in enumerate(marks):
@@ -284,13 +281,13 @@ class Decoder:
 
     def _stretches(
         self,
-        row: IntArray,
-        place: IntArray,
+        row: IndexArray,
+        place: IndexArray,
         along: FloatArray,
         distance: FloatArray,
         top: FloatArray,
         metric: _Metric,
-    ) -> tuple[IntArray, FloatArray, FloatArray]:
+    ) -> tuple[IndexArray, FloatArray, FloatArray]:
         """Reading of each stretch, and its ends in degrees: where the likelihood is not far below the best."""
         piece, square = place % self.pieces, metric.square[place]
         over = along - np.clip(along, 0.0, 1.0)
@@ -311,7 +308,7 @@ class Decoder:
         volts: FloatArray,
         marks: tuple[int, int],
         metric: _Metric,
-        stretches: tuple[IntArray, FloatArray, FloatArray],
+        stretches: tuple[IndexArray, FloatArray, FloatArray],
         distance: FloatArray,
         limit: FloatArray,
     ) -> Decoded:
@@ -346,7 +343,7 @@ class Decoder:
         )
 
     def _density(
-        self, volts: FloatArray, row: IntArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
+        self, volts: FloatArray, row: IndexArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
     ) -> FloatArray:
         """Likelihood of angles (m, p) for the readings ``row`` (m,), as a share of each reading's largest."""
         where = (angle_deg - self.nodes_deg[0]) / self._width
@@ -414,7 +411,7 @@ def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArra
     return np.column_stack(lows), np.column_stack(highs)
 
 
-def _crossing(density: FloatArray, grid: FloatArray, place: IntArray, side: int, height: FloatArray) -> FloatArray:
+def _crossing(density: FloatArray, grid: FloatArray, place: IndexArray, side: int, height: FloatArray) -> FloatArray:
     """Where the density falls below a height beyond the outermost point above it, or the grid's own end."""
     rows = np.arange(len(grid))
     beyond = np.clip(place + side, 0, grid.shape[1] - 1)

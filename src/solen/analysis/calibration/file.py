@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from solen.analysis.calibration.fit import Calibration
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
-from solen.recording.model import FloatArray
 from solen.spec.strict import NotNegative, Number, Strict, Text, migrated, refused, told_of
 
 SCHEMA = 1

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from solen.analysis.calibration.training import Samples, Training, mean_curves
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 _WIDTHS = (0.05, 0.1, 0.2, 1.0)  # of the range, to each side, over which products are averaged
 _LEAST_SAMPLES = 30.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 WINDOW_S = 0.05
 SURE = 0.975

@@ -8,7 +8,7 @@ The interface: `posterior` of one reading.
 import numpy as np
 
 from solen.analysis.calibration.fit import Calibration, at_angles
-from solen.recording.model import FloatArray
+from solen.arrays import FloatArray
 
 
 def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:

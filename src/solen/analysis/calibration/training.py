@@ -7,17 +7,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS
 from solen.analysis.signals import pair
 from solen.analysis.study import Analysed, Run
+from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
-
-IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
 
 LEAST_CYCLES = 2
 """With a single cycle nothing says how well cycles repeat."""
@@ -39,8 +35,8 @@ class Samples:
 
     angle_deg: FloatArray
     volts: FloatArray
-    cycle: IntArray
-    way: IntArray
+    cycle: IndexArray
+    way: IndexArray
     follows: BoolArray
 
     def part(self, kept: BoolArray) -> "Samples":
@@ -141,7 +137,7 @@ def _stretch(good: BoolArray) -> tuple[int, int]:
 
 def _samples(sensor: Analysed, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
     """Samples of all runs between two angles, without the clipped ones, and the voltages at which those are."""
-    parts: list[tuple[FloatArray, FloatArray, IntArray, IntArray, BoolArray]] = []
+    parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     cycle = 0
     for run in sensor.runs:
@@ -158,13 +154,13 @@ def _samples(sensor: Analysed, sides: tuple[int, int], ends: tuple[float, float]
     return Samples(*(np.concatenate(column) for column in zip(*parts, strict=True))), rails
 
 
-def _used(run: Run) -> list[IntArray]:
+def _used(run: Run) -> list[IndexArray]:
     """Places of the samples of each used cycle."""
     cycles = [run.motion.cycles[number] for number in run.used]
     return [np.arange(one.start, one.stop, dtype=np.intp) for one in cycles]
 
 
-def _ways(motion: Motion, size: int) -> IntArray:
+def _ways(motion: Motion, size: int) -> IndexArray:
     """0 from where a rising ramp begins to the next ramp, 1 of a falling one, −1 before the first."""
     found = np.full(size, -1, dtype=np.intp)
     starts = [ramp.start for ramp in motion.ramps]

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.analysis.demodulation.slots import OFF, BoolArray, FloatArray, IntArray, Slots
+from solen.analysis.demodulation.slots import OFF, Slots
 from solen.analysis.demodulation.subtract import Demodulated, on_sd, slot_sd
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
 
 MOST_READINGS = 1000

@@ -16,7 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from solen.analysis.demodulation.slots import DROPPED, OFF, FloatArray, IntArray
+from solen.analysis.demodulation.slots import DROPPED, OFF
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 
 On = Literal["low", "high"]

@@ -17,9 +17,8 @@ The interface: `gain` and `rejection_dB`; `mean_gain` of the mean of readings.
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 Kernel = Literal["two-sided", "one-sided"]
 KERNELS: tuple[Kernel, ...] = get_args(Kernel)

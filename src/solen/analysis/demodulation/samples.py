@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from solen.analysis.demodulation.clock import Clock
-from solen.analysis.demodulation.slots import FloatArray, IntArray
+from solen.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

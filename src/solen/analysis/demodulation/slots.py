@@ -11,11 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 OFF, DROPPED = 0, -1
 """States of samples: all emitters off; not to be used. Emitters that are on are numbered from 1."""

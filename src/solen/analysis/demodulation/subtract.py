@@ -13,16 +13,14 @@ The interface: `subtract` `Slots`; `Demodulated` is what it gives, with `Counts`
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis.demodulation.rejection import Kernel
-from solen.analysis.demodulation.slots import OFF, BoolArray, FloatArray, IntArray, Slots
+from solen.analysis.demodulation.slots import OFF, Slots
+from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 FAR = 1.5
 """An off slot this many times as far as is usual for the emitter has another that is missing before it."""
-
-Places = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,7 @@ def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
         return np.asarray(np.sqrt(np.where(there, squares, 0.0).sum(axis=0) / there.sum(axis=0)))
 
 
-def _neighbours(slots: Slots, on: Places, off: Places) -> tuple[Places, Places, BoolArray]:
+def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArray, IndexArray, BoolArray]:
     """Off slots before and after each on slot, and whether each is there and near, (M, 2)."""
     place = np.searchsorted(off, on)
     first, last = place == 0, place == off.size
@@ -194,7 +192,9 @@ def _neighbours(slots: Slots, on: Places, off: Places) -> tuple[Places, Places, 
     return before, after, there
 
 
-def _share_of_after(time_s: FloatArray, on: Places, before: Places, after: Places, there: BoolArray) -> FloatArray:
+def _share_of_after(
+    time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, there: BoolArray
+) -> FloatArray:
     """Weight of the off slot after, (M,): by time between the two, or all of the one that is there."""
     both = there.all(axis=1)
     span = np.where(both, time_s[after] - time_s[before], 1.0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
 from solen.analysis.diagnosis.model import OFFSET, SPREAD, Model
-from solen.analysis.diagnosis.table import FloatArray
+from solen.arrays import FloatArray
 
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 STARTS_MM2 = (0.1**2, 0.25**2)

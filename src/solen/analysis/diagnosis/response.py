@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solen.analysis.diagnosis.table import FloatArray, Progress, Table, angles_deg
+from solen.analysis.diagnosis.table import Table, angles_deg
+from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.sensor import Sensor
 from solen.spec import value_at, with_values

@@ -12,7 +12,7 @@ receivers.
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,14 +20,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import Points
-
-FloatArray = NDArray[np.float64]
-Progress = Callable[[float], None]
 
 SIDES = ("right", "left")
 TOLERANCE = 1e-5

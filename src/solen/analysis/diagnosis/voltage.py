@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.analysis.diagnosis.table import FloatArray
+from solen.arrays import FloatArray
 from solen.readout import Circuit
 from solen.readout.transistor import load_line
 

@@ -11,16 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
 from solen.bench.simulated.prints import Print
 from solen.bench.simulated.room import light_mw_cm2
 from solen.readout import volts
-
-FloatArray = NDArray[np.float64]
 
 AT_ONCE = 2000
 """Periods that are worked out at once, so that memory stays small however long nobody read."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.bench.rig import RoomLight
@@ -23,8 +24,6 @@ from solen.bench.simulated.prints import Print
 from solen.bench.simulated.room import light_mw_cm2
 from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
-
-FloatArray = NDArray[np.float64]
 
 AT_ONCE = 20_000
 """Samples that are worked out at once, so that memory stays small however long nobody read."""

@@ -14,16 +14,14 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.rig import Rig, SensorOf
 from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
 from solen.sensor import Response, Sensor
 from solen.spec import Design, load, with_values
-
-FloatArray = NDArray[np.float64]
 
 ANGLES = 25
 """Angles at which a response is traced at first."""

@@ -6,11 +6,9 @@ The interface: `light_mw_cm2` at times.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.bench.rig import RoomLight
-
-FloatArray = NDArray[np.float64]
 
 
 def light_mw_cm2(room: RoomLight, time_s: FloatArray, phase: float) -> FloatArray:

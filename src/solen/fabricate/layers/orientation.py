@@ -3,13 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 
-Floats = NDArray[np.float64]
-
-ORIENTATIONS: dict[str, Floats] = {
+ORIENTATIONS: dict[str, FloatArray] = {
     "flat": np.eye(3),
     "upright": np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)]),
     "on-edge": np.array([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]),
@@ -22,7 +20,7 @@ IN_WORDS = {
 }
 
 
-def orientation(name: str, rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Floats:
+def orientation(name: str, rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FloatArray:
     """Rotation matrix (3, 3) of a named orientation and, after it, of turns in degrees about the plate's X, Y and Z.
 
     Raises
@@ -35,7 +33,7 @@ def orientation(name: str, rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0
     return turned(rotate_deg) @ ORIENTATIONS[name]
 
 
-def turned(rotate_deg: tuple[float, float, float]) -> Floats:
+def turned(rotate_deg: tuple[float, float, float]) -> FloatArray:
     """Rotation matrix (3, 3) of turns about X, then Y, then Z, counter-clockwise as seen from the axis' far end."""
     if not all(map(math.isfinite, rotate_deg)):
         raise SpecError("--rotate-deg", value=rotate_deg, limit="must be finite, in degrees")

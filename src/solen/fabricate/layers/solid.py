@@ -13,14 +13,14 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.raster import rings_of
 from solen.geometry.body import filled
 
-Floats = NDArray[np.float64]
-Rings = Sequence[Floats]
+Rings = Sequence[FloatArray]
 
 PLAN_MM = 1e-4
 """How closely the outlines of a plan are followed: a thousandth of the finest pixel or so."""
@@ -95,7 +95,7 @@ class Slices:
         return None, [np.asarray(ring) for ring in self.solid.slice(z_mm).to_polygons()]
 
 
-def solid_of(part: Part, rotation: Floats, tolerance_mm: float = MESH_MM) -> Solid:
+def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
     """A part, turned by a matrix (3, 3): a `Plan` where its Z stays upright, else `Slices` of its mesh.
 
     Raises
@@ -108,7 +108,7 @@ def solid_of(part: Part, rotation: Floats, tolerance_mm: float = MESH_MM) -> Sol
     return mesh_solid(mesh_of(part, tolerance_mm), rotation)
 
 
-def mesh_solid(mesh: Mesh, rotation: Floats, name: str = "mesh") -> Slices:
+def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
     """A mesh, turned by a matrix (3, 3).
 
     Raises
@@ -130,7 +130,7 @@ def mesh_solid(mesh: Mesh, rotation: Floats, name: str = "mesh") -> Slices:
     return Slices((x, y, z), origin, mesh.volume_mm3, _levels(turned, mesh.triangles), solid)
 
 
-def _levels(vertices: Floats, triangles: NDArray[np.int64]) -> tuple[float, ...]:
+def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:
     """Heights of level triangles."""
     z = vertices[triangles, 2]
     level = z[np.ptp(z, axis=1) < LEVEL_MM, 0]
@@ -148,14 +148,14 @@ def _check_closed(mesh: Mesh, name: str) -> None:
         raise DataError(name, value=f"{mesh.volume_mm3:.4g} mm³", limit=limit, remedy="repair the mesh")
 
 
-def _plan(part: Part, turn: Floats) -> Plan:
+def _plan(part: Part, turn: FloatArray) -> Plan:
     """Plan of a part that is turned about the plate's normal by a matrix (2, 2)."""
     tools = [cut.tool for cut in part.cuts]
     heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
     bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)
     heights = [height for height in heights if bottom <= height <= top]
     known: dict[tuple[tuple[int, ...], tuple[int, ...]], int] = {}
-    sections: list[list[Floats]] = []
+    sections: list[list[FloatArray]] = []
     numbers = []
     for low, high in pairwise(heights):
         there = (_across(part.prisms, low, high), _across(tools, low, high))
@@ -179,7 +179,7 @@ def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]
     return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
 
 
-def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[Floats]:
+def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
     """Rings of prisms less tools; there is air between two prisms where none is."""
     if not prisms:
         return []

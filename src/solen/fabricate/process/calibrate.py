@@ -20,11 +20,11 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import least_squares
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.coupons import Feature, printed_mm
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.fabricate.process.settings import Calibration, Process, Settings
-from solen.recording.model import FloatArray
 
 SOUGHT = ("sigma_um", "Ec_mJ_per_cm2", "shrinkage_percent")
 WEAK = 3.0

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from solen.arrays import FloatArray
 from solen.fabricate.process.drawn import DrawnFace, redrawn, rings_of
 from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.light import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry import Body
-from solen.recording.model import FloatArray
 
 MOST_ROUNDS = 12
 SETTLED_UM = 0.02

@@ -17,9 +17,9 @@ import numpy as np
 from scipy.optimize import elementwise
 from scipy.special import i0e
 
+from solen.arrays import FloatArray
 from solen.fabricate.process.growth import Light, inside
 from solen.fabricate.process.settings import Settings
-from solen.recording.model import FloatArray
 
 Kind = Literal["pillar", "hole", "gap", "step"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

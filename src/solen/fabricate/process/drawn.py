@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.curve import Curve, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, Face
 from solen.plane import Point
-from solen.recording.model import FloatArray
 
 FLAT_MM = 1e-4
 """How closely polylines follow curves."""

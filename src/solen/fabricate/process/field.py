@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import fft, ndimage
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.light import terms_at
 from solen.fabricate.process.settings import Settings
-from solen.recording.model import FloatArray
 
 FAINTEST = 1e-6
 """Relative size of the narrowest blur's spectrum at the end of the fine grid's."""

@@ -20,13 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import fft
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.field import DoseMap, Images, dose_map, fineness
 from solen.fabricate.process.light import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
 from solen.fabricate.raster import coverage
-from solen.recording.model import FloatArray
 
 STEP_UM = 2.0
 MOST_POINTS = 20_000_000

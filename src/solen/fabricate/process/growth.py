@@ -15,10 +15,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.light import terms_at
 from solen.fabricate.process.settings import Settings
-from solen.recording.model import FloatArray
 
 _HALOS = 4  # groups of scattered light
 _WIDE = 8.0  # widths of a blur beyond which it adds nothing

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.settings import Settings
 from solen.material.cure import dose_below
-from solen.recording.model import FloatArray
 
 FAINT = 1e-9
 """Share of the dose below which later layers are left out."""

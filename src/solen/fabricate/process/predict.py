@@ -14,21 +14,19 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from solen.arrays import FloatArray, Progress
 from solen.errors import DataError
 from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.fabricate.process.settings import GROWTH, Process, Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.fabricate.process.upright import Side, SidePrint
-from solen.recording.model import FloatArray
 
 Orientation = Literal["flat", "upright", "upright-lens-first", "on-edge"]
 ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
 SIDE_OF: dict[str, Side] = {"upright": "upright", "upright-lens-first": "upright-lens-first", "on-edge": "on-edge"}
 PHASE = "place in the pixel"
 FLAT_POINTS, SIDE_POINTS = 601, 1501
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)

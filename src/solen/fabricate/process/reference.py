@@ -13,8 +13,8 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from solen.arrays import FloatArray
 from solen.fabricate.process.settings import Settings
-from solen.recording.model import FloatArray
 
 
 def dose_at(images: FloatArray, settings: Settings, places_um: FloatArray, height_um: float) -> FloatArray:

@@ -22,10 +22,10 @@ import numpy as np
 import tomli_w
 from pydantic import Field, model_validator
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.material.cure import cure_depth_um, stack_dose
-from solen.recording.model import FloatArray
 from solen.spec.strict import Migrations, NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused
 from solen.spec.strict import told_of as told_of_file
 

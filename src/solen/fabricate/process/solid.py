@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.mesh import Mesh, closed_mesh
 from solen.fabricate.process.field import Images, dose_map
@@ -21,7 +22,6 @@ from solen.fabricate.process.flat import FlatPrint, check_size, window
 from solen.fabricate.process.light import straight_edge_um, terms_at
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.raster import coverage
-from solen.recording.model import FloatArray
 
 SLAB_UM = 1.0
 """How far a straight wall may move within a slab."""

@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.curve import Curve
 from solen.errors import DataError
 from solen.plane import Point
-from solen.recording.model import FloatArray
 
 Field = Callable[[FloatArray], FloatArray]
 """What says of places (..., 2) in mm whether they are set: above 0 they are."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.light import Light
-from solen.recording.model import FloatArray
 
 
 @dataclass(frozen=True)

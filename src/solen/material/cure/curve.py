@@ -23,9 +23,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.regression import LinearFit, bad_points, f_tail, fitted, t_quantile
-from solen.recording.model import FloatArray
 
 Scatter = Literal["auto", "proportional", "constant"]
 SCATTERS: tuple[Scatter, ...] = ("auto", "proportional", "constant")

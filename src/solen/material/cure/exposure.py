@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.material.regression import fitted, t_tail
-from solen.recording.model import FloatArray
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 _NEARLY = 0.99
 

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.index.stack import Baseline, FloatArray, Numbers, Readings, Side, Substrate, readings
+from solen.material.index.stack import Baseline, Numbers, Readings, Side, Substrate, readings
 from solen.units import NM_PER_UM
 
 N_LEAST, N_MOST = 1.0, 3.0

@@ -22,15 +22,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, SellmeierForm, UnfitError, resonance_nm
 from solen.material.index.squares import Points, Solved, points_of, solved
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 _SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
 

@@ -13,12 +13,10 @@ from abc import ABC, abstractmethod
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 _EDGE = 0.97  # a resonance of two terms stays at least this far off the range, as a share of its end
 _FAR_UM = (0.01, 200.0)  # resonances are looked for between these

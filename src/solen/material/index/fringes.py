@@ -9,7 +9,8 @@ The interface: `fringe_warnings`, in sentences.
 
 import numpy as np
 
-from solen.material.index.slab import FloatArray, fringe_spacing_nm
+from solen.arrays import FloatArray
+from solen.material.index.slab import fringe_spacing_nm
 
 
 def fringe_warnings(

@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen.material.index.slab import FloatArray, attenuation
+from solen.arrays import FloatArray
+from solen.material.index.slab import attenuation
 
 _IN_BLOCKS: dict[str, Any] = {
     "flags": ["external_loop", "buffered", "zerosize_ok"],

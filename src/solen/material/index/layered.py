@@ -18,11 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from solen.arrays import FloatArray
 from solen.material.index.inversion import Inverted, Slopes
 from solen.material.index.masks import THREE_SIGMAS, Codes, Why, first
 from solen.material.index.reading import Combined, Length, Reading, Share, combined
 from solen.material.index.routes import k_bounds, masked_at
-from solen.material.index.slab import FloatArray
 from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Baseline, Side, Substrate
 from solen.material.index.substrate import Inverse, extinction, invert, invert_lossless, most_transmitted

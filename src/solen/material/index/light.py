@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.dispersion import Dispersion
-from solen.material.index.slab import FloatArray
 from solen.material.index.spectrum import Estimate, IndexSpectrum
 from solen.parts.light import FWHM_OF_SIGMA
 

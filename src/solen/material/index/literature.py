@@ -21,13 +21,12 @@ from importlib.resources import files
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.extras import need, there
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 POLYMERS = ("acrylate", "photoresin", "silicone", "aromatic")
 """Classes of the table."""

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtrik
 
+from solen.arrays import FloatArray
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
-from solen.material.index.slab import FloatArray
 
 Codes = NDArray[np.int8]
 

@@ -22,12 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammaincc
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy
 from solen.material.index.literature import LINE_C, LINE_D, LINE_F, LINE_HELIUM, POLYMERS, RESINS, materials
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 VALID_NM = (400.0, 1000.0)
 """Where the formula is told: the wavelengths that the literature behind the prior covers."""

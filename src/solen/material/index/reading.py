@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtri, stdtrit
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.index.slab import FloatArray
 
 ONE_SIGMA = 0.682689492137086
 """Share of a normal distribution within one standard deviation."""

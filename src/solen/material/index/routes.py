@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index import masks
 from solen.material.index.inversion import Inverted, Slopes, invert, slopes
 from solen.material.index.literature import band
 from solen.material.index.masks import WORDS, Codes, Why
 from solen.material.index.reading import Combined, Length, Reading, Share, combined
-from solen.material.index.slab import FloatArray
 from solen.material.index.spectrum import UNRESOLVED, Estimate, IndexSpectrum, estimate, nothing
 
 MODES = ("measured", "absorptance", "as-published", "lossless")

@@ -13,11 +13,10 @@ incoherent formula ends.
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 
 def face(n: ArrayLike, k: ArrayLike) -> FloatArray:

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.index import masks
 from solen.material.index.masks import Codes, Why
 from solen.material.index.reading import Combined, Length
-from solen.material.index.slab import FloatArray
 
 UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
 

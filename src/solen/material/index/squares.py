@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.formulas import Form, UnfitError
 from solen.units import NM_PER_UM
-
-FloatArray = NDArray[np.float64]
 
 _STEPS = 50
 _SURE = 0.01  # chance at which scatter counts as beyond the stated uncertainties

@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike, NDArray
 from solen.errors import DataError
 from solen.units import NM_PER_UM
 
-FloatArray = NDArray[np.float64]
 Numbers = NDArray[Any]  # float, or complex on a complex step
 
 Side = Literal["layer", "substrate"]

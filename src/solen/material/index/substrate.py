@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.material.index.case import (
     CLOSED,
     GRID,
@@ -35,7 +36,7 @@ from solen.material.index.case import (
     rows,
     starts,
 )
-from solen.material.index.stack import Baseline, FloatArray, Readings, Side, Substrate
+from solen.material.index.stack import Baseline, Readings, Side, Substrate
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import BoolArray, FloatArray
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm
-from solen.material.loss.pieces import Mask, Piece, Table, pieces_of
+from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
-from solen.recording.model import FloatArray
 
 MOST_SET_ASIDE = 0.2
 """Share of the pieces, at least one piece, that may be set aside."""
@@ -193,7 +193,7 @@ def _bad(table: Table) -> dict[int, float]:
     return found if table.ways(left) == table.ways(np.ones(count, bool)) and table.sloped(left) else {}
 
 
-def _set_aside(table: Table, fit: LinearFit, keep: Mask, bad: dict[int, float]) -> tuple[SetAside, ...]:
+def _set_aside(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[SetAside, ...]:
     ways, found = table.ways(keep), []
     for number, t in bad.items():
         piece = table.pieces[number]
@@ -207,13 +207,13 @@ def _line_with_all(table: Table) -> Line:
     return _common_line(table, table.fit(table.common(everything), everything), everything)
 
 
-def _common_line(table: Table, fit: LinearFit, keep: Mask) -> Line:
+def _common_line(table: Table, fit: LinearFit, keep: BoolArray) -> Line:
     count = len(table.ways(keep))
     start, slope = np.append(np.full(count, 1.0 / count), 0.0), np.append(np.zeros(count), 1.0)
     return _line(table, fit, keep, start, slope)
 
 
-def _line(table: Table, fit: LinearFit, keep: Mask, start: FloatArray, slope: FloatArray, way: str = "") -> Line:
+def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, way: str = "") -> Line:
     """Line whose start and slope are these combinations of a fit's parameters."""
     return Line(
         orientation=way,
@@ -232,7 +232,7 @@ def _line(table: Table, fit: LinearFit, keep: Mask, start: FloatArray, slope: Fl
     )
 
 
-def _orientations(table: Table, keep: Mask) -> tuple[tuple[Line, ...], float | None]:
+def _orientations(table: Table, keep: BoolArray) -> tuple[tuple[Line, ...], float | None]:
     """Line of each orientation, and how likely their slopes differ this much by chance."""
     ways, sloped, design = table.ways(keep), table.sloped(keep), table.apart(keep)
     if ways == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
@@ -256,7 +256,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
     return f_tail(ratio, len(contrasts), min(fit.df(row) for row in contrasts))
 
 
-def _curved(table: Table, keep: Mask) -> tuple[float | None, float | None]:
+def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
     """How likely a bend this strong is by chance, and the second derivative of the level; None where it is unknown."""
     design, cm = table.apart(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import FloatArray
 
 DB_PER_NEPER = 10.0 / math.log(10.0)
 """dB in a factor e of power."""

@@ -13,12 +13,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.levels import MM_PER_CM
 from solen.material.regression import LinearFit, fitted, shared
-from solen.recording.model import FloatArray
 
-Mask = NDArray[np.bool_]
 LENGTHS_MM = (1e-3, 1e6)
 """Lengths that are taken for a guide's."""
 
@@ -105,33 +104,33 @@ class Table:
         """Orientations."""
         return np.array([piece.orientation for piece in self.pieces])
 
-    def ways(self, keep: Mask) -> list[str]:
+    def ways(self, keep: BoolArray) -> list[str]:
         """Orientations of these pieces."""
         return list(dict.fromkeys(self.way[keep].tolist()))
 
-    def lengths(self, keep: Mask) -> list[float]:
+    def lengths(self, keep: BoolArray) -> list[float]:
         """Different lengths of these pieces in cm, ascending."""
         return sorted(set(self.cm[keep].tolist()))
 
-    def sloped(self, keep: Mask) -> list[str]:
+    def sloped(self, keep: BoolArray) -> list[str]:
         """Orientations with at least two lengths among these pieces."""
         return [way for way in self.ways(keep) if len(self.lengths(keep & (self.way == way))) > 1]
 
-    def cut(self, keep: Mask) -> int:
+    def cut(self, keep: BoolArray) -> int:
         """Number of guides among these pieces that were cut to several lengths."""
         guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
         return sum(guides.count(guide) > 1 for guide in set(guides))
 
-    def common(self, keep: Mask) -> FloatArray:
+    def common(self, keep: BoolArray) -> FloatArray:
         """Design of one slope: a start for each of `ways`, then the slope."""
         return np.column_stack([self._starts(keep), -self.cm[keep]])
 
-    def apart(self, keep: Mask) -> FloatArray:
+    def apart(self, keep: BoolArray) -> FloatArray:
         """Design of several slopes: a start for each of `ways`, then a slope for each of `sloped`."""
         slopes = [-self.cm[keep] * (self.way[keep] == way) for way in self.sloped(keep)]
         return np.column_stack([self._starts(keep), *slopes])
 
-    def fit(self, design: FloatArray, keep: Mask) -> LinearFit:
+    def fit(self, design: FloatArray, keep: BoolArray) -> LinearFit:
         """Fit of a design to these pieces."""
         guide = [self.guide[index] for index in np.flatnonzero(keep)]
         of = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut(keep) > 1 else (None,)
@@ -150,5 +149,5 @@ class Table:
             limit = f"{numbers} numbers are sought, so no uncertainty follows; readings of one guide count once"
             raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
 
-    def _starts(self, keep: Mask) -> FloatArray:
+    def _starts(self, keep: BoolArray) -> FloatArray:
         return np.column_stack([(self.way[keep] == way).astype(float) for way in self.ways(keep)])

@@ -14,14 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.specimen import Specimen
 from solen.material.stiffness.test import StressStrain, as_test, sense
 from solen.recording import Channel, Recording
-
-FloatArray = NDArray[np.float64]
 
 FORCE = ("force", "standard force", "load")
 DISPLACEMENT = ("displacement", "extension", "travel")

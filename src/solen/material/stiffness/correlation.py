@@ -18,9 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 _HIGHEST = 0.995
 _NEGLIGIBLE = 1e-10  # singular value, of the largest, below which a direction is rounding

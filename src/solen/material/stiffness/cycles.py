@@ -16,12 +16,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.test import StressStrain
-
-FloatArray = NDArray[np.float64]
 
 SWING = 0.1
 """Share of the strain's range that a reversal must exceed."""

@@ -23,15 +23,13 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.correlation import Scatter, log_likelihood, scatter
 from solen.material.stiffness.models import Model, Ogden, model
 from solen.material.stiffness.modes import MODES, Mode
 from solen.material.stiffness.stability import StableRange, stable_range
-
-FloatArray = NDArray[np.float64]
 
 WEIGHTINGS = ("absolute", "relative")
 SEEN = 0.02  # of the root mean square of the residuals: a smaller difference of two fits is none

@@ -11,13 +11,11 @@ The interface: `loading_curve` of a test; `rereferenced` counts a test from the 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.stiffness.cycles import cycles_of, loading_branch
 from solen.material.stiffness.hyperelastic import Curve
 from solen.material.stiffness.test import StressStrain
-
-FloatArray = NDArray[np.float64]
 
 MOST = 50
 """Points of a curve to fit."""

@@ -15,12 +15,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.material.stiffness.modes import Mode
-
-FloatArray = NDArray[np.float64]
 
 
 class Model(ABC):

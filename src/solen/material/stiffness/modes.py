@@ -10,12 +10,8 @@ engineering stress and Young's modulus.
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from solen.arrays import FloatArray
 from solen.errors import DataError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.correlation import scatter
 from solen.material.stiffness.cycles import loading_branch
@@ -27,7 +27,6 @@ from solen.material.stiffness.modes import Mode
 from solen.material.stiffness.test import StressStrain
 from solen.material.stiffness.toe import measure
 
-FloatArray = NDArray[np.float64]
 Range = tuple[float, float]
 
 _TENSION: tuple[Range, ...] = ((0.0005, 0.0025), (0.02, 0.1), (0.05, 0.25), (0.0, 0.5))

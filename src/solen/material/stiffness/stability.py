@@ -11,12 +11,11 @@ The interface: `stable_range` of a model along one mode.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from solen.arrays import FloatArray
 from solen.material.stiffness.models import Model
 from solen.material.stiffness.modes import Mode
-
-FloatArray = NDArray[np.float64]
 
 SCANNED = (0.1, 10.0)
 """Stretches between which stability is looked at, and farther where data reach farther."""

@@ -14,13 +14,11 @@ The interface: `as_test` makes a `StressStrain` of arrays, `solen.material.stiff
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.modes import MODES, Mode, mode_of
 from solen.material.stiffness.specimen import Specimen
-
-FloatArray = NDArray[np.float64]
 
 CHOICES = ("tension", "compression", *MODES)
 """What a user can call a test; ``uniaxial`` takes both signs as they stand in the file."""

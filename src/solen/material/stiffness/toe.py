@@ -19,14 +19,12 @@ The interface: `find_toe` of a test.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.material.stiffness.correlation import scatter
 from solen.material.stiffness.cycles import loading_branch
 from solen.material.stiffness.modes import Mode
 from solen.material.stiffness.test import StressStrain
-
-FloatArray = NDArray[np.float64]
 
 _STEPS = 40  # equal steps of stress that the loading branch is cut into
 _LOOKED = 20  # of them, how many may belong to the toe

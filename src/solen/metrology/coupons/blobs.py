@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-Floats = NDArray[np.float64]
+from solen.arrays import FloatArray
 
 LEVELS = (0.5, 0.35, 0.7, 0.25)
 """Cuts, as shares of the height that the highest spots have."""
@@ -31,11 +31,11 @@ MOST = 150
 class Blobs:
     """Spots: middles (N, 2) as (column, row), and diameters (N,) of discs of the same area, both in px."""
 
-    places_px: Floats
-    diameter_px: Floats
+    places_px: FloatArray
+    diameter_px: FloatArray
 
 
-def blobs(grey: Floats, window_px: float, *, bright: bool) -> Blobs:
+def blobs(grey: FloatArray, window_px: float, *, bright: bool) -> Blobs:
     """Spots smaller than a window that are brighter, or darker, than their surroundings; the largest `MOST` of them."""
     step = max(1, int(np.ceil(np.sqrt(grey.size / MOST_PIXELS))))
     small = _reduced(grey if bright else -grey, step)
@@ -53,13 +53,13 @@ def blobs(grey: Floats, window_px: float, *, bright: bool) -> Blobs:
     return Blobs(step * table[:, :2] + 0.5 * (step - 1), step * table[:, 2])
 
 
-def _reduced(grey: Floats, step: int) -> Floats:
+def _reduced(grey: FloatArray, step: int) -> FloatArray:
     """Means of blocks of pixels."""
     rows, columns = grey.shape[0] // step * step, grey.shape[1] // step * step
     return np.asarray(grey[:rows, :columns].reshape(rows // step, step, columns // step, step).mean(axis=(1, 3)))
 
 
-def _noise(grey: Floats) -> float:
+def _noise(grey: FloatArray) -> float:
     """Noise of a picture, by the median of its second differences."""
     second = grey[:, 2:] - 2.0 * grey[:, 1:-1] + grey[:, :-2]
     return float(np.median(np.abs(second)) / (0.6745 * np.sqrt(6.0)))
@@ -85,7 +85,7 @@ def _at_edge(window: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
     return any(one.start == 0 or one.stop == size for one, size in zip(window, shape, strict=True))
 
 
-def _compact(piece: Floats) -> bool:
+def _compact(piece: FloatArray) -> bool:
     moments = np.linalg.eigvalsh(np.cov(piece.T) + np.eye(2) / 12.0)
     share = len(piece) / (4.0 * np.pi * np.sqrt(moments.prod()))
     return bool(np.sqrt(moments[1] / moments[0]) < LONGEST and COMPACT[0] < share < COMPACT[1])

@@ -22,10 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chndtr, ndtr
 
+from solen.arrays import BoolArray, FloatArray
 from solen.metrology.coupons.squares import Fit, least_squares
-
-Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 SECTORS = 24
 MOST_FITTED = 3000
@@ -85,20 +83,20 @@ class Disc:
 class _Pixels:
     """Pixels around a place: offsets (N,) from it, distances, angles and grey values."""
 
-    x: Floats
-    y: Floats
-    grey: Floats
+    x: FloatArray
+    y: FloatArray
+    grey: FloatArray
 
-    def of(self, which: Flags | slice) -> "_Pixels":
+    def of(self, which: BoolArray | slice) -> "_Pixels":
         return _Pixels(self.x[which], self.y[which], self.grey[which])
 
 
-def share(distance_px: Floats, radius_px: float, blur_px: float) -> Floats:
+def share(distance_px: FloatArray, radius_px: float, blur_px: float) -> FloatArray:
     """Blurred disc of height 1 at distances from its middle."""
     return _share(distance_px, radius_px, blur_px)[0]
 
 
-def _share(distance: Floats, radius: float, blur: float) -> tuple[Floats, Floats, Floats, Floats]:
+def _share(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Blurred disc (N,), and its derivatives by distance, radius and the logarithm of the blur."""
     if radius > SMALL * blur:
         u, bend = (radius - distance) / blur, 0.5 * blur / radius
@@ -114,12 +112,12 @@ def _share(distance: Floats, radius: float, blur: float) -> tuple[Floats, Floats
     return one, two, three, four
 
 
-def _exact(distance: Floats, radius: float, blur: float) -> Floats:
+def _exact(distance: FloatArray, radius: float, blur: float) -> FloatArray:
     return np.asarray(chndtr((radius / blur) ** 2, 2.0, (distance / blur) ** 2))
 
 
 def fit_disc(
-    grey: Floats,
+    grey: FloatArray,
     place_px: tuple[float, float],
     radius_px: float,
     reach_px: float,
@@ -179,7 +177,7 @@ def fit_disc(
     return None if found is None else _judged(pixels, found, place_px, bright=bright, ceiling=ceiling)
 
 
-def _around(grey: Floats, place: tuple[float, float], reach: float) -> _Pixels | None:
+def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
     """Pixels within a distance; None where a part of them lies outside the picture."""
     x0, y0 = place
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
@@ -228,14 +226,14 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
     return Fit(found.values, found.u_values / math.sqrt(every), found.residuals)
 
 
-def _levels(inside: Floats, ring: _Pixels) -> list[float]:
+def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:
     """Ground and rise where place, radius and blur are known, and no slopes."""
     weight = inside - inside.mean()
     rise = float(np.sum(weight * ring.grey) / max(float(np.sum(weight**2)), 1e-12))
     return [float(ring.grey.mean() - rise * inside.mean()), rise, 0.0, 0.0]
 
 
-def _model(pixels: _Pixels, p: Floats) -> tuple[Floats, Floats]:
+def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Grey values (N,), and derivatives (N, 8) by the parameters."""
     dx, dy = pixels.x - p[0], pixels.y - p[1]
     distance = np.maximum(np.hypot(dx, dy), 1e-9)
@@ -290,8 +288,13 @@ def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bo
 
 
 def _sectors(
-    sector: NDArray[np.int64], residual: Floats, per_px: Floats, inside: Floats, rise: float, usable: Flags
-) -> tuple[Floats, Floats]:
+    sector: NDArray[np.int64],
+    residual: FloatArray,
+    per_px: FloatArray,
+    inside: FloatArray,
+    rise: float,
+    usable: BoolArray,
+) -> tuple[FloatArray, FloatArray]:
     """For each sector how far its edge is from the circle, and its rise as a share of the whole one's; NaN for none."""
     away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
     for number in range(SECTORS):

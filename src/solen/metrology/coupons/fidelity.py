@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.disc import LEAST_RADIUS_PX, Disc, fit_disc
@@ -17,8 +17,6 @@ from solen.metrology.coupons.placement import Placement, fitted, places
 from solen.metrology.coupons.registration import Registration, register
 from solen.metrology.coupons.slab import register_slab
 from solen.metrology.scale import Scale
-
-Floats = NDArray[np.float64]
 
 SNR = 6.0
 """Rise of a disc over its uncertainty, below which there is none."""
@@ -78,11 +76,11 @@ class Fidelity:
 
 
 def measure(
-    grey: Floats,
+    grey: FloatArray,
     scale: Scale,
     coupon: Coupon,
     *,
-    z_mm: Floats | None = None,
+    z_mm: FloatArray | None = None,
     ceiling: float = math.inf,
     what: str = "picture",
 ) -> Fidelity:
@@ -152,7 +150,7 @@ def limits_of(measured: Sequence[Measured]) -> tuple[Limit, ...]:
     return tuple(one for one in found if one is not None)
 
 
-def _check_kind(coupon: Coupon, z_mm: Floats | None, what: str) -> None:
+def _check_kind(coupon: Coupon, z_mm: FloatArray | None, what: str) -> None:
     kinds = coupon.measured_kinds
     if not kinds:
         limit = f"coupon {coupon.name} has no features that a picture shows"
@@ -168,7 +166,7 @@ def _check_kind(coupon: Coupon, z_mm: Floats | None, what: str) -> None:
 
 
 def _discs(
-    grey: Floats, coupon: Coupon, found: Registration, ceiling: float, *, heights: bool
+    grey: FloatArray, coupon: Coupon, found: Registration, ceiling: float, *, heights: bool
 ) -> tuple[dict[str, Disc], dict[str, str], float]:
     """Round features that are there, and for the others the reason; the blur."""
     features = sorted((one for one in coupon.features if one.round), key=lambda one: -one.diameter_mm)
@@ -202,7 +200,7 @@ def _discs(
     return discs, reasons, blur
 
 
-def _inside(place: Floats, reach: float, shape: tuple[int, ...]) -> bool:
+def _inside(place: FloatArray, reach: float, shape: tuple[int, ...]) -> bool:
     return bool((place - reach > 0.0).all() and place[0] + reach < shape[1] - 1 and place[1] + reach < shape[0] - 1)
 
 
@@ -264,7 +262,7 @@ def _missing(feature: Feature, fit: Disc | None, placement: Placement, usual: fl
 TOO_SMALL = "too small for this picture"
 
 
-def _gaps(grey: Floats, coupon: Coupon, discs: dict[str, Disc]) -> dict[str, GapFit]:
+def _gaps(grey: FloatArray, coupon: Coupon, discs: dict[str, Disc]) -> dict[str, GapFit]:
     found = {}
     for gap in coupon.gaps:
         left, right = (discs.get(name) for name in gap.between)
@@ -273,7 +271,7 @@ def _gaps(grey: Floats, coupon: Coupon, discs: dict[str, Disc]) -> dict[str, Gap
     return found
 
 
-def _heights(z_mm: Floats | None, coupon: Coupon, placement: Placement) -> dict[str, Height | str]:
+def _heights(z_mm: FloatArray | None, coupon: Coupon, placement: Placement) -> dict[str, Height | str]:
     if z_mm is None:
         return {}
     columns = [one for one in coupon.features if one.kind in {"pillar", "mark"}]
@@ -346,7 +344,7 @@ def _warnings(
     scale: Scale,
     blur: float | None,
     ratio: float | None,
-    z_mm: Floats | None,
+    z_mm: FloatArray | None,
 ) -> list[str]:
     said = []
     if scale.u_um_per_px is None:

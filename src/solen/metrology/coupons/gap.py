@@ -12,14 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.special import ndtr
 
+from solen.arrays import FloatArray
 from solen.metrology.coupons.disc import FLOOR_PX, Disc
 from solen.metrology.coupons.squares import least_squares
-
-Floats = NDArray[np.float64]
 
 STRIP = 0.15
 """Half the width of the strip that is looked at, in radii."""
@@ -50,7 +48,7 @@ class GapFit:
         return self.width_px > SIGMAS * self.u_width_px and self.depth >= DEEP
 
 
-def fit_gap(grey: Floats, left: Disc, right: Disc) -> GapFit | None:
+def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
     """Gap between two pillars that stand; None where the picture does not hold it."""
     radius = 0.25 * (left.diameter_px + right.diameter_px)
     blur = 0.5 * (left.blur_px + right.blur_px)
@@ -70,7 +68,7 @@ def fit_gap(grey: Floats, left: Disc, right: Disc) -> GapFit | None:
     return found
 
 
-def _strip(grey: Floats, left: Disc, right: Disc, along: Floats, aside: Floats) -> Floats | None:
+def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
     """Grey values (lines, places) between two pillars; None where they leave the picture."""
     middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
     way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
@@ -86,12 +84,12 @@ def _strip(grey: Floats, left: Disc, right: Disc, along: Floats, aside: Floats) 
 
 
 def _fit(
-    along: Floats, values: Floats, wider: Floats, rise: float, blur: float, width: float, *, own_depth: bool
+    along: FloatArray, values: FloatArray, wider: FloatArray, rise: float, blur: float, width: float, *, own_depth: bool
 ) -> GapFit:
     places = np.broadcast_to(along, values.shape)
     extra = np.broadcast_to(wider[:, None], values.shape)
 
-    def model(p: Floats) -> tuple[Floats, Floats]:
+    def model(p: FloatArray) -> tuple[FloatArray, FloatArray]:
         half = 0.5 * (p[1] + extra)
         rises, falls = (places - p[0] + half) / blur, (places - p[0] - half) / blur
         slit = ndtr(rises) - ndtr(falls)

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.limits import LEVEL, OUTSIDE, Measured, rise_by_chance
 from solen.metrology.coupons.placement import Placement
-
-Floats = NDArray[np.float64]
 
 TOP = 0.65
 """Share of a column's radius that is taken as its top."""
@@ -39,7 +38,7 @@ class Height:
     u_mm: float
 
 
-def height_of(z_mm: Floats, coupon: Coupon, feature: Feature, placement: Placement) -> Height | str:
+def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, placement: Placement) -> Height | str:
     """Height of a column, or why there is none.
 
     ``z_mm`` has shape (rows, columns) and NaN where nothing was measured.
@@ -103,21 +102,23 @@ def _window(
     )
 
 
-def _layout_places(rows: NDArray[np.int64], columns: NDArray[np.int64], placement: Placement) -> tuple[Floats, Floats]:
+def _layout_places(
+    rows: NDArray[np.int64], columns: NDArray[np.int64], placement: Placement
+) -> tuple[FloatArray, FloatArray]:
     """Places of the layout, in mm, that pixels show."""
     seen = columns[None, :] + 1j * rows[:, None] - complex(*placement.middle_px)
     p = seen / placement.factor
     return np.asarray(-p.real if placement.mirrored else p.real), np.asarray(-p.imag)
 
 
-def _within(dx: Floats, dy: Floats, feature: Feature, share: float) -> NDArray[np.bool_]:
+def _within(dx: FloatArray, dy: FloatArray, feature: Feature, share: float) -> NDArray[np.bool_]:
     """Whether places lie in a feature grown by a factor."""
     if feature.round:
         return np.hypot(dx, dy) < 0.5 * share * feature.diameter_mm
     return (np.abs(dx) < 0.5 * share * feature.width_mm) & (np.abs(dy) < 0.5 * share * feature.depth_mm)
 
 
-def _free(x_mm: Floats, y_mm: Floats, coupon: Coupon) -> NDArray[np.bool_]:
+def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> NDArray[np.bool_]:
     """Whether places lie on the slab and away from all features."""
     free = np.ones(x_mm.shape, dtype=bool)
     if coupon.slab is not None:
@@ -129,11 +130,11 @@ def _free(x_mm: Floats, y_mm: Floats, coupon: Coupon) -> NDArray[np.bool_]:
     return free
 
 
-def _plane(dx: Floats, dy: Floats, z: Floats) -> tuple[Floats, float]:
+def _plane(dx: FloatArray, dy: FloatArray, z: FloatArray) -> tuple[FloatArray, float]:
     """Plane a + b dx + c dy through heights, the outermost left out, and the uncertainty of a by pieces."""
     columns = np.column_stack([np.ones(len(z)), dx, dy])
     kept = np.ones(len(z), dtype=bool)
-    plane: Floats = np.zeros(3)
+    plane: FloatArray = np.zeros(3)
     for _ in range(4):
         plane = np.asarray(np.linalg.lstsq(columns[kept], z[kept], rcond=None)[0])
         rest = z - columns @ plane
@@ -144,7 +145,7 @@ def _plane(dx: Floats, dy: Floats, z: Floats) -> tuple[Floats, float]:
     return plane, u_plane
 
 
-def _pieces(dx: Floats, dy: Floats, values: Floats) -> Floats:
+def _pieces(dx: FloatArray, dy: FloatArray, values: FloatArray) -> FloatArray:
     """Medians over pieces of equal angle that hold something."""
     number = np.floor((np.arctan2(dy, dx) / math.tau + 0.5) * PIECES).astype(int) % PIECES
     parts = (values[number == piece] for piece in range(PIECES))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.geometry.coupons import Feature
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Placement:
         """Factor of the complex form."""
         return complex(self.px_per_mm * np.exp(-1j * math.radians(self.angle_deg)))
 
-    def px(self, places_mm: Floats) -> Floats:
+    def px(self, places_mm: FloatArray) -> FloatArray:
         """Places (N, 2) of the picture."""
         seen = self.factor * flat(places_mm, mirrored=self.mirrored) + complex(*self.middle_px)
         return np.column_stack([seen.real, seen.imag])
@@ -54,18 +53,18 @@ class Placement:
         return math.atan2(y1 - y0, x1 - x0)
 
 
-def flat(places_mm: Floats, *, mirrored: bool) -> NDArray[np.complex128]:
+def flat(places_mm: FloatArray, *, mirrored: bool) -> NDArray[np.complex128]:
     """Places (N, 2) of the layout as complex numbers, imaginary part downwards."""
     x = -places_mm[:, 0] if mirrored else places_mm[:, 0]
     return np.asarray(x - 1j * places_mm[:, 1])
 
 
-def places(features: Sequence[Feature]) -> Floats:
+def places(features: Sequence[Feature]) -> FloatArray:
     """Middles (N, 2) of features, mm."""
     return np.array([(one.x_mm, one.y_mm) for one in features])
 
 
-def fitted(places_mm: Floats, seen_px: Floats, *, mirrored: bool) -> Placement:
+def fitted(places_mm: FloatArray, seen_px: FloatArray, *, mirrored: bool) -> Placement:
     """Placement of least squares for matched places (N, 2) and (N, 2); two at least."""
     p, q = flat(places_mm, mirrored=mirrored), seen_px[:, 0] + 1j * seen_px[:, 1]
     p0, q0 = p.mean(), q.mean()

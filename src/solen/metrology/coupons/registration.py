@@ -13,12 +13,11 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.blobs import Blobs, blobs
 from solen.metrology.coupons.placement import Placement, fitted, flat, places
-
-Floats = NDArray[np.float64]
 
 WINDOW = 1.0
 """Window of the top hat, in diameters of the largest feature: a disc holds no square as wide as 0.71 of them."""
@@ -78,7 +77,7 @@ class _Guess:
     bright: bool
 
 
-def register(grey: Floats, coupon: Coupon, px_per_mm: float, what: str) -> Registration:
+def register(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Registration:
     """Find a coupon of round features in a picture.
 
     Parameters
@@ -141,7 +140,7 @@ def _guesses(
 
 
 def _rough(
-    at: Floats, sizes: Floats, seen: NDArray[np.complex128], seen_mm: Floats, px_per_mm: float
+    at: FloatArray, sizes: FloatArray, seen: NDArray[np.complex128], seen_mm: FloatArray, px_per_mm: float
 ) -> list[Placement]:
     """Placements of pairs of spots, best first by how many features they explain."""
     extent = float(np.ptp(at, axis=0).max())
@@ -183,7 +182,7 @@ def _same(one: Placement, other: Placement, extent: float) -> bool:
 
 def _score(
     guess: tuple[complex, complex, bool],
-    at: Floats,
+    at: FloatArray,
     seen: NDArray[np.complex128],
     alike: NDArray[np.bool_],
     px_per_mm: float,
@@ -197,8 +196,8 @@ def _score(
 
 def _refined(
     placement: Placement,
-    at: Floats,
-    sizes: Floats,
+    at: FloatArray,
+    sizes: FloatArray,
     spots: Blobs,
     features: Sequence[Feature],
     shape: tuple[int, ...],
@@ -218,7 +217,9 @@ def _refined(
     return _Guess(placement, tuple(pairs), cost, rms, bright)
 
 
-def _pairs(placement: Placement, at: Floats, sizes: Floats, spots: Blobs, near_mm: float) -> list[tuple[int, int]]:
+def _pairs(
+    placement: Placement, at: FloatArray, sizes: FloatArray, spots: Blobs, near_mm: float
+) -> list[tuple[int, int]]:
     """Features and spots that are each other's nearest."""
     expected = placement.px(at)
     apart = np.hypot(*(expected[:, None, :] - spots.places_px[None, :, :]).transpose(2, 0, 1))
@@ -232,8 +233,8 @@ def _pairs(placement: Placement, at: Floats, sizes: Floats, spots: Blobs, near_m
 def _cost(
     placement: Placement,
     pairs: list[tuple[int, int]],
-    at: Floats,
-    sizes: Floats,
+    at: FloatArray,
+    sizes: FloatArray,
     spots: Blobs,
     features: Sequence[Feature],
     shape: tuple[int, ...],

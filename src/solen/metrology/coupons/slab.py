@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Slab
 from solen.metrology.coupons.placement import Placement
 from solen.metrology.coupons.registration import Registration
-
-Floats = NDArray[np.float64]
 
 AREA = 0.15
 """Relative: how much the slab's area may differ from the layout's."""
@@ -19,7 +17,7 @@ SIDES = 0.1
 """Relative: how much the ratio of its sides may."""
 
 
-def register_slab(z_mm: Floats, coupon: Coupon, px_per_mm: float, what: str) -> Registration:
+def register_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Registration:
     """Place of a coupon whose slab lies wholly in a z map, above what surrounds it.
 
     Raises
@@ -50,7 +48,7 @@ def register_slab(z_mm: Floats, coupon: Coupon, px_per_mm: float, what: str) -> 
     )
 
 
-def _agreement(z_mm: Floats, coupon: Coupon, placement: Placement) -> float:
+def _agreement(z_mm: FloatArray, coupon: Coupon, placement: Placement) -> float:
     """Covariance of nominal heights with those in the middle of each block."""
     places = placement.px(np.array([(one.x_mm, one.y_mm) for one in coupon.features])).round().astype(int)
     reach = max(1, int(0.2 * min(one.depth_mm for one in coupon.features) * placement.px_per_mm))

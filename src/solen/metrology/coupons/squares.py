@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Model = Callable[[Floats], tuple[Floats, Floats]]
+from solen.arrays import FloatArray
+
+Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Of parameters (P,), the values (N,) and their derivatives (N, P)."""
 
 ROUNDS = 60
@@ -23,13 +24,13 @@ SETTLED = 1e-6
 class Fit:
     """Parameters (P,) of least squares, their standard uncertainties (P,) from the residuals (N,)."""
 
-    values: Floats
-    u_values: Floats
-    residuals: Floats
+    values: FloatArray
+    u_values: FloatArray
+    residuals: FloatArray
 
 
 def least_squares(
-    model: Model, data: Floats, first: Sequence[float], low: Sequence[float], high: Sequence[float]
+    model: Model, data: FloatArray, first: Sequence[float], low: Sequence[float], high: Sequence[float]
 ) -> Fit:
     """Fit of a model to data (N,) from first values, within limits; a parameter whose limits are equal is held."""
     lower, upper = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
@@ -59,7 +60,7 @@ def least_squares(
     return Fit(p, u_values, data - values)
 
 
-def _normal(slopes: Floats, residual: Floats, free: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def _normal(slopes: FloatArray, residual: FloatArray, free: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Normal matrix of the free parameters, kept from being singular, and the gradient."""
     some = slopes[:, free]
     normal = np.einsum("ni,nj->ij", some, some)

@@ -11,13 +11,12 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Segment
 from solen.plane import Point, along, cross, dot, minus, unit
 from solen.scene.rayoptics.facets import Facets
 
-Floats = NDArray[np.float64]
 Place = tuple[float, float]
 """Parameters of a common point on the first and on the second curve."""
 
@@ -76,7 +75,7 @@ def turning_deg(curve: Curve) -> float:
     return float(np.degrees(np.abs(turns).sum()))
 
 
-def samples(curve: Curve) -> Floats:
+def samples(curve: Curve) -> FloatArray:
     """Parameters of a fine polyline along a curve."""
     if isinstance(curve, Segment):
         return np.array([0.0, 1.0])

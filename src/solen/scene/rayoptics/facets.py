@@ -12,13 +12,12 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Curve
 from solen.plane import Point, Rigid, cross, dot, left_of
 from solen.scene.rayoptics.fields import LARGEST, UnreadError
 
-Floats = NDArray[np.float64]
 Blend = Literal["images", "lengths", "units"]
 
 STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
@@ -49,7 +48,7 @@ class Facets(Curve):
         return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
 
     @cached_property
-    def _table(self) -> tuple[Floats, Floats, Floats]:
+    def _table(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Starts and steps of all chords, and their lengths."""
         corners = np.array(self.corners)
         steps = np.diff(corners, axis=0)
@@ -60,14 +59,14 @@ class Facets(Curve):
         """Whether the polyline ends where it starts."""
         return self.corners[0] == self.corners[-1]
 
-    def points(self, u: Floats) -> Floats:
+    def points(self, u: FloatArray) -> FloatArray:
         """See `Curve.points`."""
         starts, steps, _ = self._table
         place = self.low + u * (self.high - self.low)
         which = np.clip(np.floor(place), 0, len(starts) - 1).astype(int)
         return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
 
-    def velocities(self, u: Floats) -> Floats:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See `Curve.velocities`; at a corner, that of the chord behind it."""
         _, steps, _ = self._table
         place = self.low + u * (self.high - self.low)

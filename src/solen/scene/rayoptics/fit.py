@@ -10,15 +10,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Segment, Spline
 from solen.errors import DataError, DesignError
 from solen.plane import Point, cross, dot, minus
 from solen.scene.rayoptics.fields import LARGEST
 
 At = Callable[[float], Point]
-Floats = NDArray[np.float64]
 Control = tuple[Point, Point, Point, Point]
 
 EXACT = 1e-12
@@ -47,12 +46,12 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
     return [whole] if whole is not None else _joined(_pieces(at, start, end, size, what), size)
 
 
-def _sampled(at: At, start: float, end: float) -> Floats:
+def _sampled(at: At, start: float, end: float) -> FloatArray:
     """Points (33, 2) of a range; its two ends exactly."""
     return np.array([at(start), *(at(start + (end - start) * float(u)) for u in CHECKED[1:-1]), at(end)])
 
 
-def _recognised(points: Floats, size: float) -> Curve | None:
+def _recognised(points: FloatArray, size: float) -> Curve | None:
     """Segment, arc or cubic that all points lie on, if there is one."""
     a, middle, b = (_point(points[i]) for i in (0, len(points) // 2, -1))
     if a != b and _off_line(points, a, b) <= EXACT * size:
@@ -69,7 +68,7 @@ def _recognised(points: Floats, size: float) -> Curve | None:
         return None
 
 
-def _off_line(points: Floats, a: Point, b: Point) -> float:
+def _off_line(points: FloatArray, a: Point, b: Point) -> float:
     """Largest distance from a line, infinite where the points do not run along it one after the other."""
     along = np.array(minus(b, a)) / math.dist(a, b)
     from_a = points - np.array(a)
@@ -78,7 +77,7 @@ def _off_line(points: Floats, a: Point, b: Point) -> float:
     return float(np.abs(from_a[:, 0] * along[1] - from_a[:, 1] * along[0]).max())
 
 
-def _arc(points: Floats, a: Point, middle: Point, b: Point, size: float) -> Arc | None:
+def _arc(points: FloatArray, a: Point, middle: Point, b: Point, size: float) -> Arc | None:
     """Arc that all points lie on, one after the other."""
     third = _point(points[len(points) // 3])
     try:
@@ -101,7 +100,7 @@ def _arc(points: Floats, a: Point, middle: Point, b: Point, size: float) -> Arc 
     return Arc(center, radius, from_deg, sweep_deg) if abs(sweep_deg) <= 360.0 else None
 
 
-def _cubic(points: Floats) -> Control:
+def _cubic(points: FloatArray) -> Control:
     """Control points of the cubic through the first, the last and two points between them."""
     last = len(points) - 1
     inner = np.array([last // 3, last - last // 3])
@@ -112,7 +111,7 @@ def _cubic(points: Floats) -> Control:
     return (_point(points[0]), _point(handles[0]), _point(handles[1]), _point(points[-1]))
 
 
-def _off_cubic(points: Floats, control: Control) -> float:
+def _off_cubic(points: FloatArray, control: Control) -> float:
     """Largest distance of a point from the cubic's at the same parameter."""
     v = np.linspace(0.0, 1.0, len(points))[:, None]
     a, b, c, d = (np.array(point) for point in control)
@@ -155,7 +154,7 @@ def _bridge(a: Point, b: Point) -> list[Curve]:
     return [] if a == b else [Segment(a, b)]
 
 
-def _line_or_cubic(points: Floats, control: Control, size: float) -> Curve:
+def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
     straight = _off_line(points, control[0], control[3]) <= EXACT * size
     return Segment(control[0], control[3]) if straight else Bezier(*control)
 
@@ -188,5 +187,5 @@ def _one(group: list[Curve]) -> Curve:
     return Spline((cubics[0].a, *inner))
 
 
-def _point(row: Floats) -> Point:
+def _point(row: FloatArray) -> Point:
     return (float(row[0]), float(row[1]))

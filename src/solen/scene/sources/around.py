@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, heading
 from solen.scene.sources.base import Emission, Line, Placed, PlacedInSpace, Source
-from solen.scene.sources.pattern import CosinePower, Real
+from solen.scene.sources.pattern import CosinePower
 from solen.scene.sources.plain import check_size
 
 PANELS = 16
@@ -45,13 +46,13 @@ class Ambient(Source):
         """The place on the circle, the two angles there, and the height where there is one."""
         return 3 + (self.height_mm > 0.0)
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         angle = inwards + LAMBERT.in_plane(u[:, 1], 0.5 * math.pi)
         return x, z, -np.sin(angle), np.cos(angle)
 
-    def place_in_space(self, u: Real) -> PlacedInSpace:
+    def place_in_space(self, u: FloatArray) -> PlacedInSpace:
         """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         theta, phi = LAMBERT.in_space(u[:, 1], 0.5 * math.pi), 2.0 * math.pi * u[:, 2]
@@ -60,7 +61,7 @@ class Ambient(Source):
         c, s = np.cos(inwards), np.sin(inwards)
         return x, y, z, -s * along - c * left, up, c * along - s * left
 
-    def _on_the_circle(self, place: Real) -> tuple[Real, Real, Real]:
+    def _on_the_circle(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points x, z and the directions inwards, radians from +z."""
         outwards = 2.0 * math.pi * place
         x, z = self.center[0] - self.radius_mm * np.sin(outwards), self.center[1] + self.radius_mm * np.cos(outwards)

@@ -13,9 +13,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_count, check_numbers
 from solen.errors import DesignError
-from solen.scene.sources.pattern import Real, Stretch
+from solen.scene.sources.pattern import Stretch
 from solen.scene.sources.points import copies, points
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
@@ -30,17 +31,17 @@ class Launch:
     field in the plane of the ray and the y-axis, p across both: the same for a ray in the plane.
     """
 
-    x_mm: Real
-    z_mm: Real
-    dx: Real
-    dz: Real
-    power_s: Real
-    power_p: Real
+    x_mm: FloatArray
+    z_mm: FloatArray
+    dx: FloatArray
+    dz: FloatArray
+    power_s: FloatArray
+    power_p: FloatArray
     line: NDArray[np.int64]
     """which line of the source's spectrum"""
-    y_mm: Real | None = None
+    y_mm: FloatArray | None = None
     """None in the plane"""
-    dy: Real | None = None
+    dy: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.x_mm)
@@ -50,9 +51,9 @@ Line = tuple[float, float]
 """Wavelength in nm, and its weight in a spectrum."""
 
 
-Placed = tuple[Real, Real, Real, Real]
+Placed = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Rays of the plane as arrays (N,): origin x, z in mm, unit direction x, z."""
-PlacedInSpace = tuple[Real, Real, Real, Real, Real, Real]
+PlacedInSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Rays in space as arrays (N,): origin x, y, z in mm, unit direction x, y, z."""
 
 
@@ -95,10 +96,10 @@ class Source(ABC):
         return self.shape_dimensions
 
     @abstractmethod
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """Origins and unit directions of the rays at points ``u`` (N, shape_dimensions or more)."""
 
-    def place_in_space(self, u: Real) -> PlacedInSpace:
+    def place_in_space(self, u: FloatArray) -> PlacedInSpace:
         """Origins and unit directions in space at points ``u`` (N, space_dimensions or more); by default with y = 0."""
         x, z, dx, dz = self.place(u)
         return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
@@ -139,16 +140,16 @@ class Source(ABC):
         """Independent copies that the rays are dealt to in turn by their numbers; 1 where they are one lattice."""
         return copies(self.dimensions(in_space))
 
-    def even_points(self, number: Real, in_space: bool = False) -> Real:
+    def even_points(self, number: FloatArray, in_space: bool = False) -> FloatArray:
         """Points (N, dimensions) of the rays of those numbers; see `solen.scene.sources.points`."""
         return points(number, self.rays, self.dimensions(in_space))
 
-    def launch(self, numbers: Real | None = None, in_space: bool = False) -> Launch:
+    def launch(self, numbers: FloatArray | None = None, in_space: bool = False) -> Launch:
         """Rays of those numbers, by default all; together they have the source's power."""
         numbers = np.arange(self.rays, dtype=float) if numbers is None else numbers
         return self.launch_at(self.even_points(numbers, in_space), self.rays, in_space)
 
-    def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
+    def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
         """Rays at points (N, dimensions), each with the share of the source's power that one of ``rays`` has."""
         each = np.full(len(u), self.power / rays)
         y, dy = None, None
@@ -158,7 +159,7 @@ class Source(ABC):
             x, z, dx, dz = self.place(u)
         return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share), self.lines(u), y, dy)
 
-    def lines(self, u: Real) -> NDArray[np.int64]:
+    def lines(self, u: FloatArray) -> NDArray[np.int64]:
         """Which line of the spectrum each of the rays at points ``u`` has: by the last coordinate."""
         if len(self.spectrum) < 2:
             return np.zeros(len(u), dtype=np.int64)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_points
 from solen.plane import Point
 from solen.scene.sources.base import Emission, Line, Placed, PlacedInSpace, Source
-from solen.scene.sources.pattern import Isotropic, Pattern, Real
+from solen.scene.sources.pattern import Isotropic, Pattern
 from solen.scene.sources.plain import across, check_cone, check_size
 
 EVENLY = Isotropic()
@@ -63,14 +64,14 @@ class Emitter(Source):
         """The angle from the axis, the one round it, and the place where there is width or height."""
         return 2 + (self.width_mm > 0.0) + (self.height_mm > 0.0)
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = math.radians(self.axis_deg) + self.pattern.in_plane(u[:, 0], self.half_rad)
         place = u[:, 1] if self.width_mm > 0.0 else np.full(len(u), 0.5)
         x, z = across(self.point, self.axis_deg, self.width_mm, place)
         return x, z, -np.sin(angle), np.cos(angle)
 
-    def place_in_space(self, u: Real) -> PlacedInSpace:
+    def place_in_space(self, u: FloatArray) -> PlacedInSpace:
         """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         theta, phi = self.pattern.in_space(u[:, 0], self.half_rad), 2.0 * math.pi * u[:, 1]
         middle = np.full(len(u), 0.5)

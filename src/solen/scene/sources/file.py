@@ -6,11 +6,11 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_points
 from solen.plane import Point, heading
 from solen.scene.rayfile import RaySet, read_rays
 from solen.scene.sources.base import Launch, Line, Placed, PlacedInSpace, Source
-from solen.scene.sources.pattern import Real
 
 ACROSS = 1e-9
 """A direction that is shorter than this in the plane runs along y."""
@@ -52,7 +52,7 @@ class RayFile(Source):
         """Which of the rays."""
         return 1
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         x, _, z, dx, _, dz = self._placed(self._which(u))
         length = np.hypot(dx, dz)
@@ -61,7 +61,7 @@ class RayFile(Source):
         safe = np.where(along_y, 1.0, length)
         return x, z, np.where(along_y, axis_x, dx / safe), np.where(along_y, axis_z, dz / safe)
 
-    def place_in_space(self, u: Real) -> PlacedInSpace:
+    def place_in_space(self, u: FloatArray) -> PlacedInSpace:
         """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         return self._placed(self._which(u))
 
@@ -69,13 +69,13 @@ class RayFile(Source):
         """See :meth:`~solen.scene.sources.base.Source.dimensions`; a colour that a file says needs no number."""
         return 1 + (len(self.spectrum) > 1 and not self._own_colours)
 
-    def launch_at(self, u: Real, rays: int, in_space: bool = False) -> Launch:
+    def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
         """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
         launch = super().launch_at(u, rays, in_space)
         whole = self.rays == len(self.file)
         return self._weighted(launch, u, len(self.file) / rays) if whole else launch
 
-    def lines(self, u: Real) -> NDArray[np.int64]:
+    def lines(self, u: FloatArray) -> NDArray[np.int64]:
         """See :meth:`~solen.scene.sources.base.Source.lines`."""
         own = self.file.line
         return own[self._which(u)] if own is not None and self._own_colours else super().lines(u)
@@ -92,7 +92,7 @@ class RayFile(Source):
         found = self.file
         return found.line is not None and found.spectrum == self.spectrum
 
-    def _which(self, u: Real) -> NDArray[np.int64]:
+    def _which(self, u: FloatArray) -> NDArray[np.int64]:
         """Which rays: one after the other where all are asked for, by their power otherwise."""
         power = self.file.power
         if self.rays == len(power):
@@ -114,7 +114,7 @@ class RayFile(Source):
             dx * right_z + dz * axis_z,
         )
 
-    def _weighted(self, launch: Launch, u: Real, times: float) -> Launch:
+    def _weighted(self, launch: Launch, u: FloatArray, times: float) -> Launch:
         """The same rays, each with so many times its own power."""
         each = self.power * times * self.file.power[self._which(u)]
         return Launch(

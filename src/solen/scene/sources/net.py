@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Real = NDArray[np.float64]
-Whole = NDArray[np.int64]
+from solen.arrays import IntArray
 
 POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
     (1, 0, (1,)),
@@ -35,10 +33,10 @@ class Net:
     Both are whole numbers below 2^digits.
     """
 
-    directions: Whole
-    shift: Whole
+    directions: IntArray
+    shift: IntArray
 
-    def at(self, index: Whole) -> Whole:
+    def at(self, index: IntArray) -> IntArray:
         """Points (N, dimensions) of those numbers (N,), as whole numbers below 2^digits."""
         found = np.empty((len(self.shift), len(index)), dtype=np.int64)
         found[:] = self.shift[:, None]
@@ -49,14 +47,14 @@ class Net:
         return found.T
 
     @cached_property
-    def _tables(self) -> list[list[Whole]]:
+    def _tables(self) -> list[list[IntArray]]:
         """What each value of a byte of the number contributes to a coordinate, by byte and coordinate."""
         digits = self.directions.shape[1]
         starts = range(0, digits, 8)
         return [[_table(one[start : start + 8].tolist()) for one in self.directions] for start in starts]
 
 
-def _table(directions: list[int]) -> Whole:
+def _table(directions: list[int]) -> IntArray:
     table = [0]
     for direction in directions:
         table += [known ^ direction for known in table]

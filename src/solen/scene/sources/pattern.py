@@ -15,10 +15,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
-
-Real = NDArray[np.float64]
 
 MOST_EXPONENT = 10_000.0
 SAME_ANGLE = 1e-15
@@ -45,15 +44,15 @@ class AngularPattern(ABC):
     """Relative intensity by the angle from the axis; ``half`` is where the cone cuts it off, in radians up to π."""
 
     @abstractmethod
-    def intensity(self, angle: Real) -> Real:
+    def intensity(self, angle: FloatArray) -> FloatArray:
         """Relative intensity at angles (N,) in radians, 0 to π."""
 
     @abstractmethod
-    def in_plane(self, u: Real, half: float) -> Real:
+    def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """Angles (N,) from −half to half at shares ``u`` (N,) of the slice in the plane."""
 
     @abstractmethod
-    def in_space(self, u: Real, half: float) -> Real:
+    def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """Angles (N,) from 0 to half at shares ``u`` (N,) of the power in space."""
 
     @abstractmethod
@@ -75,15 +74,15 @@ class Isotropic(AngularPattern):
 
     kind: Literal["uniform"] = "uniform"
 
-    def intensity(self, angle: Real) -> Real:
+    def intensity(self, angle: FloatArray) -> FloatArray:
         """See :meth:`AngularPattern.intensity`."""
         return np.ones_like(angle)
 
-    def in_plane(self, u: Real, half: float) -> Real:
+    def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_plane`."""
         return 2.0 * half * (u - 0.5)
 
-    def in_space(self, u: Real, half: float) -> Real:
+    def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`; sin²(θ/2) is uniform."""
         return 2.0 * np.arcsin(np.sqrt(u) * math.sin(0.5 * half))
 
@@ -113,12 +112,12 @@ class CosinePower(AngularPattern):
             limit = f"must be from 0 to {MOST_EXPONENT:g}"
             raise DesignError("pattern exponent", value=self.exponent, limit=limit)
 
-    def intensity(self, angle: Real) -> Real:
+    def intensity(self, angle: FloatArray) -> FloatArray:
         """See :meth:`AngularPattern.intensity`."""
         within = angle <= 0.5 * math.pi
         return np.where(within, np.maximum(np.cos(angle), 0.0) ** self.exponent, 0.0)
 
-    def in_plane(self, u: Real, half: float) -> Real:
+    def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_plane`; sin²θ has a beta distribution."""
         from scipy.special import betainc, betaincinv  # it takes long to import, and few sources need it
 
@@ -129,11 +128,11 @@ class CosinePower(AngularPattern):
         square = np.asarray(betaincinv(a, b, np.abs(side) * float(betainc(a, b, top * top))), dtype=np.float64)
         return np.asarray(np.copysign(np.arcsin(np.sqrt(square)), side))
 
-    def in_space(self, u: Real, half: float) -> Real:
+    def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`; cos^(m + 1) θ is uniform."""
         m = self.exponent + 1.0
         with np.errstate(divide="ignore"):  # at 90° the logarithm of 0, whose exponential is 0 again
-            lost: Real = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
+            lost: FloatArray = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
         return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * lost)))
 
     def stretches(self, half: float) -> tuple[Stretch, ...]:
@@ -174,11 +173,11 @@ class PatternTable(AngularPattern):
             limit = "must be at least 0, and not 0 everywhere"
             raise DesignError("pattern relative", value=self.relative, limit=limit)
 
-    def intensity(self, angle: Real) -> Real:
+    def intensity(self, angle: FloatArray) -> FloatArray:
         """See :meth:`AngularPattern.intensity`."""
         return np.interp(angle, np.radians(self.angle_deg), self.relative, right=0.0)
 
-    def in_plane(self, u: Real, half: float) -> Real:
+    def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_plane`."""
         angle, value = self._within(half)
         side = 2.0 * u - 1.0
@@ -188,7 +187,7 @@ class PatternTable(AngularPattern):
         step = np.divide(2.0 * rest, root, out=np.zeros_like(rest), where=root > 0.0)
         return np.copysign(np.minimum(angle[which] + step, angle[which + 1]), side)
 
-    def in_space(self, u: Real, half: float) -> Real:
+    def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`."""
         angle, value = self._within(half)
         width, slope = np.diff(angle), np.diff(value) / np.diff(angle)
@@ -230,7 +229,7 @@ class PatternTable(AngularPattern):
         angle, value = self._within(half)
         return float(np.sum((value[1:] + value[:-1]) * np.diff(angle)))
 
-    def _within(self, half: float) -> tuple[Real, Real]:
+    def _within(self, half: float) -> tuple[FloatArray, FloatArray]:
         """Angles in radians and intensities up to the cut; `DesignError` where all is dark there."""
         angle, value = np.radians(self.angle_deg), np.asarray(self.relative, dtype=float)
         last = min(half, float(angle[-1]))
@@ -248,7 +247,7 @@ def _up_to_90(half: float) -> float:
     return min(half, 0.5 * math.pi)
 
 
-def _segment(share: Real, parts: Real) -> tuple[NDArray[np.intp], Real]:
+def _segment(share: FloatArray, parts: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
     """Which of the parts a share of their sum falls in, and how much of the part lies before it."""
     whole = np.concatenate([[0.0], np.cumsum(parts)])
     place = share * whole[-1]
@@ -256,7 +255,7 @@ def _segment(share: Real, parts: Real) -> tuple[NDArray[np.intp], Real]:
     return which, np.clip(place - whole[which], 0.0, parts[which])
 
 
-def _band(start: Real, first: Real, slope: Real, step: Real) -> Real:
+def _band(start: FloatArray, first: FloatArray, slope: FloatArray, step: FloatArray) -> FloatArray:
     """Integral of (first + slope t) sin(start + t) over t from 0 to ``step``."""
     end = start + step
     flat = 2.0 * np.sin(start + 0.5 * step) * np.sin(0.5 * step)  # the difference of two cosines

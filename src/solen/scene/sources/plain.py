@@ -9,19 +9,20 @@ from typing import Self
 
 import numpy as np
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, heading
 from solen.scene.sources.base import Emission, Line, Placed, Source
-from solen.scene.sources.pattern import Isotropic, Real, Stretch
+from solen.scene.sources.pattern import Isotropic, Stretch
 
 
-def cone_angle(axis_deg: float, cone_deg: float, u: Real) -> Real:
+def cone_angle(axis_deg: float, cone_deg: float, u: FloatArray) -> FloatArray:
     """Angles (N,) in radians of the rays at places ``u`` (N,) of a cone, from its right edge to its left one."""
     return np.radians(axis_deg + cone_deg * (u - 0.5))
 
 
-def across(point: Point, axis_deg: float, width_mm: float, place: Real) -> tuple[Real, Real]:
+def across(point: Point, axis_deg: float, width_mm: float, place: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Points x, z (N,) at places (N,) from 0 to 1 of a line about ``point``, across an axis: from right to left."""
     left_x, left_z = heading(axis_deg + 90.0)
     step = width_mm * (place - 0.5)
@@ -68,7 +69,7 @@ class Fan(Source):
         """The angle."""
         return 1
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = cone_angle(self.axis_deg, self.cone_deg, u[:, 0])
         x, z = (np.full(len(u), value) for value in self.point)
@@ -104,7 +105,7 @@ class Chip(Source):
         """The angle, and the place on the chip from its right end to its left one."""
         return 2
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         angle = cone_angle(self.axis_deg, self.cone_deg, u[:, 0])
         x, z = across(self.point, self.axis_deg, self.width_mm, u[:, 1])
@@ -145,7 +146,7 @@ class Beam(Source):
         """The place along the line."""
         return 1
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         share = u[:, 0]
         x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
@@ -183,7 +184,7 @@ class Rays(Source):
         """Which of the rays."""
         return 1
 
-    def place(self, u: Real) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         """See :meth:`~solen.scene.sources.base.Source.place`."""
         which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
         x, z = np.asarray(self.origins, dtype=float)[which].T

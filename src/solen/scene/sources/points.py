@@ -10,12 +10,9 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.scene.sources.net import MOST_DIMENSIONS, SCRAMBLED_DIGITS, plain, scrambled
-
-Real = NDArray[np.float64]
-Whole = NDArray[np.int64]
 
 COPIES = 16
 DIGITS = 52
@@ -27,7 +24,7 @@ def copies(dimensions: int) -> int:
     return COPIES if dimensions > 2 else 1
 
 
-def points(number: Real, many: int, dimensions: int) -> Real:
+def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
     """Points (N, dimensions) in [0, 1) by their numbers (N,), of so ``many``.
 
     Those numbered 0, 1, 2, … belong to copy 0, 1, 2, … and so on in turn.
@@ -39,21 +36,21 @@ def points(number: Real, many: int, dimensions: int) -> Real:
     return np.asarray(((net ^ _shifts(dimensions)[whole % COPIES]) + 0.5) * 2.0**-DIGITS)
 
 
-def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], Real]:
+def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], FloatArray]:
     """A scrambled Sobol' sequence: gives its points (stop - start, dimensions) from one number up to another.
 
     They come in the order of a Gray code, and are those that scipy's ``qmc.Sobol`` draws of ``default_rng(seed)``.
     """
     net = scrambled(dimensions, np.random.default_rng(seed).spawn(1)[0])
 
-    def at(start: int, stop: int) -> Real:
+    def at(start: int, stop: int) -> FloatArray:
         number = np.arange(start, stop)
         return np.asarray(net.at(number ^ (number >> 1)) * 2.0**-SCRAMBLED_DIGITS)
 
     return at
 
 
-def _lattice(number: Real, many: int, dimensions: int) -> Real:
+def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
     """The first coordinate in equal steps, a second one in steps of the golden ratio."""
     first = ((number + 0.5) / many)[:, None]
     if dimensions == 1:
@@ -66,7 +63,7 @@ def _lattice(number: Real, many: int, dimensions: int) -> Real:
 
 
 @lru_cache(maxsize=MOST_DIMENSIONS)
-def _shifts(dimensions: int) -> Whole:
+def _shifts(dimensions: int) -> IntArray:
     """Digital shifts (COPIES, dimensions); the generator's raw numbers are the same in every version of numpy."""
     raw = np.random.PCG64(31).random_raw((COPIES, MOST_DIMENSIONS))
     return np.asarray(raw[:, :dimensions] >> np.uint64(64 - DIGITS), dtype=np.int64)

@@ -6,13 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.tree import NO_ROOM, Family, intensity, trace_tree
 from solen.trace.tables import Tables
-
-Real = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SAMPLES, LEGS, PIECES, RAYS, ALL_LEGS, UNDEFINED = range(6)
 DONE, FULL = range(2)
@@ -23,49 +21,49 @@ NEIGHBOURS = 1e-8
 class Rule(NamedTuple):
     """Gauss–Kronrod pair: nodes in [−1, 1] (15,), weights of both rules."""
 
-    nodes: Real
-    kronrod: Real
-    gauss: Real
+    nodes: FloatArray
+    kronrod: FloatArray
+    gauss: FloatArray
 
 
 class Samples(NamedTuple):
     """Rays at angles (radians), chained in the order of the angle; the stretch behind each is whole or not."""
 
-    angle: Real
+    angle: FloatArray
     tree: NDArray[np.uint64]
-    first: Ints
+    first: IntArray
     """where its legs begin"""
-    many: Ints
-    after: Ints
+    many: IntArray
+    after: IntArray
     """the next sample, −1 for none"""
     whole: NDArray[np.bool_]
-    legs: Real
-    open: Ints
+    legs: FloatArray
+    open: IntArray
     """room for a stack of stretches"""
-    value: Real
+    value: FloatArray
     """(D + 2,) of the ray traced last"""
     stack: Floats
-    counts: Ints
+    counts: IntArray
     """(6,) samples, legs, pieces, rays, all legs, undefined rays of the quadrature"""
 
 
 class Pieces(NamedTuple):
     """Stretches of one tree: from, to (radians), the tree; and parts of them, each integrated by one rule."""
 
-    low: Real
-    high: Real
+    low: FloatArray
+    high: FloatArray
     tree: NDArray[np.uint64]
-    first: Ints
+    first: IntArray
     """the sample at its start"""
-    part_low: Real
-    part_high: Real
-    part_of: Ints
-    waiting: Real
+    part_low: FloatArray
+    part_high: FloatArray
+    part_of: IntArray
+    waiting: FloatArray
     """(room, 2) parts still to be integrated"""
 
 
 @called
-def weigh(family: Family, angle: float, value: Real) -> None:
+def weigh(family: Family, angle: float, value: FloatArray) -> None:
     """Multiply what a ray gives by how much it counts."""
     weight = intensity(family, angle)
     if weight != 1.0:
@@ -108,7 +106,7 @@ def holds(
 
 
 @called
-def is_whole(samples: Samples, i: int, j: int, ends: Real) -> bool:
+def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
     """Whether two rays have one tree and no curve ends in the beam between them or beside a curved face of it."""
     if samples.tree[i] != samples.tree[j] or samples.many[i] != samples.many[j]:
         return False
@@ -135,7 +133,9 @@ def is_whole(samples: Samples, i: int, j: int, ends: Real) -> bool:
 
 
 @called
-def cut(k: Precision, tables: Tables, family: Family, samples: Samples, ends: Real, opened: int, narrow: float) -> int:
+def cut(
+    k: Precision, tables: Tables, family: Family, samples: Samples, ends: FloatArray, opened: int, narrow: float
+) -> int:
     """Halve the first ``opened`` stretches in ``samples.open`` until each is whole or narrow; FULL where room ends."""
     while opened > 0:
         opened -= 1
@@ -216,8 +216,8 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
     density: float,
     narrow: float,
     most_legs: int,
-    work: Real,
-    total: Real,
+    work: FloatArray,
+    total: FloatArray,
 ) -> tuple[float, int, int]:
     """Integrate over all pieces, each halved until its error per width is at most ``density``.
 
@@ -291,7 +291,7 @@ def integrate_cone(
     family: Family,
     samples: Samples,
     pieces: Pieces,
-    ends: Real,
+    ends: FloatArray,
     rule: Rule,
     density: float,
     narrow: float,
@@ -299,8 +299,8 @@ def integrate_cone(
     widest: float,
     first_stretches: int,
     most_legs: int,
-    work: Real,
-    total: Real,
+    work: FloatArray,
+    total: FloatArray,
 ) -> tuple[float, float, int, bool]:
     """Integral over the family's angles of all that one ray gives, to an error of ``density`` per angle.
 
@@ -395,8 +395,8 @@ def integrate_again(
     parts: int,
     rule: Rule,
     most_legs: int,
-    work: Real,
-    total: Real,
+    work: FloatArray,
+    total: FloatArray,
 ) -> tuple[float, bool]:
     """Integral of a scene that was changed a little, over the same pieces, their edges moved to where they are now.
 

@@ -2,9 +2,10 @@
 
 from typing import NamedTuple
 
+from solen.arrays import IntArray
 from solen.trace.kernel.compiled import called
 from solen.trace.kernel.loop import Rows, Space, Sums, trace_rays
-from solen.trace.kernel.rows import Floats, Ints, Precision
+from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
 
@@ -12,26 +13,26 @@ from solen.trace.tables import Tables
 class Starts(NamedTuple):
     """Where the rows of each scene begin in the arrays of `Tables` (S + 1,)."""
 
-    piece: Ints
-    wavelength: Ints
-    monitor: Ints
-    cell: Ints
-    item: Ints
-    treatment: Ints
-    layer: Ints
+    piece: IntArray
+    wavelength: IntArray
+    monitor: IntArray
+    cell: IntArray
+    item: IntArray
+    treatment: IntArray
+    layer: IntArray
 
 
 class Tasks(NamedTuple):
     """One source of one scene and one group of its rays each: (J,) or, of what begins where, (J + 1,)."""
 
-    scene: Ints
-    first: Ints
+    scene: IntArray
+    first: IntArray
     """number of the first ray"""
-    step: Ints
-    ray: Ints
-    receiver: Ints
-    monitor: Ints
-    bin: Ints
+    step: IntArray
+    ray: IntArray
+    receiver: IntArray
+    monitor: IntArray
+    bin: IntArray
 
 
 @called

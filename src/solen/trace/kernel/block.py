@@ -6,6 +6,7 @@ rays at once. Where there are many curves the grid of `solen.trace.kernel.neares
 
 from typing import NamedTuple
 
+from solen.arrays import IntArray
 from solen.trace.kernel.compiled import compiled, never_nan
 from solen.trace.kernel.hits import (
     arc_hit,
@@ -26,7 +27,6 @@ from solen.trace.kernel.rows import (
     OVAL,
     SEGMENT,
     Floats,
-    Ints,
     Oval,
     Precision,
     arc_row,
@@ -48,7 +48,7 @@ class Rays(NamedTuple):
     z: Floats
     dx: Floats
     dz: Floats
-    last: Ints
+    last: IntArray
     at: Floats
 
 
@@ -56,10 +56,10 @@ class Found(NamedTuple):
     """What lies ahead of each ray of a block, and room to work in."""
 
     distance: Floats
-    curve: Ints
+    curve: IntArray
     place: Floats
     work: Floats
-    pick: Ints
+    pick: IntArray
 
 
 class Bounds(NamedTuple):
@@ -152,7 +152,7 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
 
 @compiled
 def oval_block(  # noqa: C901  several inner loops over one set of rays
-    k: Precision, shape: Floats, c: int, n: int, rays: Rays, best: Floats, which: Ints, work: Floats, pick: Ints
+    k: Precision, shape: Floats, c: int, n: int, rays: Rays, best: Floats, which: IntArray, work: Floats, pick: IntArray
 ) -> None:
     """Front of oval ``c`` against rays 0 to n; as `solen.trace.kernel.hits.oval_hit`, in steps over many rays.
 

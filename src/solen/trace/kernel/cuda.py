@@ -22,6 +22,7 @@ from numba.core import config
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
+from solen.arrays import IntArray
 from solen.trace.kernel.compiled import cached, called
 from solen.trace.kernel.hits import product
 from solen.trace.kernel.loop import (
@@ -36,7 +37,7 @@ from solen.trace.kernel.loop import (
     note_place,
 )
 from solen.trace.kernel.nearest import nearest
-from solen.trace.kernel.rows import Floats, Ints, Precision
+from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Rules, corner_step, escape, leave, meet
 from solen.trace.kernel.surface import BRANCHES
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
@@ -60,7 +61,7 @@ class Waiting(NamedTuple):
 
     state: Floats
     """(depth, 8, T)"""
-    tags: Ints
+    tags: IntArray
     """(depth, 3, T)"""
 
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solen.arrays import IntArray
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.loop import (
@@ -25,7 +26,7 @@ from solen.trace.kernel.loop import (
     note_place,
     room_of_block,
 )
-from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Ints, Precision
+from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Precision
 from solen.trace.kernel.space import (
     Coherency,
     Parts,
@@ -62,7 +63,7 @@ class RowsInSpace(NamedTuple):
     dz: Floats
     s: Floats
     p: Floats
-    colour: Ints
+    colour: IntArray
 
 
 class Slab(NamedTuple):
@@ -78,12 +79,12 @@ class RoomInSpace(NamedTuple):
 
     state: Floats
     """(NUMBERS, BLOCK)"""
-    tags: Ints
+    tags: IntArray
     """(TAGS, BLOCK)"""
     found: Found
     waiting_state: Floats
     """(capacity, NUMBERS) branches that wait"""
-    waiting_tags: Ints
+    waiting_tags: IntArray
     """(capacity, TAGS)"""
 
 
@@ -215,7 +216,7 @@ def note_direction(row: Floats, d: Vector, e: Vector, light: Coherency) -> None:
 
 
 @compiled
-def copy_ray(state: Floats, tags: Ints, i: int, j: int) -> None:
+def copy_ray(state: Floats, tags: IntArray, i: int, j: int) -> None:
     """Put ray i in place j."""
     for row in range(NUMBERS):
         state[row, j] = state[row, i]

@@ -11,11 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import IntArray
 from solen.curve import END_TOLERANCE_MM
 from solen.trace.kernel.block import BLOCK, Found, Rays, find_block
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import place_on
-from solen.trace.kernel.rows import Floats, Ints, Precision
+from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Rules, corner_step, escape, free_path, leave, meet, phase_turn, turned
 from solen.trace.result import ABSORBED, DETECTED, FATES, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
@@ -66,7 +67,7 @@ class Rows(NamedTuple):
     dz: Floats
     s: Floats
     p: Floats
-    colour: Ints
+    colour: IntArray
 
 
 class Space(NamedTuple):
@@ -74,14 +75,14 @@ class Space(NamedTuple):
 
     state: Floats
     """(9, BLOCK)"""
-    tags: Ints
+    tags: IntArray
     """(7, BLOCK)"""
     found: Found
     waiting_state: Floats
     """(capacity, 9) branches that wait"""
-    waiting_tags: Ints
+    waiting_tags: IntArray
     """(capacity, 7)"""
-    branches: Ints
+    branches: IntArray
     """(N,) branches of each ray so far; ones to begin with"""
 
 
@@ -160,7 +161,15 @@ def count_arrival(
 
 @compiled
 def note_leg(
-    sums: Sums, rules: Rules, state: Floats, tags: Ints, i: int, interface: int, fate: int, length: float, kept: float
+    sums: Sums,
+    rules: Rules,
+    state: Floats,
+    tags: IntArray,
+    i: int,
+    interface: int,
+    fate: int,
+    length: float,
+    kept: float,
 ) -> None:
     """Keep ray i's straight stretch where there is room, in the order of `solen.trace.result.LEG`; count it anyway."""
     row = sums.counts[LEGS]
@@ -190,7 +199,7 @@ def scatter(
     sums: Sums,
     rules: Rules,
     state: Floats,
-    tags: Ints,
+    tags: IntArray,
     i: int,
     left: int,
     here: int,

@@ -2,6 +2,7 @@
 
 import math
 
+from solen.arrays import IntArray
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
@@ -20,7 +21,6 @@ from solen.trace.kernel.rows import (
     SEGMENT,
     Cubic,
     Floats,
-    Ints,
     Precision,
     arc_row,
     conic_row,
@@ -34,9 +34,9 @@ from solen.trace.tables import Tables
 @compiled
 def curve_hit(
     k: Precision,
-    kind: Ints,
+    kind: IntArray,
     shape: Floats,
-    before: Ints,
+    before: IntArray,
     c: int,
     x: float,
     z: float,

@@ -16,7 +16,6 @@ from solen.scene.model import BEHAVIOURS
 from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
-Ints = NDArray[np.int64]
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
 REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS = range(len(BEHAVIOURS))

@@ -1,0 +1,62 @@
+"""The table of all commands: by group, the name, where its function is, and what it does in one line.
+
+A command is loaded when it runs or shows its own help, so `solen --help` loads nothing heavy. To add one, write its
+function in the folder of its group and add a row here.
+"""
+
+DESIGN, RESIN, PRINT, BENCH = "", "resin", "print", "bench"
+
+GROUPS = {
+    RESIN: "Characterise a resin: index, loss, cure and stiffness from what instruments export.",
+    PRINT: "Print and inspect: layers, coupons, the predicted and the measured lens.",
+    BENCH: "Record, analyse and calibrate sensors on a real or a simulated bench.",
+}
+
+COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
+    DESIGN: (
+        ("new", "design.commands:new", "Write a commented design file, FOLDER/sensor.toml."),
+        ("check", "design.commands:check", "Check that a design can be built at every angle of its motion."),
+        ("run", "design.commands:run", "Simulate a design: response with and without lens, figures, tables, report."),
+        ("trace", "design.commands:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
+        ("lens", "design.commands:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
+        ("sensitivity", "design.commands:sensitivity", "Rank the numbers of a design by what they change."),
+        ("convergence", "design.commands:convergence", "Show how the error falls with the number of rays."),
+        ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
+        ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
+        ("schema", "design.commands:schema", "Print the JSON Schema of the design file or of a command's result."),
+    ),
+    RESIN: (
+        ("spectra", "resin.spectra:spectra", "List the spectra in a file: quantities, units, wavelengths."),
+        ("index", "resin.index:index", "Compute the index of a printed layer from its R and T spectra."),
+        ("refractometer", "resin.refractometer:refractometer", "Extend a measured index over wavelength."),
+        ("cutback", "resin.cutback:cutback", "Compute the loss of a guide in dB/cm from several lengths."),
+        ("cure", "resin.cure:cure", "Fit the working curve of a resin, Dc = Dp ln(E/Ec)."),
+        ("penetration", "resin.cure:penetration", "Compute the penetration depth from an absorbance spectrum."),
+        ("exposures", "resin.cure:exposures", "Compare the transmittance of layers by their exposure."),
+        ("stiffness", "resin.stiffness:stiffness", "Fit modulus and hyperelastic models to mechanical tests."),
+        ("build", "resin.library:build", "Write a resin file from the results of other commands."),
+        ("mix", "resin.library:mix", "Compute what to weigh in for a mixture."),
+        ("list", "resin.library:list_", "List the resins that solen ships."),
+        ("show", "resin.library:show", "Show a resin and its index at given wavelengths."),
+    ),
+    PRINT: (
+        ("layers", "print.layers:layers", "Slice a design or a mesh into layers for a printer."),
+        ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
+        ("fidelity", "print.coupons:fidelity", "Measure a printed coupon in a picture or a height map."),
+        ("calibrate", "print.predict:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
+        ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
+        ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
+        ("printers", "print.layers:printers", "List the printers that solen knows."),
+    ),
+    BENCH: (
+        ("new", "bench.rig:new", "Write example protocols and rigs into a folder."),
+        ("run", "bench.rig:run", "Run a protocol on a rig, real or simulated, and record it."),
+        ("recover", "bench.rig:recover", "Turn the journal of an interrupted run into a recording."),
+        ("recordings", "bench.rig:recordings", "List the recordings in a folder."),
+        ("demodulate", "bench.demodulate:demodulate", "Subtract ambient light from a switched recording."),
+        ("analyse", "bench.analyse:analyse", "Compute cycles, response curves and figures of merit."),
+        ("diagnose", "bench.diagnose:diagnose", "Estimate decentre, chip width, loss and gains."),
+        ("calibrate", "bench.decode:calibrate", "Calibrate sensors: from voltages to angles."),
+        ("decode", "bench.decode:decode", "Decode angles from voltages, from a file or live."),
+    ),
+}

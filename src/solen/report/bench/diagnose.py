@@ -1,0 +1,74 @@
+"""Diagnosed sensors: mean curves with the fitted model, what is left of them, and which numbers go together."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.analysis.diagnosis import Diagnosis, words
+from solen.analysis.diagnosis.diagnose import model_V
+from solen.report.bench.analyse import colour_of
+from solen.report.canvas import INK, LOST, STYLE
+
+_MAP = "RdBu_r"
+_SHORT = {
+    "emitter.offset_mm": "decentre",
+    "chip spread_mm2": "chip",
+    "angle.zero_deg": "angle's zero",
+    "loss_per_mm": "loss",
+}
+
+
+def diagnosis_figure(found: Sequence[Diagnosis], *, simulated: bool) -> Figure:
+    """A column for each sensor: curves and model, residuals in their scatter, correlations."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4), layout="constrained")
+        axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
+        for column, one in enumerate(found):
+            _curves(axes[0, column], one)
+            _residuals(axes[1, column], one)
+            _correlations(axes[2, column], one)
+        axes[0, 0].set_ylabel("voltage (V)")
+        axes[1, 0].set_ylabel("mean less model (mV)")
+        if simulated:
+            figure.suptitle("simulated data", color=LOST, fontsize=9)
+    return figure
+
+
+def _curves(axes: Axes, one: Diagnosis) -> None:
+    angle, fitted = one.cycles.angle_deg, model_V(one)
+    for n, side in enumerate(one.sides):
+        colour = colour_of(side, n)
+        axes.plot(angle, one.cycles.mean_V[:, n], "o", ms=2.6, color=colour, mec="none", alpha=0.7, label=side)
+        axes.plot(angle, fitted[:, n], color=colour, lw=1.2, label=f"{side}, model")
+    axes.set_title("\n".join([one.label, *words(one)[:2]]), fontsize=8, loc="left")
+    axes.legend(fontsize=7, loc="best")
+
+
+def _residuals(axes: Axes, one: Diagnosis) -> None:
+    angle, count = one.cycles.angle_deg, len(one.cycles.volts)
+    for n, side in enumerate(one.sides):
+        colour, rest = colour_of(side, n), 1e3 * one.fitted.residual_V[:, n]
+        axes.plot(angle, rest, color=colour, lw=1.0)
+        if count > 1:
+            u = 1e3 * one.cycles.volts[..., n].std(axis=0, ddof=1) / np.sqrt(count)
+            axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
+    axes.axhline(0.0, color=INK, lw=0.6)
+    axes.set_xlabel("angle (°)")
+    axes.set_title("what the model leaves, ± its uncertainty by the cycles", fontsize=8, loc="left")
+
+
+def _correlations(axes: Axes, one: Diagnosis) -> None:
+    names = [one.fitted.model.parameters[place].name for place in one.fitted.active]
+    names = [_SHORT.get(name, name.rpartition(".")[2]) for name in names]
+    axes.imshow(one.correlations, vmin=-1.0, vmax=1.0, cmap=_MAP)
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.grid(visible=False)
+    for (i, j), value in np.ndenumerate(one.correlations):
+        if i != j:
+            colour = "white" if abs(value) > 0.6 else INK
+            axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize=5.5, color=colour)
+    axes.set_title("which numbers go together (correlation)", fontsize=8, loc="left")

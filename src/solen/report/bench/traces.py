@@ -1,0 +1,89 @@
+"""Voltages over time with the cycles that were found, as in the paper's figure S6.
+
+Holds that are cropped are grey, cycles that are not used hatched; long recordings are drawn by the least and greatest
+sample of each stretch, so that nothing that is there is missing in the picture.
+"""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.analysis import Analysed, Run
+from solen.arrays import FloatArray
+from solen.report.bench.analyse import colour_of, title_of
+from solen.report.canvas import INK, LOST, SOFT, STYLE
+
+_POINTS = 2400
+_MOST_ROWS = 12
+_MOST_HOLDS = 400
+
+
+def traces_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str = "") -> Figure:
+    """A row for each recording: voltages, the angle above them, cycles and holds."""
+    rows = [(one, run) for one in sensors for run in one.runs]
+    shown = rows[:_MOST_ROWS]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4), layout="constrained")
+        axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True).ravel()
+        for panel, (one, run) in zip(axes, shown, strict=True):
+            _draw(panel, one, run)
+        axes[-1].set_xlabel("time (s)")
+        more = f"first {_MOST_ROWS} of {len(rows)} recordings" if len(rows) > _MOST_ROWS else ""
+        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark, more)))
+        if said:
+            figure.suptitle(said, color=LOST, fontsize=9)
+    return figure
+
+
+def _draw(axes: Axes, one: Analysed, run: Run) -> None:
+    signals = run.signals
+    for place, name in enumerate(signals.receivers):
+        axes.plot(*_thinned(signals.time_s, signals.volts[:, place]), color=colour_of(name, place), lw=0.8, label=name)
+        flags = run.clipped[:, place]
+        if flags.any():
+            places = np.flatnonzero(flags)[:: max(1, int(flags.sum()) // _POINTS)]
+            axes.plot(signals.time_s[places], signals.volts[places, place], "x", color=INK, ms=3, label="clipped")
+    _draw_motion(axes, run)
+    above = axes.twinx()
+    above.plot(*_thinned(signals.time_s, signals.angle_deg), color=INK, lw=0.7, alpha=0.5)
+    above.set_ylabel("angle (°), thin")
+    above.grid(visible=False)
+    above.spines["right"].set_visible(True)
+    axes.set_ylabel("voltage (V)")
+    axes.set_xlim(signals.time_s[0], signals.time_s[-1])
+    several = f", {signals.source}" if len(one.runs) > 1 else ""
+    axes.set_title(f"{title_of(one)}{several}; grey: holds, cropped; hatched: not used", fontsize=9, loc="left")
+    handles, names = axes.get_legend_handles_labels()
+    unique = dict(zip(names, handles, strict=True))
+    axes.legend(
+        unique.values(), unique.keys(), fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=len(unique)
+    )
+
+
+def _draw_motion(axes: Axes, run: Run) -> None:
+    time_s = run.signals.time_s
+    for start, stop in run.motion.holds[:_MOST_HOLDS]:
+        axes.axvspan(time_s[start], time_s[stop - 1], color=SOFT, alpha=0.7, lw=0, zorder=0)
+    _, top = axes.get_ylim()
+    cycles = run.motion.cycles
+    for place, cycle in enumerate(cycles[: _MOST_HOLDS // 2]):
+        axes.axvline(cycle.start_s, color=INK, lw=0.7, ls=":")
+        if len(cycles) <= 30:
+            axes.text(cycle.start_s, top, f" {place + 1}", fontsize=8, va="top", color=INK)
+        if place not in run.used:
+            axes.axvspan(cycle.start_s, cycle.end_s, fc="none", ec=LOST, hatch="///", lw=0, alpha=0.5, zorder=0)
+
+
+def _thinned(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest of each stretch, in their order."""
+    size = values.size // _POINTS
+    if size < 4:
+        return time_s, values
+    count = values.size // size * size
+    blocks = values[:count].reshape(-1, size)
+    rows = np.arange(len(blocks)) * size
+    places = np.sort(np.concatenate([rows + blocks.argmin(axis=1), rows + blocks.argmax(axis=1)]))
+    return time_s[places], values[places]

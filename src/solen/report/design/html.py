@@ -1,0 +1,121 @@
+"""The report: one HTML file with its figures inside, which opens offline."""
+
+import math
+import platform
+import re
+from importlib.resources import files
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+import solen
+from solen.lens import OvalLens
+from solen.report.canvas import svg
+from solen.report.design.as_printed import printed_lines
+from solen.report.design.figures import (
+    SHOWN_RAYS,
+    focus_figure,
+    practice_figure,
+    profile_figure,
+    rays_figure,
+    response_figure,
+    sensor_view,
+)
+from solen.report.design.practical import budget_rows, off_index_rows
+from solen.report.design.results import results, summary
+from solen.report.design.words import findings, headline, warnings
+from solen.report.print.predict_figure import printed_figure
+from solen.sensor import Case, Study
+from solen.spec import dumps
+
+FIGURES = (
+    "lens-profile",
+    "response",
+    "as-printed",
+    "practice",
+    "focus",
+    "rays",
+    "rays-at-the-lens",
+    "rays-without-lens",
+)
+"""Names of all figures that a study may have."""
+
+
+def figures(study: Study) -> dict[str, str]:
+    """SVG texts of the figures of a study, by name; which of `FIGURES` there are depends on the design."""
+    rays = min(study.design.emitter.rays, SHOWN_RAYS)
+    case = study.case
+    swept = case.power.angle_deg
+    angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
+    drawn = {"response": response_figure(study.lens, study.flat, study.designed)}
+    if study.printed is not None:
+        drawn["as-printed"] = printed_figure(study.printed)
+    if study.practice is not None and study.practice.chip is not None:
+        drawn["practice"] = practice_figure(study.practice)
+    if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
+        drawn["focus"] = focus_figure(case.sensor)
+    if isinstance(case.sensor.cut, OvalLens):
+        drawn["lens-profile"] = profile_figure(case.sensor.cut)
+    views = [sensor_view(case.sensor, angle, rays) for angle in angles]
+    drawn["rays"] = rays_figure(views)
+    if not case.sensor.is_drawn:
+        drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
+    if study.lens is not None and study.flat is not None:
+        drawn["rays-without-lens"] = rays_figure([sensor_view(study.flat.sensor, a, rays) for a in angles])
+    return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}
+
+
+def html(study: Study, drawn: dict[str, str]) -> str:
+    """HTML text of the report; ``drawn`` are its figures as `figures` returns them."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
+    environment.filters["shown"] = shown
+    template = environment.from_string((files("solen.report") / "report.html").read_text(encoding="utf-8"))
+    case = study.case
+    return template.render(
+        study=study,
+        headline=headline(study),
+        findings=findings(study),
+        figures={name: _inline(text, name) for name, text in drawn.items()},
+        results=results(study),
+        summaries=[(label, summary(one)) for label, one in _cases(study)],
+        rows=range(len(case.power.angle_deg)),
+        cases=_cases(study),
+        design=dumps(study.design),
+        budget=budget_rows(study),
+        off=off_index_rows(study),
+        warnings=warnings(study),
+        printed=[] if study.printed is None else printed_lines(study.printed),
+        rays=study.design.emitter.rays,
+        version=solen.__version__,
+        python=platform.python_version(),
+    )
+
+
+def shown(value: Any) -> str:
+    """A number as one reads it, to four places; a missing one as a dash."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, float):
+        return str(value)
+    if not math.isfinite(value):
+        return "–"
+    if value != 0.0 and abs(value) < 1e-3:
+        return f"{value:.1e}" if abs(value) > 1e-12 else "0"
+    return f"{value:.4f}".rstrip("0").rstrip(".")
+
+
+def _cases(study: Study) -> list[tuple[str, Case]]:
+    with_lens = "with lens" if study.printed is None else f"lens {study.printed.told}"
+    labels = {"lens": with_lens, "designed": "lens as designed", "no_lens": "no lens"}
+    return [(labels[name], case) for name, case in study.cases.items()]
+
+
+def _inline(text: str, name: str) -> Markup:
+    """SVG element without the lines that only a file needs, its ids told apart from those of other figures."""
+    element = text[text.index("<svg") :]
+    for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
+        element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\1{name}-\2", element)
+    return Markup(element)  # noqa: S704  drawn by this package, not by a user

@@ -1,0 +1,216 @@
+"""What a study found about the design's neighbours, in words and rows: a real chip, a decentre, another index, space.
+
+Every sentence is computed; where the study has no such number, there is none.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solen.lens import OvalLens
+from solen.report.design.results import received_share
+from solen.sensor import Extent, InSpace, Practice, Response, Study
+from solen.sensor.off_index import NEAR_DEG
+
+SHOWN_SHARE = 5e-4
+"""Share of the light from which on it is told of in a sentence."""
+STRONGER = 0.02
+"""Difference of two contrasts that is put down to the lens."""
+PARTS = {
+    "right": "right receiver",
+    "left": "left receiver",
+    "beside": "passes beside lens and body",
+    "above_below": "passes above or below them",
+    "reflected": "is reflected and never enters",
+    "leaked": "leaves through top or bottom",
+    "escaped": "leaves elsewhere",
+    "absorbed": "is absorbed",
+    "truncated": "was followed no further",
+}
+"""Parts of the budget in words."""
+
+
+class OffIndexRow(NamedTuple):
+    """An index of the material in words, the contrasts that it makes, and where rays near the axis and all focus."""
+
+    text: str
+    contrasts: list[float | None]
+    foci: list[float | None]
+
+
+class OffIndexRows(NamedTuple):
+    """Contrast at some angles, and foci in mm by their names, for each index of the material."""
+
+    angles: list[float]
+    foci: list[str]
+    rows: list[OffIndexRow]
+
+
+def budget_rows(study: Study) -> list[tuple[str, float]]:
+    """Where the light goes at rest, by parts, with their uncertainty; empty where that is not known."""
+    budget = None if study.practice is None else study.practice.budget
+    if budget is None:
+        return []
+    in_space = study.design.trace.dimension == "extruded"
+    parts = [name for name in PARTS if in_space or name not in ("above_below", "leaked")]
+    return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a share", budget.u)]
+
+
+def off_index_rows(study: Study) -> OffIndexRows:
+    """Contrast with the chip at the ends and near the middle, and foci of the lens, by the index of the material."""
+    found = study.practice
+    if found is None or not found.index:
+        return OffIndexRows([], [], [])
+    base = found.index[0].base
+    there = base.angle_deg.tolist()
+    angles = sorted({there[0], *(near for near in (-NEAR_DEG, NEAR_DEG) if near in there), there[-1]} - {0.0})
+    index = study.case.sensor.material.index
+    told = [(index, f"{index:.6g} (this design)", base)]
+    for one in found.index:
+        note = " (its standard uncertainty)" if one.known else ""
+        told.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
+    told.sort(key=lambda row: row[0])
+    lens = study.case.sensor.cut
+    oval = lens if isinstance(lens, OvalLens) else None
+    rows = [
+        OffIndexRow(text, [contrast_at(response, a) for a in angles], _foci(oval, at)) for at, text, response in told
+    ]
+    return OffIndexRows(angles, ["focus near the axis (mm)", "smallest spot (mm)"] if oval else [], rows)
+
+
+def _foci(lens: OvalLens | None, index: float) -> list[float | None]:
+    return [] if lens is None else [lens.paraxial_focus_mm(index), lens.best_focus_mm(index)]
+
+
+def contrast_at(response: Response, angle_deg: float) -> float | None:
+    """Contrast at the angle nearest to ``angle_deg``; None where no light arrives."""
+    value = float(response.contrast[response.at(angle_deg)])
+    return value if math.isfinite(value) else None
+
+
+def chip_words(found: Practice) -> str:
+    """The response with a chip beside that of a point; empty without both."""
+    chip, point, extent = found.chip, found.point, found.extent
+    if chip is None or point is None:
+        return ""
+    ends = [float(chip.angle_deg[0]), float(chip.angle_deg[-1])]
+    ends = ends if ends[0] != ends[1] else ends[:1]
+    inner = _inner(chip)
+    angles = sorted({*ends, *([inner] if inner is not None else [])})
+    values = [(angle, contrast_at(chip, angle), contrast_at(point, angle)) for angle in angles]
+    if any(a is None or b is None for _, a, b in values):
+        return ""
+    if extent.kind == "own":
+        start, second = f"The chip is {extent.width_mm:g} mm wide: the contrast is", "with a point in its place"
+    else:
+        start = f"With a chip {extent.width_mm:g} mm wide in place of the point, for comparison, the contrast is"
+        second = "with the point"
+    told = [f"{_signed(value)} at {angle:+g}° ({second} {_signed(other)})" for angle, value, other in values]
+    return f"{start} {_listed(told)}."
+
+
+def null_words(found: Practice) -> str:
+    """How far a decentre moves the balance point; empty where that is not known."""
+    shift = found.null
+    if shift is None:
+        return ""
+    return (
+        f"With {_chip(found.extent)} the balance point moves by {shift.shift_deg:+.3f}° (± {shift.u_deg:.1g}°) when "
+        f"the emitter is moved by {shift.step_mm:g} mm towards +x."
+    )
+
+
+def off_index_words(study: Study) -> str:
+    """What an index that is off does to the response; empty without light."""
+    angles, _, rows = off_index_rows(study)
+    found = study.practice
+    if found is None or not rows or any(value is None for row in rows for value in row.contrasts):
+        return ""
+    shown = [i for i, angle in enumerate(angles) if angle <= 0.0] or [0]
+    told = []
+    for i in shown:
+        values = _listed([f"{_signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
+        told.append(f"at {angles[i]:+g}° the contrast is {values}")
+    fixed = " and the lens stays as it is cut" if isinstance(study.case.sensor.cut, OvalLens) else ""
+    text = f"With {_chip(found.extent)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    return " ".join(filter(None, (text, _shift_words(found))))
+
+
+def _shift_words(found: Practice) -> str:
+    """How far the index and the chip move the response."""
+    moved, chip = found.index_shift, found.chip_shift
+    if moved is None:
+        return ""
+    text = f"Over the motion the contrast moves by at most {moved.contrast:.3f} (at {moved.angle_deg:+.3g}°)"
+    if chip is None:
+        return f"{text}."
+    name = _chip(found.extent)
+    return f"{text}; {name} alone moves it from a point's by up to {chip.contrast:.3f} (at {chip.angle_deg:+.3g}°)."
+
+
+def budget_words(study: Study) -> str:
+    """Where the light goes at rest; empty where that is not known."""
+    rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
+    if not rows:
+        return ""
+    words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left one"}
+    told = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
+    return f"Of the emitter's light, at rest: {_listed(told)}."
+
+
+def space_words(study: Study) -> str:
+    """The same chip in the plane and in space; empty without light."""
+    found = None if study.practice is None else study.practice.in_space
+    if found is None:
+        return ""
+    same = found.same
+    ends = sorted({float(found.plane.angle_deg[0]), float(found.plane.angle_deg[-1])})
+    pairs = [(angle, contrast_at(found.plane, angle), contrast_at(same, angle)) for angle in ends]
+    if any(one is None or other is None for _, one, other in pairs):
+        return ""
+    told = [f"{_signed(one)} and {_signed(other)} at {angle:+g}°" for angle, one, other in pairs]
+    plane, space, angles = received_share(found.plane), received_share(same), len(found.plane.angle_deg)
+    text = (
+        f"{_emitter(found)} gives, by rays in the plane and by rays in space in a body {found.thickness_mm:g} mm "
+        f"thick, a contrast of {_listed(told)} (± {_u_contrast(same):.1g}, sampled). Of its light {plane:.1%} and "
+        f"{space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
+    )
+    weaker = all(abs(one or 0.0) - abs(other or 0.0) > STRONGER for _, one, other in pairs)
+    if weaker and isinstance(study.case.sensor.cut, OvalLens):
+        text += " Rays that leave the plane see a lens that focuses shorter."
+    return text
+
+
+def _u_contrast(response: Response) -> float:
+    """Largest error of a contrast."""
+    return float(np.max(2.0 * response.u / (response.right + response.left)))
+
+
+def _emitter(found: InSpace) -> str:
+    if found.extent.kind == "file":
+        return "The design's file of rays"
+    size = f"A chip of {found.extent.width_mm:g} × {found.extent.height_mm:g} mm"
+    pattern = "with its pattern in a table" if found.pattern == "table" else found.pattern
+    fan = " (in place of the design's fan, which has no light out of the plane)" if found.replaced else ""
+    return f"{size}, {pattern} within ±{found.cone_deg / 2:g}°{fan},"
+
+
+def _chip(extent: Extent) -> str:
+    if extent.kind == "file":
+        return "the design's emitter"
+    return f"the chip {extent.width_mm:g} mm wide" if extent.kind == "own" else f"a chip {extent.width_mm:g} mm wide"
+
+
+def _inner(response: Response) -> float | None:
+    """The angle near the middle that is told of, where the response has it."""
+    angles: Any = response.angle_deg.tolist()
+    return next((near for near in (-NEAR_DEG, NEAR_DEG) if near in angles), None)
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _signed(value: float | None) -> str:
+    return "no light" if value is None else f"{0.0 if abs(value) < 5e-4 else value:+.3f}"

@@ -1,0 +1,152 @@
+"""Figures of what is made: the solid seen from above at a slant, from both of its ends, and its plan with the seats.
+
+The solid is drawn by a depth buffer: every triangle that looks at the viewer is filled point by point where nothing
+nearer was drawn. What is hidden is hidden exactly, however parts lie behind one another.
+"""
+
+import math
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from solen.arrays import FloatArray
+from solen.fabricate import Mesh, Part
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
+
+VIEWS = (("from the front", 35.0), ("from behind", 145.0))
+"""What the solid is seen from, and how far round it that is from where Y runs away from the viewer, in degrees."""
+RISE_DEG = 38.0
+"""How high the viewer stands."""
+PIXELS = 900
+"""Across the picture."""
+LIGHT = (0.25, 0.75, 0.6)
+"""Where light comes from: right, above, and from the viewer's side."""
+SHADE = 0.5
+"""Brightness of what turns away from the light."""
+BODY_COLOUR = "#8fb4d3"
+EDGE_DEG = 20.0
+"""Neighbouring points whose surfaces differ by more are divided by an edge."""
+GRAZING = 1e-6
+"""Cosine below which a triangle is seen from its edge."""
+EDGE_STEP = 0.01
+"""And those whose depths differ by more than this share of the picture."""
+
+
+def solid_figure(part: Part, mesh: Mesh) -> Figure:
+    """The solid at a slant from both ends, and the plan of its outlines with pockets and slots."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.6, 5.6), layout="constrained")
+        grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))
+        for row, (title, turn_deg) in enumerate(VIEWS):
+            axes = figure.add_subplot(grid[row, 0])
+            _draw_solid(axes, mesh, turn_deg)
+            axes.set_title(title, fontsize=9)
+        _draw_plan(figure.add_subplot(grid[:, 1]), part)
+        size = " × ".join(f"{length:.4g}" for length in mesh.size_mm)
+        figure.suptitle(f"{part.name}: {size} mm, {part.volume_mm3:.4g} mm³", fontsize=10)
+    return figure
+
+
+def _draw_solid(axes: Axes, mesh: Mesh, turn_deg: float) -> None:
+    picture, extent = rendered(mesh.vertices @ _view(turn_deg), mesh.triangles)
+    axes.imshow(picture, extent=extent, origin="lower", interpolation="antialiased")
+    axes.set_axis_off()
+    left, right, low, _ = extent
+    bar_mm = 10.0 ** math.floor(math.log10((right - left) / 2.0))
+    axes.plot([left, left + bar_mm], [low, low], color=INK, lw=2.0, solid_capstyle="butt", clip_on=False)
+    axes.annotate(f"{bar_mm:g} mm", (left, low), xytext=(0, -10), textcoords="offset points", fontsize=8)
+
+
+def _view(turn_deg: float) -> FloatArray:
+    """Directions to the right, upwards and towards the viewer as columns, in X, Y, Z of the part."""
+    turn, rise = math.radians(turn_deg), math.radians(RISE_DEG)
+    towards = np.array([math.sin(turn) * math.cos(rise), -math.cos(turn) * math.cos(rise), math.sin(rise)])
+    across = np.array([math.cos(turn), math.sin(turn), 0.0])
+    return np.column_stack([across, np.cross(towards, across), towards])
+
+
+def rendered(seen: FloatArray, triangles: NDArray[np.int64]) -> tuple[FloatArray, tuple[float, float, float, float]]:
+    """Picture (rows, columns, 4) of triangles seen along their third coordinate, and its extent in the other two."""
+    margin = 0.03 * float(np.ptp(seen[:, :2], axis=0).max())
+    low, high = seen[:, :2].min(axis=0) - margin, seen[:, :2].max(axis=0) + margin
+    pixel = float((high - low).max()) / PIXELS
+    columns, rows = (int(count) for count in np.ceil((high - low) / pixel))
+    depth, owner = np.full((rows, columns), -np.inf), np.full((rows, columns), -1)
+    corners = seen[triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    placed = np.concatenate([(corners[..., :2] - low) / pixel - 0.5, corners[..., 2:]], axis=-1)
+    for number in np.flatnonzero(normals[:, 2] > GRAZING).tolist():
+        _fill(depth, owner, placed[number], number)
+    extent = (float(low[0]), float(low[0] + columns * pixel), float(low[1]), float(low[1] + rows * pixel))
+    return _coloured(depth, np.where(owner[..., None] >= 0, normals[owner], 0.0), PIXELS * pixel), extent
+
+
+def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, number: int) -> None:
+    """Fill the pixels of one triangle, (column, row, depth) at its corners, where nothing nearer lies."""
+    columns, rows = (
+        np.arange(max(0, math.ceil(corners[:, axis].min())), math.floor(corners[:, axis].max()) + 1) for axis in (0, 1)
+    )
+    if not len(columns) or not len(rows):
+        return
+    (x0, y0, d0), (x1, y1, d1), (x2, y2, d2) = corners.tolist()
+    whole = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    dx, dy = columns - x0, (rows - y0)[:, None]
+    second, third = (dx * (y2 - y0) - (x2 - x0) * dy) / whole, ((x1 - x0) * dy - dx * (y1 - y0)) / whole
+    there = d0 + second * (d1 - d0) + third * (d2 - d0)
+    window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    nearer = (second >= 0.0) & (third >= 0.0) & (second + third <= 1.0) & (there > depth[window])
+    depth[window][nearer] = there[nearer]
+    owner[window][nearer] = number
+
+
+def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArray:
+    """Colours with shade and edges; clear where nothing is."""
+    seen = np.isfinite(depth)
+    lit = np.clip(normals @ (np.array(LIGHT) / np.linalg.norm(LIGHT)), 0.0, 1.0)
+    colour = np.array(mpl.colors.to_rgb(BODY_COLOUR)) * (SHADE + (1.0 - SHADE) * lit)[..., None]
+    edge = _edges(np.where(seen, depth, -1e9), normals, EDGE_STEP * width)
+    colour[edge] = mpl.colors.to_rgb(INK)
+    return np.dstack([colour, (seen | edge).astype(float)])
+
+
+def _edges(depth: FloatArray, normals: FloatArray, step: float) -> NDArray[np.bool_]:
+    """Where a neighbour to the right or above is another surface, or lies nearer or farther by more than a step."""
+    edge = np.zeros(depth.shape, dtype=bool)
+    for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        solid = np.minimum(depth[here], depth[there]) > -1e9
+        bends = np.sum(normals[here] * normals[there], axis=-1) < math.cos(math.radians(EDGE_DEG))
+        edge[here] |= (solid & bends) | (np.abs(depth[here] - depth[there]) > step)
+    return edge
+
+
+def _draw_plan(axes: Axes, part: Part) -> None:
+    for prism in part.prisms:
+        for ring in prism.rings(1e-2):
+            axes.plot(*ring.T, color=INK, lw=1.0)
+    for cut in part.cuts:
+        slot = cut.name.startswith("slot")
+        for ring in cut.takes.rings(1e-2):
+            axes.fill(*ring.T, facecolor=LEFT if slot else RIGHT, alpha=0.35, lw=0)
+            axes.plot(*ring.T, color=LEFT if slot else RIGHT, lw=1.0)
+    for colour, what, depth in _seats(part):
+        axes.fill([], [], color=colour, alpha=0.6, label=f"{what}\n{depth}")
+    if part.cuts:
+        axes.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes.set_aspect("equal")
+    axes.grid(visible=False)
+    axes.axvline(0.0, color=LOST, lw=0.6, ls=(0, (6, 3)))
+    axes.set(xlabel="X = x (mm)", ylabel="Y = z (mm)")
+
+
+def _seats(part: Part) -> list[tuple[str, str, str]]:
+    """Colour, name and heights of the kinds of seats that a part has."""
+    found: dict[str, tuple[str, str, str]] = {}
+    for cut in part.cuts:
+        kind = cut.name.partition("-")[0]
+        heights = f"Z {cut.takes.from_mm:.4g} to {cut.takes.to_mm:.4g} mm"
+        found[kind] = (LEFT if kind == "slot" else RIGHT, f"{kind}s", heights)
+    return list(found.values())

@@ -1,0 +1,290 @@
+"""Typed results: what every stage returns, and the one way from there to JSON, tables, xarray and a notebook.
+
+The idea: a result is a frozen dataclass that names its units and uncertainties; it stays one until the door. What JSON
+holds follows from its fields and from the properties marked `reported`, in their order, so no command writes a
+dictionary of its own. Conventions of the names are in docs/conventions.md: ``slope_V_per_deg`` is a value with its
+unit, ``u_slope_V_per_deg`` its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
+
+The interface: derive from `Result`, decorated with ``@dataclass(frozen=True, eq=False, repr=False)``; `plain` turns
+any value into what JSON can hold, `schema_of` gives the JSON Schema of a result's type.
+"""
+
+import dataclasses
+import datetime as dt
+import enum
+import functools
+import html
+import math
+import types
+import typing
+from collections.abc import Iterator, Mapping, Sequence, Set
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from solen.extras import need
+
+if typing.TYPE_CHECKING:
+    import xarray
+
+HIDDEN: Mapping[str, Any] = types.MappingProxyType({"reported": False})
+"""Metadata of a field that JSON leaves out: ``scene: Scene = field(metadata=HIDDEN)``."""
+_SHOWN_ENTRIES = 4  # of a long list in a repr
+_SHOWN_FIELDS = 14
+
+
+class reported(property):  # noqa: N801  used as a decorator, as `property` is
+    """A property that JSON, tables and reprs hold beside the fields."""
+
+
+class Result:
+    """Base of every typed result.
+
+    A subclass is a dataclass with ``frozen=True, eq=False, repr=False``: results hold arrays, so two are equal only
+    where they are the same object.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data that JSON can hold: lists for arrays, None for what is not finite."""
+        return {name: plain(value) for name, value in entries(self)}
+
+    def to_dataset(self) -> "xarray.Dataset":
+        """The result's numbers as an xarray dataset; needs the extra ``netcdf``.
+
+        One-dimensional arrays of the length of the first array field lie along that field as a coordinate; other
+        arrays get dimensions of their own. Texts, numbers and flags become attributes.
+
+        Raises
+        ------
+        OutputError
+            Where xarray is not installed.
+        """
+        need("xarray", what="to_dataset", doing="a dataset")
+        import xarray
+
+        values = dict(entries(self))
+        arrays = {name: np.asarray(value) for name, value in values.items() if isinstance(value, np.ndarray)}
+        axis = next((name for name, array in arrays.items() if array.ndim == 1), None)
+        along = arrays[axis].shape[0] if axis is not None else -1
+        variables: dict[str, tuple[tuple[str, ...], Any]] = {}
+        for name, array in arrays.items():
+            dimensions = tuple(
+                str(axis) if size == along else f"{name}_{place}" for place, size in enumerate(array.shape)
+            )
+            variables[name] = (dimensions if len(set(dimensions)) == array.ndim else _own(name, array.ndim), array)
+        kept = {name: value for name, value in values.items() if isinstance(value, str | int | float | np.generic)}
+        attributes = {name: int(value) if isinstance(value, bool | np.bool_) else value for name, value in kept.items()}
+        return xarray.Dataset(variables, attrs=attributes)
+
+    def __repr__(self) -> str:
+        """A few lines: each value beside its name, long arrays by their size."""
+        lines = [f"  {name} = {value}" for name, value in _summary(self)]
+        return "\n".join([type(self).__name__, *lines])
+
+    def _repr_html_(self) -> str:
+        """The same as a table, as notebooks show it."""
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
+            for name, value in _summary(self)
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+R = typing.TypeVar("R", bound=Result)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Outcome(typing.Generic[R]):
+    """What a command ends with: its result, and the files that it wrote by what they hold ("figure", "out")."""
+
+    result: R
+    files: Mapping[str, Path] = dataclasses.field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data, with the files under ``files``."""
+        return self.result.to_dict() | {"files": plain(self.files)}
+
+
+def entries(value: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values of a dataclass that are reported: its public fields, then its `reported` properties."""
+    for field in dataclasses.fields(value):
+        if not field.name.startswith("_") and field.metadata.get("reported", True):
+            yield field.name, getattr(value, field.name)
+    for name in _reported(type(value)):
+        yield name, getattr(value, name)
+
+
+@functools.singledispatch
+def plain(value: Any) -> Any:
+    """A value as JSON can hold it: lists, dictionaries, texts, finite numbers, booleans and None."""
+    if dataclasses.is_dataclass(value):
+        return {name: plain(one) for name, one in entries(value)}
+    if hasattr(value, "model_dump"):
+        return plain(value.model_dump())
+    raise TypeError(f"{type(value).__name__} has no plain form: hide the field or report a part of it")
+
+
+@plain.register
+def _(value: bool | None) -> Any:
+    return value
+
+
+@plain.register
+def _(value: str | Path) -> str:
+    return str(value)
+
+
+@plain.register
+def _(value: enum.Enum) -> Any:
+    return plain(value.value)
+
+
+@plain.register
+def _(value: int) -> int:
+    return int(value)
+
+
+@plain.register
+def _(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+@plain.register
+def _(value: np.ndarray) -> Any:
+    return plain(value.tolist())
+
+
+@plain.register
+def _(value: np.generic) -> Any:
+    return plain(value.item())
+
+
+@plain.register
+def _(value: dt.date) -> str:
+    return value.isoformat()
+
+
+@plain.register(Mapping)
+def _(value: Mapping[Any, Any]) -> dict[str, Any]:
+    return {str(key): plain(one) for key, one in value.items()}
+
+
+@plain.register(Sequence)
+@plain.register(Set)
+def _(value: Sequence[Any]) -> list[Any]:
+    return [plain(one) for one in value]
+
+
+def schema_of(kind: Any) -> dict[str, Any]:
+    """JSON Schema of what `plain` makes of a type; that of a dataclass describes each field by its docstring."""
+    origin, inside = typing.get_origin(kind), typing.get_args(kind)
+    if origin is typing.Annotated:
+        return schema_of(inside[0])
+    if origin is typing.Literal:
+        return {"enum": list(inside)}
+    if origin in {typing.Union, types.UnionType}:
+        return {"anyOf": [schema_of(one) for one in inside]}
+    return _class_schema(origin or kind, inside) if isinstance(origin or kind, type) else {}
+
+
+_JSON_TYPES: tuple[tuple[type | tuple[type, ...], Any], ...] = (
+    (types.NoneType, "null"),
+    (bool, "boolean"),
+    (int, "integer"),
+    ((str, Path, dt.date), "string"),
+    ((float, np.floating), ["number", "null"]),
+    (np.ndarray, "array"),
+)
+
+
+def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
+    """Schema of a class with the types in its brackets."""
+    for known, name in _JSON_TYPES:
+        if issubclass(kind, known):
+            return {"type": name}
+    if issubclass(kind, Mapping):
+        return {"type": "object"} | ({"additionalProperties": schema_of(inside[1])} if len(inside) == 2 else {})
+    if dataclasses.is_dataclass(kind):
+        return _object_schema(kind)
+    if hasattr(kind, "model_json_schema"):
+        return typing.cast("dict[str, Any]", kind.model_json_schema())
+    if issubclass(kind, Sequence | Set):
+        alike = len(inside) == 1 or inside[1:] == (...,)
+        return {"type": "array"} | ({"items": schema_of(inside[0])} if alike else {})
+    return {}
+
+
+def _object_schema(kind: type) -> dict[str, Any]:
+    hints = typing.get_type_hints(kind, include_extras=True)
+    kinds = {
+        field.name: hints[field.name]
+        for field in dataclasses.fields(kind)
+        if not field.name.startswith("_") and field.metadata.get("reported", True)
+    }
+    for name in _reported(kind):
+        getter = typing.cast("property", getattr(kind, name)).fget
+        kinds[name] = typing.get_type_hints(getter).get("return", Any) if getter is not None else Any
+    words = described(kind)
+    properties = {
+        name: schema_of(one) | ({"description": words[name]} if name in words else {}) for name, one in kinds.items()
+    }
+    found: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
+    return found | ({"title": kind.__name__} if kind.__doc__ else {})
+
+
+def described(kind: type) -> dict[str, str]:
+    """What a dataclass says of its fields: the entries of its docstring's Attributes, and its properties' own."""
+    words: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        names: list[str] = []
+        for line in (base.__doc__ or "").partition("Attributes\n")[2].splitlines()[1:]:
+            text = line.strip()
+            if text and len(line) - len(line.lstrip()) <= 4:
+                names = [name.strip() for name in text.split(",")]
+            elif text:
+                words |= {name: f"{words.get(name, '')} {text}".strip() for name in names}
+    for name in _reported(kind):
+        words[name] = (getattr(kind, name).__doc__ or "").strip().partition("\n")[0]
+    return words
+
+
+def _reported(kind: type) -> list[str]:
+    """Names of the reported properties of a type, those of its bases first."""
+    found: dict[str, None] = {}
+    for base in reversed(kind.__mro__):
+        found |= dict.fromkeys(name for name, value in vars(base).items() if isinstance(value, reported))
+    return list(found)
+
+
+def _own(name: str, dimensions: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{place}" for place in range(dimensions))
+
+
+def _summary(result: Any) -> list[tuple[str, str]]:
+    rows = [(name, _short(value)) for name, value in entries(result)]
+    more = len(rows) - _SHOWN_FIELDS
+    return rows if more <= 1 else [*rows[:_SHOWN_FIELDS], ("...", f"{more} more")]
+
+
+def _short(value: Any) -> str:
+    """A value in a few words."""
+    if isinstance(value, np.ndarray):
+        if value.size == 0 or value.dtype.kind not in "fiu":
+            return f"array {value.shape}"
+        finite = value[np.isfinite(value)]
+        return f"array {value.shape}" + (f", {_short(finite.min())} to {_short(finite.max())}" if finite.size else "")
+    if isinstance(value, bool | np.bool_):
+        return str(bool(value))
+    if isinstance(value, float | np.floating):
+        return f"{float(value):.6g}"
+    if isinstance(value, str | int | np.integer | Path) or value is None:
+        return str(value)
+    if isinstance(value, Mapping):
+        return f"{type(value).__name__} of {', '.join(str(key) for key in value)}"[:100]
+    if isinstance(value, Sequence | Set):
+        texts = [_short(one) for one in list(value)[:_SHOWN_ENTRIES]]
+        return ", ".join(texts)[:100] + (f", ... ({len(value)})" if len(value) > _SHOWN_ENTRIES else "")
+    return type(value).__name__
