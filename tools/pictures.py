@@ -65,7 +65,7 @@ def index_routes() -> Figure:
 
 
 def index_command() -> Figure:
-    """What ``solen index --figure`` draws, for a simulated layer with a reflectance that was spoilt in part."""
+    """What ``solen resin index --figure`` draws, for a simulated layer with a reflectance that was spoilt in part."""
     rng = np.random.default_rng(2)
     nm = np.arange(400.0, 901.0, 2.0)
     loss = 2e-6 + 4e-5 * np.exp(-(nm - 380.0) / 25.0)
@@ -132,7 +132,7 @@ def readout_picture() -> Figure:
 
 
 def ambient_light() -> Figure:
-    """What ``solen demodulate --figure`` draws of a simulated waveform in a room that flickers and is lit at once."""
+    """What ``solen bench demodulate --figure`` draws of a simulated waveform in a room that flickers and is lit at once."""
     rng = np.random.default_rng(4)
     circuit = circuit_of(with_values(loads(template()), READ_WITH), {"right": 12.0, "left": 12.0})
     time = np.arange(40_000) / 10_000.0

@@ -1,4 +1,4 @@
-"""`solen index` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
+"""`solen resin index` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
 
 import json
 import subprocess
@@ -14,7 +14,7 @@ R, T = forward(1.49 + 4e3 / NM**2, 1e-5, 50.0, NM)
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "solen", "index", *arguments]
+    command = [sys.executable, "-m", "solen", "resin", "index", *arguments]
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
 
 

@@ -1,4 +1,4 @@
-"""`solen refractometer` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
+"""`solen resin refractometer` on the command line: one JSON object, lines for a reader, one line for what is wrong."""
 
 import json
 import subprocess
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "solen", "refractometer", *arguments]
+    command = [sys.executable, "-m", "solen", "resin", "refractometer", *arguments]
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
 
 

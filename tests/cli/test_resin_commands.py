@@ -162,8 +162,11 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; it is for"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),
         (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
-        (holding(b"{}"), "bad.json: kind; missing: this is no result of solen; write it with solen index --out"),
-        (holding(b"[1, 2]", "cure"), "bad.json: kind; missing: this is no result of solen; write it with solen cure"),
+        (holding(b"{}"), "bad.json: kind; missing: this is no result of solen; write it with solen resin index --out"),
+        (
+            holding(b"[1, 2]", "cure"),
+            "bad.json: kind; missing: this is no result of solen; write it with solen resin cure",
+        ),
         (holding(b'{"kind": "index", '), "bad.json: JSON; cannot be read: Expecting property name"),
         (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; cannot be read: NaN is no number of JSON"),
         (holding(b"[" * 100_000), "bad.json: JSON; is nested too deeply"),
@@ -304,7 +307,7 @@ def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> No
     rows = [f"{nm:g},{a:.6f},{b:.6f}" for nm, a, b in zip(wavelengths, t, r, strict=True)]
     Path("layer.csv").write_text("\n".join(["wavelength_nm,T,R", *rows]), encoding="utf-8")
     stated = ("--u-T", "0.001", "--u-R", "0.001", "--baseline", "air", "--thickness-um", "50")
-    shell.lines("index", "layer.csv", *stated, "--out", "layer.json")
+    shell.lines("resin", "index", "layer.csv", *stated, "--out", "layer.json")
     shell.lines("resin", "build", "r.toml", *WHO, "--index", "layer.json")
     resin = load_resin("r.toml")
     checksum = hashlib.sha256(Path("layer.csv").read_bytes()).hexdigest()
@@ -337,8 +340,8 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
         strain = np.linspace(0.0, 0.3, 61)
         rows = [f"{e:.4f},{shear * ((1 - e) ** -2 - 1 + e):.6f}" for e in strain]
         Path(f"{name}.csv").write_text("\n".join(["strain,stress_MPa", *rows]), encoding="utf-8")
-    shell.lines("cutback", "guides.csv", "--out", "c.json")
-    shell.lines("cure", "discs.csv", "--irradiance-mW-per-cm2", "13", "--out", "k.json")
+    shell.lines("resin", "cutback", "guides.csv", "--out", "c.json")
+    shell.lines("resin", "cure", "discs.csv", "--irradiance-mW-per-cm2", "13", "--out", "k.json")
     shell.lines(
         "stiffness", "stiff.csv", "soft.csv", "--mode", "compression", "--label", "base", "mix", "--out", "s.json"
     )

@@ -1,4 +1,4 @@
-"""`solen spectra`: one JSON object or lines, one line and exit code 2 for what cannot be read, a figure on request."""
+"""`solen resin spectra`: one JSON object or lines, one line and exit code 2 for what cannot be read, a figure on request."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ def export(tmp_path: Path) -> Path:
 
 
 def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
-    code = run_command(["spectra", *map(str, arguments)])
+    code = run_command(["resin", "spectra", *map(str, arguments)])
     printed = capsys.readouterr()
     assert (code, printed.err) == (0, "")
     return printed.out
@@ -52,7 +52,7 @@ def test_traces_are_chosen_by_name(export: Path, capsys: pytest.CaptureFixture[s
     found = as_json(capsys, export, "--trace", "film 1")
     assert [one["name"] for one in found["traces"]] == ["film 1"]
     assert found["warnings"] == []
-    assert run_command(["spectra", str(export), "--trace", "film 3"]) == 2
+    assert run_command(["resin", "spectra", str(export), "--trace", "film 3"]) == 2
     assert "trace film 3; not in spectra.csv; did you mean film 2?" in capsys.readouterr().err
 
 
@@ -84,7 +84,7 @@ def test_what_cannot_be_read_is_one_line(
 ) -> None:
     path = tmp_path / "file.csv"
     path.write_bytes(content.encode("cp1252"))
-    assert run_command(["spectra", str(path), "--figure", str(tmp_path / "f.svg")]) == 2
+    assert run_command(["resin", "spectra", str(path), "--figure", str(tmp_path / "f.svg")]) == 2
     printed = capsys.readouterr()
     assert line in printed.err
     assert len(printed.err.splitlines()) == 1

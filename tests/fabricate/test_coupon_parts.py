@@ -176,7 +176,7 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> dict[str, Any]:
-        return answered(capfd, "coupons", *arguments)
+        return answered(capfd, "print", "coupons", *arguments)
 
     return run
 
@@ -213,9 +213,9 @@ def test_the_list_says_what_was_read_into_the_source(told: Run) -> None:
 
 
 def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert run_command(["coupons", "--list"]) == 0
+    assert run_command(["print", "coupons", "--list"]) == 0
     assert "printed: " not in capfd.readouterr().err
-    assert run_command(["coupons", "--out", str(tmp_path / "p"), "--only", "z-reference"]) == 0
+    assert run_command(["print", "coupons", "--out", str(tmp_path / "p"), "--only", "z-reference"]) == 0
     assert re.search(r"z-reference: 3 features, 44\.05 mm3", capfd.readouterr().out)
 
 
@@ -252,7 +252,7 @@ def test_bad_input_ends_in_one_line_and_writes_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run_command(["coupons", *arguments]) == 2
+    assert run_command(["print", "coupons", *arguments]) == 2
     printed = capfd.readouterr()
     assert part in printed.err
     assert printed.err.count("\n") == 1

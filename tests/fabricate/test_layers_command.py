@@ -1,4 +1,4 @@
-"""`solen layers`, `solen printers` and `solen export --layers` from the command line to the files, and refusals."""
+"""`solen print layers`, `solen print printers` and `solen export --layers` from the command line to the files, and refusals."""
 
 import json
 import os
@@ -71,7 +71,7 @@ def pictures(path: str) -> list[Any]:
 
 
 def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
-    found = told("layers", "my sensor.toml", "--out", "out", *QUICK, "--figure", "f.svg", "--resin", "noa61")
+    found = told("print", "layers", "my sensor.toml", "--out", "out", *QUICK, "--figure", "f.svg", "--resin", "noa61")
     names = {kind: Path(path).name for kind, path in found["files"].items()}
     assert names == {
         "layers": "my-sensor-layers.zip",
@@ -95,7 +95,7 @@ def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
 
 def test_the_sheet_says_what_to_type_in(told: Run) -> None:
     options = ("--copies", "2", "--z-offset-um", "600", "--irradiance-mW-per-cm2", "12", "--orientation", "upright")
-    found = told("layers", "my sensor.toml", "--out", "out", "--sheet-only", "--gap-mm", "3", *options)
+    found = told("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--gap-mm", "3", *options)
     assert found["stack_volume_mm3"] is None
     assert "layers" not in found["files"]
     sheet = Path(found["files"]["sheet"]).read_text(encoding="utf-8")
@@ -124,8 +124,8 @@ def test_the_sheet_says_what_to_type_in(told: Run) -> None:
 
 def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
     """Round by way of the STL, which is flat as it stands: no more than a grey value or two of 32-bit rounding."""
-    first = told("layers", "my sensor.toml", "--out", "a", *QUICK, "--orientation", "on-edge")
-    second = told("layers", first["files"]["stl"], "--out", "b", *QUICK)
+    first = told("print", "layers", "my sensor.toml", "--out", "a", *QUICK, "--orientation", "on-edge")
+    second = told("print", "layers", first["files"]["stl"], "--out", "b", *QUICK)
     one, other = (pictures(found["files"]["layers"]) for found in (first, second))
     assert max(int(np.abs(a.astype(int) - b).max()) for a, b in zip(one, other, strict=True)) <= 2
     assert second["sources"][0]["format"] == "stl"
@@ -135,7 +135,7 @@ def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
 def test_a_cure_depth_from_a_resin_of_ones_own(told: Run) -> None:
     text = 'schema = 1\nname = "thin"\n[cure]\nDp_um = 50\nEc_mJ_per_cm2 = 20\nwavelength_nm = 405\n'
     Path("thin.toml").write_text(text, encoding="utf-8")
-    found = told("layers", "my sensor.toml", "--out", "out", "--sheet-only", "--resin", "thin.toml")
+    found = told("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--resin", "thin.toml")
     assert found["settings"]["cure_depth_um"] == pytest.approx(50 * np.log(26 / 20))
     assert found["settings"]["burn_in_cure_depth_um"] == pytest.approx(50 * np.log(39 / 20))
     assert any("cures 13 µm, a layer is 25 µm" in line for line in found["warnings"])
@@ -155,25 +155,25 @@ def test_export_writes_layers_beside_the_solid(told: Run) -> None:
 
 def test_two_runs_give_the_same_files(told: Run, folder: Path) -> None:
     for out in ("a", "b"):
-        told("layers", "box.stl", "--out", out, *QUICK)
+        told("print", "layers", "box.stl", "--out", out, *QUICK)
     assert snapshot(folder / "a") == snapshot(folder / "b")
 
 
 def test_lines_for_a_reader(capfd: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["layers", "box.stl", "--out", "out", *QUICK]) == 0
+    assert run_command(["print", "layers", "box.stl", "--out", "out", *QUICK]) == 0
     assert "volume_error" in capfd.readouterr().out
     assert run_command(["export", "my sensor.toml", "--out", "out", "--layers", *QUICK]) == 0
     assert "my-sensor-layers.zip" in capfd.readouterr().out
-    assert run_command(["printers"]) == 0
+    assert run_command(["print", "printers"]) == 0
     assert "asiga-ultra-32" in capfd.readouterr().out
-    assert run_command(["printers", "generic"]) == 0
+    assert run_command(["print", "printers", "generic"]) == 0
     assert "pitch_um: typical 50 (estimate: chosen)" in capfd.readouterr().out
 
 
 def test_printers_as_json(told: Run) -> None:
-    rows = {row["printer"]: row for row in told("printers")["printers"]}
+    rows = {row["printer"]: row for row in told("print", "printers")["printers"]}
     assert rows["generic"]["size_mm"] == [96.0, 54.0, 100.0]
-    assert told("printers", "asiga-max-x27")["file"]["pitch_um"]["basis"] == "estimate"
+    assert told("print", "printers", "asiga-max-x27")["file"]["pitch_um"]["basis"] == "estimate"
 
 
 @pytest.mark.parametrize(
@@ -204,7 +204,7 @@ def test_printers_as_json(told: Run) -> None:
     ],
 )
 def test_a_bad_value_is_one_line(refused: Run, arguments: list[str], line: str) -> None:
-    assert line in refused("layers", "my sensor.toml", "--out", "out", *arguments)
+    assert line in refused("print", "layers", "my sensor.toml", "--out", "out", *arguments)
 
 
 def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
@@ -212,18 +212,18 @@ def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
     (folder / "cut.stl").write_bytes(data[:-20])
     (folder / "open.stl").write_bytes(data[:80] + (11).to_bytes(4, "little") + data[84:-50])
     (folder / "mesh.obj").write_text("v 0 0 0", encoding="utf-8")
-    assert "is cut off" in refused("layers", "cut.stl", "--out", "out")
-    assert "open.stl = '3 open edges'; must be watertight" in refused("layers", "open.stl", "--out", "out")
-    assert "must be a design (.toml) or a mesh (.stl, .3mf)" in refused("layers", "mesh.obj", "--out", "out")
-    assert "no such file" in refused("layers", "none.stl", "--out", "out")
-    assert "--set" in refused("layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
+    assert "is cut off" in refused("print", "layers", "cut.stl", "--out", "out")
+    assert "open.stl = '3 open edges'; must be watertight" in refused("print", "layers", "open.stl", "--out", "out")
+    assert "must be a design (.toml) or a mesh (.stl, .3mf)" in refused("print", "layers", "mesh.obj", "--out", "out")
+    assert "no such file" in refused("print", "layers", "none.stl", "--out", "out")
+    assert "--set" in refused("print", "layers", "box.stl", "--out", "out", "--set", "body.thickness_mm=1")
     assert "without --layers" in refused("export", "my sensor.toml", "--out", "out", "--copies", "2")
 
 
 def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_told(told: Run, folder: Path) -> None:
     box = trimesh.creation.box((0.1, 0.1, 0.05))
     trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False).export(folder / "inverted.stl")
-    found = told("layers", "inverted.stl", "--out", "out")
+    found = told("print", "layers", "inverted.stl", "--out", "out")
     assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
     assert any("inside out" in line for line in found["warnings"])
     assert any("An STL has none and is read as mm" in line for line in found["warnings"])
@@ -236,7 +236,7 @@ def test_level_faces_between_layers_are_told(told: Run) -> None:
     line = "2 level faces lie within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
     assert line in told(*arguments, "--layer-um", "50")["warnings"]
     first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["stl"]
-    assert line in told("layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]
+    assert line in told("print", "layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]
 
 
 def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,7 +250,7 @@ def test_whoever_is_interrupted_leaves_nothing(folder: Path, monkeypatch: pytest
         return as_png(image, pitch_mm)
 
     monkeypatch.setattr(archive, "as_png", interrupted)
-    assert run_command(["layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130
+    assert run_command(["print", "layers", "my sensor.toml", "--out", "out", *QUICK, "--orientation", "upright"]) == 130
     assert len(calls) == 3
     assert snapshot(folder) == before
 

@@ -1,4 +1,4 @@
-"""`solen printed` and `solen calibrate-printer`: files in, files out, and every bad input in one line."""
+"""`solen print predict` and `solen print calibrate`: files in, files out, and every bad input in one line."""
 
 import json
 from pathlib import Path

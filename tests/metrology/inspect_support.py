@@ -72,7 +72,7 @@ def design_file(folder: Path, name: str = "solen-860") -> Path:
 
 
 def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860", **options: Any) -> dict[str, Any]:
-    """What `solen inspect` finds in the picture, against a shipped design, the scale being given."""
+    """What `solen print inspect` finds in the picture, against a shipped design, the scale being given."""
     picture = folder / "picture.png"
     picture.write_bytes(png(shot.taken(seed)))
     return inspect(picture, design_file(folder, design), **{"um_per_px": shot.um_per_px, **options})

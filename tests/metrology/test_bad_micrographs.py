@@ -114,7 +114,7 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "solen", "inspect", *arguments]
+    command = [sys.executable, "-m", "solen", "print", "inspect", *arguments]
     return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
 
 

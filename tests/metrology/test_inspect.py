@@ -1,4 +1,4 @@
-"""`solen inspect`: from a file of a picture to numbers, a figure and a profile, or to one line."""
+"""`solen print inspect`: from a file of a picture to numbers, a figure and a profile, or to one line."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,10 @@ def asked(
     folder: Path, capsys: pytest.CaptureFixture[str], *options: str, name: str = "lens.ome.tif"
 ) -> dict[str, Any]:
     assert (
-        run_command(["inspect", str(folder / name), "--design", str(folder / "design.toml"), "--json", *options]) == 0
+        run_command(
+            ["print", "inspect", str(folder / name), "--design", str(folder / "design.toml"), "--json", *options]
+        )
+        == 0
     )
     printed_lines = capsys.readouterr().out.splitlines()
     assert len(printed_lines) == 1
@@ -69,7 +72,7 @@ def test_everything_that_is_asked_for_is_told_and_written(
 
 
 def test_lines_for_a_reader(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["inspect", str(folder / "lens.ome.tif"), "--design", str(folder / "design.toml")]) == 0
+    assert run_command(["print", "inspect", str(folder / "lens.ome.tif"), "--design", str(folder / "design.toml")]) == 0
     text = capsys.readouterr().out
     assert "µm (rms) from" in text
     assert "nearest of 3 designs: n = 1.44" in text
@@ -120,7 +123,7 @@ def test_bad_input_is_one_line(
     arguments, expected = BAD[case]
     if "--design" not in arguments:
         arguments = [*arguments, "--design", "design.toml"]
-    assert run_command(["inspect", *arguments]) == 2
+    assert run_command(["print", "inspect", *arguments]) == 2
     said = capsys.readouterr()
     assert said.out == ""
     assert len(said.err.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`solen inspect` on rendered micrographs: the design is told, the pose comes back, deviations have size and sign.
+"""`solen print inspect` on rendered micrographs: the design is told, the pose comes back, deviations have size and sign.
 
 Each assertion here holds on a few pictures in CI; ``make evidence`` takes the whole number that is stated in the
 documentation.

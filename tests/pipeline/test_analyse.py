@@ -1,4 +1,4 @@
-"""`solen analyse` on files in the conventions of others."""
+"""`solen bench analyse` on files in the conventions of others."""
 
 import json
 import math
@@ -32,7 +32,7 @@ def write(path: Path, truth: Truth, header: str = "time_s,angle_deg,left_V,right
 
 
 def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
-    assert run_command(["analyse", *arguments, "--json"]) == 0
+    assert run_command(["bench", "analyse", *arguments, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
 
 
@@ -207,7 +207,7 @@ def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFix
     found = result(capsys, str(path), "--amplitude-deg", "3")
     assert len(found["sensors"]["daq"]["cycles"]) == 6
     assert any("no angle was recorded" in warning for warning in found["warnings"])
-    assert run_command(["analyse", str(path)]) == 2
+    assert run_command(["bench", "analyse", str(path)]) == 2
     assert "give --amplitude-deg" in capsys.readouterr().err
 
 
@@ -285,7 +285,7 @@ def test_the_shipped_recording_answers_as_the_paper_says(tmp_path: Path, capsys:
         assert len(sensor["cycles"]) == 6
     assert found["lens_beside_none"]["right"]["without_lens_percent"] < 10.0
     assert not any("convention" in warning for warning in found["warnings"])
-    assert run_command(["analyse", "--example", str(path)]) == 2  # it is never written over
+    assert run_command(["bench", "analyse", "--example", str(path)]) == 2  # it is never written over
     assert "exists already" in capsys.readouterr().err
 
 

@@ -1,4 +1,4 @@
-"""`solen calibrate` and `solen decode` from files to answers, and what they refuse."""
+"""`solen bench calibrate` and `solen bench decode` from files to answers, and what they refuse."""
 
 import io
 import json
@@ -50,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (where / "design.toml").write_text(DESIGN, encoding="utf-8")
     (where / "bend.toml").write_text(f'{DESIGN}\n[motion]\nkind = "bend"\n', encoding="utf-8")
     (where / "emitter.toml").write_text(f'{DESIGN}\n[motion]\npivot = "emitter"\n', encoding="utf-8")
-    assert run_command(["calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
+    assert run_command(["bench", "calibrate", str(where / "S1.csv"), "--design", str(where / "design.toml")]) == 0
     return where
 
 
@@ -94,7 +94,7 @@ def test_a_recording_is_decoded_to_its_own_angle(
     folder: Path, calibration: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "angles.csv"
-    told = answered(capfd, "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
+    told = answered(capfd, "bench", "decode", str(calibration), str(folder / "again.csv"), "--out", str(out))
     assert told["readings"] == len(made(TRUTH).time_s)
     assert told["against_angle"]["rms_deg"] < 0.06
     assert 0.92 < told["against_angle"]["within_95"] <= 1.0
@@ -163,7 +163,7 @@ def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Pa
 
 
 def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
-    command = [sys.executable, "-m", "solen", "decode", str(calibration), "-"]
+    command = [sys.executable, "-m", "solen", "bench", "decode", str(calibration), "-"]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, encoding="utf-8"
     ) as process:
@@ -192,7 +192,7 @@ def test_another_motion_is_warned_of_once(
     folder: Path, calibration: Path, options: tuple[str, ...], words: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     named = [str(folder / one) if one.endswith(".toml") else one for one in options]
-    warnings = answered(capfd, "decode", str(calibration), str(folder / "S1.csv"), *named)["warnings"]
+    warnings = answered(capfd, "bench", "decode", str(calibration), str(folder / "S1.csv"), *named)["warnings"]
     told = [line for line in warnings if "calibration is" in line]
     assert len(told) == bool(words)
     assert all(words in line for line in told)
@@ -203,16 +203,16 @@ def test_a_pool_of_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> 
         write(tmp_path / f"S{n}.csv", replace(TRUTH, seed=n, swing_V=1.0 + 0.05 * n, offset_V=2.0 + 0.05 * (-1) ** n))
         for n in range(3)
     ]
-    found = answered(capfd, "calibrate", *map(str, paths), "--pool")
+    found = answered(capfd, "bench", "calibrate", *map(str, paths), "--pool")
     (one,) = found["calibrations"]
     assert one["prints"] == ["S0", "S1", "S2"]
     assert Path(one["file"]).name == "pooled.calibration.json"
     assert one["leave_one_cycle_out"] is None
     assert [part["name"] for part in one["leave_one_sensor_out"]["parts"]] == ["S0", "S1", "S2"]
-    many = answered(capfd, "calibrate", *map(str, paths))
+    many = answered(capfd, "bench", "calibrate", *map(str, paths))
     assert [Path(one["file"]).name for one in many["calibrations"]] == [f"S{n}.calibration.json" for n in range(3)]
-    told = answered(capfd, "decode", one["file"], str(paths[1]))
-    own = answered(capfd, "decode", str(tmp_path / "S1.calibration.json"), str(paths[1]))
+    told = answered(capfd, "bench", "decode", one["file"], str(paths[1]))
+    own = answered(capfd, "bench", "decode", str(tmp_path / "S1.calibration.json"), str(paths[1]))
     assert told["against_angle"]["rms_deg"] > own["against_angle"]["rms_deg"]
 
 
@@ -225,15 +225,15 @@ def refused(capfd: pytest.CaptureFixture[str], *arguments: str) -> str:
 
 def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     one = write(tmp_path / "one.csv", header="time_s,angle_deg,top_V,bottom_V")
-    assert "no pair of a left and a right receiver" in refused(capfd, "calibrate", str(one))
+    assert "no pair of a left and a right receiver" in refused(capfd, "bench", "calibrate", str(one))
     short = write(tmp_path / "short.csv", replace(TRUTH, protocol=Protocol(hold_s=0.2, cycles=2)))
-    assert "1 cycle that is used" in refused(capfd, "calibrate", str(short))
+    assert "1 cycle that is used" in refused(capfd, "bench", "calibrate", str(short))
     good = write(tmp_path / "good.csv")
-    assert "--with-controls" in refused(capfd, "calibrate", str(good), "--control", "good")
-    assert "needs at least two sensors" in refused(capfd, "calibrate", str(good), "--pool")
-    assert "no sensor is called so" in refused(capfd, "calibrate", str(good), "--sensor", "S9")
-    assert "ends in .json" in refused(capfd, "calibrate", str(good), "--out", "x.toml")
-    assert "must be one of rotation, bend" in refused(capfd, "calibrate", str(good), "--motion", "twist")
+    assert "--with-controls" in refused(capfd, "bench", "calibrate", str(good), "--control", "good")
+    assert "needs at least two sensors" in refused(capfd, "bench", "calibrate", str(good), "--pool")
+    assert "no sensor is called so" in refused(capfd, "bench", "calibrate", str(good), "--sensor", "S9")
+    assert "ends in .json" in refused(capfd, "bench", "calibrate", str(good), "--out", "x.toml")
+    assert "must be one of rotation, bend" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
     assert not list(tmp_path.glob("*.json"))
 
 
@@ -245,7 +245,7 @@ def test_calibrations_that_cannot_be_read(
 
     def told(text: str) -> str:
         bad.write_text(text, encoding="utf-8")
-        return refused(capfd, "decode", str(bad), str(folder / "S1.csv"))
+        return refused(capfd, "bench", "decode", str(bad), str(folder / "S1.csv"))
 
     assert "is no JSON" in told(calibration.read_text(encoding="utf-8")[:500])
     assert "is no JSON: NaN is no number" in told('{"kind": "calibration", "schema": NaN}')
@@ -260,7 +260,7 @@ def test_calibrations_that_cannot_be_read(
     assert "must ascend" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
     wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
     assert "no covariance" in told(json.dumps(data | {"curves": curves | {"noise_v2": wrong}}))
-    assert "no such file" in refused(capfd, "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
+    assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
 
 
 def test_streams_that_cannot_be_decoded(
@@ -281,16 +281,20 @@ def test_streams_that_cannot_be_decoded(
     assert "no column stage" in told("t,left_V,right_V\n", wanted=Wanted(columns=Columns(time="stage")))
     assert "are they mV" in told("t,left,right\n", "0,2000,2000\n")
     milli = write(tmp_path / "milli.csv", scale=1000.0)
-    assert "are they mV" in refused(capfd, "decode", str(calibration), str(milli), "--json")
-    assert "no such file" in refused(capfd, "decode", str(calibration), str(tmp_path / "no.csv"))
-    assert "--follow" in refused(capfd, "decode", str(calibration), str(milli), "--follow")
-    assert "go to a .csv" in refused(capfd, "decode", str(calibration), str(milli), "--out", "a.json")
-    assert "voltage without light" in refused(capfd, "decode", str(calibration), str(milli), "--gain-percent", "5")
+    assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
+    assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
+    assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
+    assert "go to a .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
+    assert "voltage without light" in refused(
+        capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
+    )
     out = tmp_path / "out.csv"
-    assert "are they mV" in refused(capfd, "decode", str(calibration), str(milli), "--out", str(out))
+    assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(out))
     assert not out.exists()
     nowhere = str(tmp_path / "none" / "out.csv")
-    assert "cannot be written" in refused(capfd, "decode", str(calibration), str(folder / "S1.csv"), "--out", nowhere)
+    assert "cannot be written" in refused(
+        capfd, "bench", "decode", str(calibration), str(folder / "S1.csv"), "--out", nowhere
+    )
     assert sorted(path.name for path in tmp_path.iterdir()) == ["milli.csv"]
 
 
@@ -325,7 +329,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Journal, "end", keep)
         bench.run(bench.Asked(tmp_path / "protocol.toml", tmp_path / "rig.toml", tmp_path))
-    found = answered(capfd, "calibrate", str(tmp_path / "protocol.nc"))
+    found = answered(capfd, "bench", "calibrate", str(tmp_path / "protocol.nc"))
     (one,) = found["calibrations"]
     assert one["circuit"]["ambient"] == "subtracted"
     assert one["motion"]["pivot"] == "stem-base"
@@ -334,12 +338,12 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     # a point emitter's response saturates within a degree: beyond, little is known, and the bands say so
     assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.3
     assert one["leave_one_cycle_out"]["whole"]["within_95"] > 0.9
-    told = answered(capfd, "decode", one["file"], str(tmp_path / "protocol.nc"))
+    told = answered(capfd, "bench", "decode", one["file"], str(tmp_path / "protocol.nc"))
     assert told["against_angle"]["rms_deg"] < 0.3
     assert not [line for line in told["warnings"] if "calibration is" in line]
 
     data = whole.read_bytes()
-    stopped = answered(capfd, "decode", one["file"], str(whole))
+    stopped = answered(capfd, "bench", "decode", one["file"], str(whole))
 
     # the same journal as it grows: a piece now and then, cut anywhere
     growing = tmp_path / "growing.journal"
@@ -354,7 +358,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
 
     thread = threading.Thread(target=grow)
     thread.start()
-    followed = answered(capfd, "decode", one["file"], str(growing), "--follow")
+    followed = answered(capfd, "bench", "decode", one["file"], str(growing), "--follow")
     thread.join()
     assert followed["readings"] == stopped["readings"] > 300
     assert (followed["to_s"], followed["highest_deg"]) == (stopped["to_s"], stopped["highest_deg"])
@@ -366,7 +370,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert fresh.volts[:, 0] == pytest.approx(closed.channel("left").values, abs=1e-12)
     assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
     (tmp_path / "no.journal").write_bytes(b"something else")
-    assert "is no journal of solen" in refused(capfd, "decode", one["file"], str(tmp_path / "no.journal"))
+    assert "is no journal of solen" in refused(capfd, "bench", "decode", one["file"], str(tmp_path / "no.journal"))
 
 
 def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder: Path) -> None:

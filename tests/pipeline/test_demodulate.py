@@ -1,4 +1,4 @@
-"""`solen demodulate`: tables with states or waveforms in, readings with uncertainties out."""
+"""`solen bench demodulate`: tables with states or waveforms in, readings with uncertainties out."""
 
 import json
 import subprocess
@@ -195,7 +195,7 @@ def test_readings_are_written_as_csv_only(tmp_path: Path) -> None:
 
 def test_the_command(tmp_path: Path) -> None:
     path = with_states(tmp_path / "a.csv")
-    command = [sys.executable, "-m", "solen", "demodulate", str(path), "--out", str(tmp_path / "r.csv")]
+    command = [sys.executable, "-m", "solen", "bench", "demodulate", str(path), "--out", str(tmp_path / "r.csv")]
     done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert (done.returncode, done.stderr) == (0, "")
     assert "60 readings" in done.stdout

@@ -1,4 +1,4 @@
-"""`solen diagnose` on files; the traced response is replaced by one in closed form, so that nothing need be traced."""
+"""`solen bench diagnose` on files; the traced response is replaced by one in closed form, so that nothing need be traced."""
 
 import json
 from pathlib import Path
@@ -74,7 +74,9 @@ def ask(path: Path, **options: Any) -> dict[str, Any]:
 def test_a_table_and_a_design(tmp_path: Path, design: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = table(tmp_path / "S1.csv", Lit(noise_V=2e-3))
     out, figure = tmp_path / "d.json", tmp_path / "d.svg"
-    found = answered(capfd, "diagnose", str(path), "--design", str(design), "--out", str(out), "--figure", str(figure))
+    found = answered(
+        capfd, "bench", "diagnose", str(path), "--design", str(design), "--out", str(out), "--figure", str(figure)
+    )
     sensor = found["sensors"]["S1"]
     decentre = sensor["parameters"]["emitter_offset_mm"]
     low, high = decentre["interval_95"]
@@ -97,7 +99,7 @@ def test_a_table_and_a_design(tmp_path: Path, design: Path, capfd: pytest.Captur
 
 def test_a_bench_run_carries_its_design(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     path = bench(tmp_path / "run.nc", Lit(noise_V=1e-3, offsets_V=(5.0, 5.0)))
-    found = answered(capfd, "diagnose", str(path), "--figure", str(tmp_path / "d.svg"))
+    found = answered(capfd, "bench", "diagnose", str(path), "--figure", str(tmp_path / "d.svg"))
     sensor = found["sensors"]["lens-1"]
     assert found["simulated"] is True
     assert sensor["drawn"] == DRAWN
@@ -110,7 +112,7 @@ def test_a_bench_run_carries_its_design(tmp_path: Path, capfd: pytest.CaptureFix
 
 
 def _lines(capfd: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
-    assert run_command(["diagnose", *arguments]) == 0
+    assert run_command(["bench", "diagnose", *arguments]) == 0
     return capfd.readouterr().out.splitlines()
 
 
@@ -173,7 +175,7 @@ def test_a_bench_run_is_diagnosed_as_it_was_drawn(tmp_path: Path, capfd: pytest.
     assert run_command(["bench", "new", str(folder)]) == 0
     rig = ["bench", "run", str(folder / "rotation.toml"), "--rig", str(folder / "rig.toml")]
     assert run_command([*rig, "--out", str(folder / "rec")]) == 0
-    found = answered(capfd, "diagnose", str(folder / "rec" / "rotation.nc"))
+    found = answered(capfd, "bench", "diagnose", str(folder / "rec" / "rotation.nc"))
     assert set(found["sensors"]) == {"lens-1", "lens-2", "lens-3", "no-lens"}
     for label, sensor in found["sensors"].items():
         keys = {"emitter_offset_mm": "emitter.offset_mm", "chip_width_mm": "emitter.width_mm"}

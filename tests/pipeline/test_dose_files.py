@@ -424,7 +424,7 @@ def test_the_command_says_what_one_layer_cannot_show(tmp_path: Path, capsys: pyt
 
 def test_a_bad_file_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / "bad.csv", "length_mm,power_mW\n20,1\n20,1.1\n")
-    assert run_command(["cutback", str(path), "--json"]) == 2
+    assert run_command(["resin", "cutback", str(path), "--json"]) == 2
     printed = capsys.readouterr()
     assert printed.out == ""
     assert len(printed.err.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""`solen fidelity` from a file to its numbers, its result file and its figure, and what it refuses."""
+"""`solen print fidelity` from a file to its numbers, its result file and its figure, and what it refuses."""
 
 import json
 from collections.abc import Callable
@@ -63,14 +63,14 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
 
 def test_a_job_tells_the_layout(told: Run) -> None:
     """A coupon of other measures is found by its job, and not without."""
-    told("coupons", "--out", "print", "--only", "group-b", "--set", "spacing_mm=1.6", "--gap-reading", "row")
+    told("print", "coupons", "--out", "print", "--only", "group-b", "--set", "spacing_mm=1.6", "--gap-reading", "row")
     coupon = layout("group-b", Choices(spacing_mm=1.6, gap_reading="row"))
     png(Path("b.png"), Camera(8.0, blur_px=1.2).picture(Print(coupon)))
-    found = told("fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
+    found = told("print", "fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
     assert found["coupon"] == "group-b"
     assert {one["diameter_mm"] for one in found["features"] if one["kind"] == "gap"} == {0.3}
     assert {one["name"] for one in found["features"] if one["kind"] == "gap" and one["resolved"]} >= {"g-0.5", "g-0.1"}
-    assert run_command(["fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
+    assert run_command(["print", "fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
 
 
 def test_a_z_map_of_the_reference(told: Run) -> None:
@@ -113,7 +113,7 @@ def test_bad_input_ends_in_one_line(
     Path("job.json").write_text("{}", encoding="utf-8")
     Path("z.csv").write_text("1,2\n3,4\n", encoding="utf-8")
     before = sorted(path.name for path in tmp_path.iterdir())
-    assert run_command(["fidelity", *arguments]) == 2
+    assert run_command(["print", "fidelity", *arguments]) == 2
     printed = capfd.readouterr()
     assert part in printed.err
     assert printed.err.count("\n") == 1

@@ -1,4 +1,4 @@
-"""`solen index` of a layer on its substrate, with a formula through n and the literature beside it."""
+"""`solen resin index` of a layer on its substrate, with a formula through n and the literature beside it."""
 
 import json
 from pathlib import Path

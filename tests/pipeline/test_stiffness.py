@@ -1,4 +1,4 @@
-"""solen stiffness from files to its result: groups, modes, simultaneous fits, tables, and what is refused."""
+"""solen resin stiffness from files to its result: groups, modes, simultaneous fits, tables, and what is refused."""
 
 import json
 from pathlib import Path
@@ -153,7 +153,7 @@ def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
 
 def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = str(pressed(tmp_path / "cube.csv", 1.0))
-    assert run_command(["stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
+    assert run_command(["resin", "stiffness", file, "--cube-mm", "10", "--fit", "neo-hookean", "yeoh"]) == 0
     told = capsys.readouterr().out
     assert told.startswith("modulus 1.1")
     assert "MPa (compression, 2 to 10 % strain)" in told
@@ -171,7 +171,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         "--fit",
         "none",
     ]
-    assert run_command(["stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
+    assert run_command(["resin", "stiffness", file, *arguments, "--u-geometry-mm", "0.05", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["specimens"][0]["cycles"][0]["loss_fraction"] == pytest.approx(0.1, abs=0.002)
     assert set(found) >= {
@@ -216,7 +216,7 @@ def test_bad_input_ends_with_one_line_and_2(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
     file = str(pressed(tmp_path / "cube.csv", 1.0))
-    assert run_command(["stiffness", file, *arguments]) == 2
+    assert run_command(["resin", "stiffness", file, *arguments]) == 2
     shown = capsys.readouterr()
     assert shown.out == ""
     assert shown.err.startswith("solen: ")
@@ -226,5 +226,5 @@ def test_bad_input_ends_with_one_line_and_2(
 
 
 def test_no_file_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_command(["stiffness"]) == 2
+    assert run_command(["resin", "stiffness"]) == 2
     assert "needs a file" in capsys.readouterr().err

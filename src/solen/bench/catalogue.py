@@ -96,7 +96,7 @@ class Catalogue:
                 table.execute(_TABLE)
                 yield table
         except sqlite3.DatabaseError as bad:
-            remedy = "remove it; solen recordings --look makes it anew"
+            remedy = "remove it; solen bench recordings --look makes it anew"
             raise OutputError(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 

@@ -191,7 +191,7 @@ def _from_json(text: str, where: str) -> MeasuredProfile:
     data = parsed(text, where)
     if not isinstance(data, dict) or data.get("solen") != KIND:
         limit = f'not a profile of a lens: it has no "solen": "{KIND}"'
-        raise DataError(where, limit=limit, remedy="solen inspect writes one")
+        raise DataError(where, limit=limit, remedy="solen print inspect writes one")
     if data.get("schema") != SCHEMA:
         raise DataError(f"{where}: schema", value=data.get("schema"), limit=f"this solen reads {SCHEMA}")
     check_keys(data, _KEYS, _NEEDED, where)

@@ -1,6 +1,6 @@
 """A resin from what the commands found of it: their results as files, and what of each a resin keeps.
 
-The idea: a result of `solen index`, `solen cutback`, `solen cure` or `solen stiffness` is a JSON file with everything
+The idea: a result of `solen resin index`, `solen resin cutback`, `solen resin cure` or `solen resin stiffness` is a JSON file with everything
 in it, arrays and all. A resin keeps what a design uses, with its uncertainty, how it was found and what must be known
 of it. A result is read strictly: what a resin needs must be there and be what it should be; the rest is passed over.
 
@@ -68,7 +68,7 @@ class _Result(Strict):
 
 
 class IndexResult(_Result):
-    """Of `solen index` or `solen refractometer`."""
+    """Of `solen resin index` or `solen resin refractometer`."""
 
     of: ClassVar[str] = "index"
 
@@ -169,7 +169,7 @@ def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:
 
 
 class _Line(_Result):
-    """Loss of some guides, as `solen cutback` finds it; it states no absorption where the loss comes out below 0."""
+    """Loss of some guides, as `solen resin cutback` finds it; it states no absorption where the loss comes out below 0."""
 
     of: ClassVar[str] = "loss"
 
@@ -185,7 +185,9 @@ class _Line(_Result):
         per_mm = self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM
         if not math.isclose(self.absorption_per_mm, per_mm, rel_tol=SAME_LOSS, abs_tol=SAME_LOSS):
             limit = f"{self.loss_dB_per_cm:g} dB/cm is {per_mm:.6g} per mm"
-            raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen cutback again")
+            raise refused(
+                "absorption_per_mm", limit, value=self.absorption_per_mm, remedy="run solen resin cutback again"
+            )
         return self
 
     def numbers(self) -> tuple[dict[str, Any], list[str]]:
@@ -209,7 +211,7 @@ class _Line(_Result):
 
 
 class CutbackResult(_Line):
-    """Of `solen cutback`."""
+    """Of `solen resin cutback`."""
 
     wavelength_nm: Positive | None = None
     by_orientation: dict[Text, _Line] = Field(default_factory=dict)
@@ -241,7 +243,7 @@ class _CureIntervals(_Result):
 
 
 class CureResult(_Result):
-    """Of `solen cure`."""
+    """Of `solen resin cure`."""
 
     of: ClassVar[str] = "cure"
 
@@ -300,7 +302,7 @@ class _Modulus(_Result):
 
 
 class StiffnessResult(_Modulus):
-    """Of `solen stiffness`, of one material or of several."""
+    """Of `solen resin stiffness`, of one material or of several."""
 
     groups: tuple[_Modulus, ...] = ()
 

@@ -79,7 +79,7 @@ def ome_tiff(levels: NDArray[Any], um_per_px: float) -> bytes:
 
 
 def _pillow(levels: NDArray[Any], kind: str, **options: Any) -> bytes:
-    from PIL import as Pillow
+    from PIL import Image as Pillow
 
     file = io.BytesIO()
     Pillow.fromarray(levels).save(file, kind, **options)

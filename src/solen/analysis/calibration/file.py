@@ -195,12 +195,12 @@ def load(path: Path) -> CalibrationFile:
     try:
         data = json.loads(read_text(path, DataError), parse_constant=_no_number)
     except (ValueError, RecursionError) as bad:
-        remedy = "make it again with solen calibrate"
+        remedy = "make it again with solen bench calibrate"
         raise DataError(str(path), limit=f"is no JSON: {str(bad)[:100]}", remedy=remedy) from None
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
         raise DataError(
-            str(path), value=found, limit="is no calibration of a sensor", remedy="make one with solen calibrate"
+            str(path), value=found, limit="is no calibration of a sensor", remedy="make one with solen bench calibrate"
         )
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with told_of(str(path)):

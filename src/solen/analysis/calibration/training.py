@@ -119,7 +119,7 @@ def training_of(sensor: Analysed) -> Training:
     first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
     if last - first < len(DIRECTIONS) + 3:
         limit = "has no stretch of angles at which both receivers have readings"
-        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen analyse --figure")
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen bench analyse --figure")
     angle = sensor.passes.angle_deg[first:last]
     samples, rails = _samples(sensor, sides, (float(angle[0]), float(angle[-1])))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)

@@ -152,7 +152,7 @@ def _trim(found: Diagnosis) -> Iterator[str]:
 
 def _record(found: Diagnosis) -> Iterator[str]:
     if LOSS in found.held:
-        yield ("guides of several lengths (solen cutback) tell the loss; the gains are then known with it")
+        yield ("guides of several lengths (solen resin cutback) tell the loss; the gains are then known with it")
     if OFFSET in found.held or SPREAD in found.held:
         yield "a recording with the lens, or over a wider range of angles, would tell the emitter's decentre and chip"
     angle = found.cycles.angle_deg

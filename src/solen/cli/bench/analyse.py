@@ -1,4 +1,4 @@
-"""The command of recordings: `solen analyse`."""
+"""The command of recordings: `solen bench analyse`."""
 
 import math
 from collections.abc import Iterator

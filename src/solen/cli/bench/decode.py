@@ -1,4 +1,4 @@
-"""The commands that make angles of voltages: `solen calibrate` and `solen decode`."""
+"""The commands that make angles of voltages: `solen bench calibrate` and `solen bench decode`."""
 
 import json
 from collections.abc import Iterator
@@ -32,12 +32,12 @@ def calibrate(
 ) -> None:
     """Calibrate recorded sensors, voltages to angles, with what that is worth.
 
-    (The printer is calibrated by solen calibrate-printer.)
+    (The printer is calibrated by solen print calibrate.)
 
     Parameters
     ----------
     recordings
-        Recordings of known angles, as solen analyse reads them. Each sensor's calibration is left beside them.
+        Recordings of known angles, as solen bench analyse reads them. Each sensor's calibration is left beside them.
     sensor
         Calibrate only this one.
     pool
@@ -91,7 +91,7 @@ def decode(
     Parameters
     ----------
     calibration
-        File of solen calibrate.
+        File of solen bench calibrate.
     source
         A recording, - for lines of CSV on standard input, or the .journal of a run.
     sensor

@@ -1,4 +1,4 @@
-"""The command of diagnoses: `solen diagnose`."""
+"""The command of diagnoses: `solen bench diagnose`."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def diagnose(
     Parameters
     ----------
     files
-        Recordings, as of solen analyse.
+        Recordings, as of solen bench analyse.
     design
         Design of the sensor; by default the one that a recording of solen bench carries.
     sensor

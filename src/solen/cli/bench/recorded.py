@@ -32,7 +32,7 @@ class Recorded:
         Samples in a second, for a recording without times.
     on_off_hz
         Of a raw waveform whose emitters switch on and off: how often a second. Ambient light is then subtracted first;
-        solen demodulate says more about it.
+        solen bench demodulate says more about it.
     emitters
         How many emitters take turns in it, each followed by an off phase; each counts as a sensor of its own.
     rails

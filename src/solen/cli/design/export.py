@@ -59,7 +59,7 @@ def export(
     svg
         Drawing of the outline, a named path for each face.
     layers
-        Pictures of layers for a printer, with STL and settings for its program; the options are of solen layers.
+        Pictures of layers for a printer, with STL and settings for its program; the options are of solen print layers.
     pockets
         Seat the receivers in pockets; short for --set fabricate.pockets=true.
     slots

@@ -58,7 +58,7 @@ def coupons(
     plate_mm
         Width and depth of the build plate, which each coupon must fit on.
     printer
-        A printer of solen printers, or a printer file: its plate and its pixel.
+        A printer of solen print printers, or a printer file: its plate and its pixel.
     step
         Write exact solids for CAD programs, too (needs the extra cad).
     tolerance_mm
@@ -128,7 +128,7 @@ def fidelity(
     coupon
         Which coupon it shows: group-a, group-b, group-c, holes or z-reference.
     job
-        The job file that solen coupons wrote beside the coupon; it tells the coupon and its parameters.
+        The job file that solen print coupons wrote beside the coupon; it tells the coupon and its parameters.
     um_per_px
         Size of a pixel in µm, where the file does not say it.
     u_um_per_px

@@ -33,7 +33,7 @@ def predict(
     process
         Process file; by default published settings with assumed optics.
     printer
-        Printer whose pixels are taken: a name of solen printers, or a printer's .toml.
+        Printer whose pixels are taken: a name of solen print printers, or a printer's .toml.
     orientation
         How the part lies in the printer: flat, upright (the lens last), upright-lens-first or on-edge.
     at
@@ -139,12 +139,12 @@ def calibrate(
     figure: FigureFile = None,
     as_json: Json = False,
 ) -> None:
-    """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen printed.
+    """Find a printer's blur, edge growth and shrinkage from measured coupons, for solen print predict.
 
     Parameters
     ----------
     files
-        Files of measured features (JSON), as solen fidelity --out writes them of a coupon.
+        Files of measured features (JSON), as solen print fidelity --out writes them of a coupon.
     process
         Process that the coupons were printed with, as far as it is known; by default the published settings.
     """

@@ -39,13 +39,13 @@ def build(
     name
         The resin's name.
     index
-        Result of solen index or solen refractometer.
+        Result of solen resin index or solen resin refractometer.
     cutback
-        Result of solen cutback.
+        Result of solen resin cutback.
     cure
-        Result of solen cure.
+        Result of solen resin cure.
     stiffness
-        Result of solen stiffness.
+        Result of solen resin stiffness.
     formulation
         Components with their shares of the whole by weight, "RA-139:75,lauryl acrylate:25".
     source
@@ -59,7 +59,7 @@ def build(
     cure_wavelength_nm
         Wavelength of the exposure that the working curve is of.
     label
-        Take the stiffness of the material that solen stiffness calls so.
+        Take the stiffness of the material that solen resin stiffness calls so.
     force
         Replace a file that exists.
     """

@@ -1,4 +1,4 @@
-"""The command of mechanical tests: `solen stiffness`."""
+"""The command of mechanical tests: `solen resin stiffness`."""
 
 from collections.abc import Iterable
 from pathlib import Path

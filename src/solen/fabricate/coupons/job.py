@@ -1,6 +1,6 @@
 """The job of a coupon: how it is to be exposed, what its nominal sizes and places are, and what was read into it.
 
-A job is a JSON file beside the solids. It holds the whole layout, so that `solen fidelity` matches what was measured to
+A job is a JSON file beside the solids. It holds the whole layout, so that `solen print fidelity` matches what was measured to
 what was asked for, whatever parameters the coupon was made with.
 """
 
@@ -138,12 +138,18 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
     try:
         data = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as bad:
-        raise DataError(str(path), limit=f"not valid JSON: {bad}", remedy="write it anew: solen coupons") from None
+        raise DataError(
+            str(path), limit=f"not valid JSON: {bad}", remedy="write it anew: solen print coupons"
+        ) from None
     if not isinstance(data, dict) or data.get("kind") != JOB_KIND:
-        raise DataError(str(path), limit="is no job of a coupon", remedy="solen coupons writes one beside each coupon")
+        raise DataError(
+            str(path), limit="is no job of a coupon", remedy="solen print coupons writes one beside each coupon"
+        )
     if data.get("schema") != SCHEMA:
         limit = f"this solen reads schema {SCHEMA}"
-        raise DataError(f"{path}: schema", value=data.get("schema"), limit=limit, remedy="write it anew: solen coupons")
+        raise DataError(
+            f"{path}: schema", value=data.get("schema"), limit=limit, remedy="write it anew: solen print coupons"
+        )
     return coupon_of(data.get("layout"), str(path)), data
 
 

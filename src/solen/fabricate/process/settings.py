@@ -232,7 +232,7 @@ class Process(Strict):
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
             found.append(
-                f"assumed, not measured: {', '.join(assumed)}; solen calibrate-printer finds what coupons can tell"
+                f"assumed, not measured: {', '.join(assumed)}; solen print calibrate finds what coupons can tell"
             )
         if self.calibration is not None and self.calibration.simulated:
             found.append(

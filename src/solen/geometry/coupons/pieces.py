@@ -55,7 +55,7 @@ def film_layer(choices: Choices | None = None) -> Coupon:
     )
     cautions = (
         "the thickness of the layer is that of the gap, which the calibration sets: measure it, do not assume it",
-        "the baseline of the spectrum is the bare film: say so to solen index, --baseline substrate",
+        "the baseline of the spectrum is the bare film: say so to solen resin index, --baseline substrate",
     )
     readings = (
         Reading("size", "not stated", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),

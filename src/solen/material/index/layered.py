@@ -261,7 +261,7 @@ def _by_sheet(by: Mapping[str, FloatArray], n: Estimate, setup: Setup) -> list[s
         return []
     return [
         f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the doubt about the substrate's index: measure T and R of the "
-        "bare sheet in air, find its index by solen index, and state it: --substrate and --u-substrate-n"
+        "bare sheet in air, find its index by solen resin index, and state it: --substrate and --u-substrate-n"
     ]
 
 

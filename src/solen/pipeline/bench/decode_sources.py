@@ -69,7 +69,7 @@ class Wanted:
 
 
 def recorded(path: Path, wanted: Wanted, known: str) -> Stream:
-    """Readings of a file, as `solen analyse` reads it; ``known`` is the calibration's sensor, which is looked for."""
+    """Readings of a file, as `solen bench analyse` reads it; ``known`` is the calibration's sensor, which is looked for."""
     found: dict[str, Stream] = {}
     for group, recording in read_parts(path, sheet=wanted.sheet, columns=wanted.names):
         whole = sampled(recording, wanted.columns)

@@ -1,8 +1,8 @@
-"""What `solen calibrate-printer` does: from files of measured features to a process file.
+"""What `solen print calibrate` does: from files of measured features to a process file.
 
 A file of features is JSON: ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step",
 "nominal_mm": …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
-Other keys, such as those that `solen fidelity --out` adds, are left alone.
+Other keys, such as those that `solen print fidelity --out` adds, are left alone.
 """
 
 import math

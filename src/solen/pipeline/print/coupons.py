@@ -1,4 +1,4 @@
-"""What `solen coupons` does: solids, jobs and plans of coupons in one folder, all made before any is written."""
+"""What `solen print coupons` does: solids, jobs and plans of coupons in one folder, all made before any is written."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What `solen fidelity` does: a picture or z map of a coupon in; sizes, the smallest resolved ones and a figure out."""
+"""What `solen print fidelity` does: a picture or z map of a coupon in; sizes, the smallest resolved ones and a figure out."""
 
 from collections.abc import Sequence
 from dataclasses import asdict

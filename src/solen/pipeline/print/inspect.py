@@ -1,4 +1,4 @@
-"""What `solen inspect` does: a picture of a printed lens laid on its design, from files to plain data and a figure."""
+"""What `solen print inspect` does: a picture of a printed lens laid on its design, from files to plain data and a figure."""
 
 import math
 from collections.abc import Sequence
@@ -72,7 +72,7 @@ def inspect(
     """
     check_figure(figure)
     check_out(out)
-    check_vision("solen inspect")
+    check_vision("solen print inspect")
     one = open_design(design, assignments)
     ideal = ideal_of(one)
     others = _others(one, ideal, against)

@@ -1,4 +1,4 @@
-"""What `solen layers` and `solen export --layers` do: a part as layers for a printer, with the sheet for its program.
+"""What `solen print layers` and `solen export --layers` do: a part as layers for a printer, with the sheet for its program.
 
 Pictures are written as they are made, into an archive under a temporary name; sheet, STL and figure follow, and all of
 them get their names together or not at all.

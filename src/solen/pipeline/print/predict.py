@@ -1,4 +1,4 @@
-"""What `solen printed` does: from a design and a process to the lens that the printer makes, and what it costs.
+"""What `solen print predict` does: from a design and a process to the lens that the printer makes, and what it costs.
 
 The lens is predicted with its uncertainty and held against the wanted one; its profile is written as a measured lens
 has one, marked as simulated, so that ``[lens] shape = "measured"`` traces it; the response of both is compared, and a

@@ -1,4 +1,4 @@
-"""How a part is cut into layers, as typed: for `solen layers` and `solen export --layers`. Nothing heavy is loaded."""
+"""How a part is cut into layers, as typed: for `solen print layers` and `solen export --layers`. Nothing heavy is loaded."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -15,7 +15,7 @@ class Slicing:
     Parameters
     ----------
     printer
-        Printer of the library (solen printers), or its file.
+        Printer of the library (solen print printers), or its file.
     layer_um
         Thickness of a layer.
     orientation

@@ -1,4 +1,4 @@
-"""What `solen index` does: spectra of a printed layer in, its index against wavelength out.
+"""What `solen resin index` does: spectra of a printed layer in, its index against wavelength out.
 
 The idea: a result says in every form what it is and what it is not. What is masked is null, with its reason beside it;
 what was not stated, of the instrument and of the layer, is told as a warning.

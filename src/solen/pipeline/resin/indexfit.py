@@ -1,4 +1,4 @@
-"""A formula through an index spectrum, and what the literature says of it, as `solen index` states both."""
+"""A formula through an index spectrum, and what the literature says of it, as `solen resin index` states both."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Which way leads from chosen spectra to an index, and what was said of them: the options of `solen index`.
+"""Which way leads from chosen spectra to an index, and what was said of them: the options of `solen resin index`.
 
 The idea: the route follows from what was measured, and what cannot be told from a file, whether A is an absorbance and
 what the 100 % was taken on, is asked for. A reading that says nothing of the reflectance gives no measured index.

@@ -1,6 +1,6 @@
-"""What `solen refractometer` does: an index at one wavelength or a few in, n against wavelength out.
+"""What `solen resin refractometer` does: an index at one wavelength or a few in, n against wavelength out.
 
-The idea: the result has the arrays of `solen index`, so that whatever takes the one takes the other.
+The idea: the result has the arrays of `solen resin index`, so that whatever takes the one takes the other.
 """
 
 from collections.abc import Sequence

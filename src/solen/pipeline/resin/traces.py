@@ -122,7 +122,7 @@ def _only(recording: Recording, every: Sequence[Spectrum]) -> dict[str, list[Spe
 def listed(names: Sequence[str]) -> str:
     """Names in one line, the first of many."""
     more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen spectra lists" if more > 0 else "")
+    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
 
 
 def _trace(kind: str, one: Spectrum) -> tuple[FloatArray, FloatArray]:
