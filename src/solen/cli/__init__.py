@@ -65,5 +65,5 @@ def _drop_output() -> None:
 
 
 def _refuse(line: str, code: int) -> int:
-    print(f"solen: {line}", file=sys.stderr)
+    sys.stderr.write(f"solen: {line}\n")  # `print` is the name of a package here
     return code

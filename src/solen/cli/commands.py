@@ -42,7 +42,7 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     PRINT: (
         ("layers", "print.layers:layers", "Slice a design or a mesh into layers for a printer."),
         ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
-        ("fidelity", "print.coupons:fidelity", "Measure a printed coupon in a picture or a height map."),
+        ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in a picture or a height map."),
         ("calibrate", "print.predict:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
         ("predict", "print.predict:predict", "Predict the printed lens of a design and what it costs."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),

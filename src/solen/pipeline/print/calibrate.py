@@ -159,6 +159,6 @@ def _length(value: Any, where: str) -> float | None:
 
 
 def _drawn(fit: Fit, simulated: bool) -> "Figure":
-    from solen.report.bench.calibration import calibration_figure
+    from solen.report.print.calibrate import calibration_figure
 
     return calibration_figure(fit, simulated=simulated)
