@@ -32,7 +32,7 @@ CUTBACK: dict[str, Any] = {
     "absorption_per_mm": 0.01 * math.log(10.0),
     "u_absorption_per_mm": 0.004,
     "loss_dB_per_cm": 1.0,
-    "interval95": [0.6, 1.4],
+    "interval95_loss_dB_per_cm": [0.6, 1.4],
     "wavelength_nm": 860.0,
     "warnings": [],
     "sources": [{"file": "guides.csv", "sha256": "34" * 32, "simulated": True}],
@@ -180,11 +180,11 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("index", sources="layer.csv"), "bad.json: sources = 'layer.csv'; must be a list"),
         (damaged("index", warnings=[3]), "bad.json: warnings[0] = 3; must be text"),
         (
-            damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95=[-50, -40]),
+            damaged("cutback", loss_dB_per_cm=-43.0, absorption_per_mm=None, interval95_loss_dB_per_cm=[-50, -40]),
             "bad.json: loss_dB_per_cm = -43.0; a guide cannot amplify",
         ),
         (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
-        (damaged("cutback", interval95=[1.0]), "bad.json: interval95"),
+        (damaged("cutback", interval95_loss_dB_per_cm=[1.0]), "bad.json: interval95_loss"),
         (damaged("cure", Dp_um=-181.0), "bad.json: Dp_um = -181.0; must be greater than 0"),
         (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must have no negative"),
         (damaged("stiffness", modulus_MPa=0.0), "bad.json: modulus_MPa = 0.0; must be greater than 0"),
@@ -343,7 +343,17 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
     shell.lines("resin", "cutback", "guides.csv", "--out", "c.json")
     shell.lines("resin", "cure", "discs.csv", "--irradiance-mW-per-cm2", "13", "--out", "k.json")
     shell.lines(
-        "stiffness", "stiff.csv", "soft.csv", "--mode", "compression", "--label", "base", "mix", "--out", "s.json"
+        "resin",
+        "stiffness",
+        "stiff.csv",
+        "soft.csv",
+        "--mode",
+        "compression",
+        "--label",
+        "base",
+        "mix",
+        "--out",
+        "s.json",
     )
     given = ("--cutback", "c.json", "--cure", "k.json", "--stiffness", "s.json")
     assert "the result holds base, mix" in shell.refused("resin", "build", "r.toml", *WHO, *given)

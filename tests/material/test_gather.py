@@ -118,7 +118,7 @@ CUTBACK: dict[str, Any] = {
     "absorption_per_mm": 0.01 * math.log(10.0),
     "u_absorption_per_mm": 0.004,
     "loss_dB_per_cm": 1.0,
-    "interval95": [0.6, 1.4],
+    "interval95_loss_dB_per_cm": [0.6, 1.4],
     "wavelength_nm": 860.0,
     "sources": [{"file": "guides.csv", "sha256": "ab" * 32, "simulated": False, "metadata": {}, "date": None}],
 }
@@ -148,7 +148,10 @@ def test_a_loss_and_an_absorption_that_are_not_the_same_are_told() -> None:
 
 
 def test_a_loss_of_one_orientation_can_be_taken() -> None:
-    lines = {"flat": {"loss_dB_per_cm": 0.4, "interval95": [0.2, 0.7]}, "upright": {"loss_dB_per_cm": 2.0}}
+    lines = [
+        {"orientation": "flat", "loss_dB_per_cm": 0.4, "interval95_loss_dB_per_cm": [0.2, 0.7]},
+        {"orientation": "upright", "loss_dB_per_cm": 2.0},
+    ]
     depends = "the loss depends on the build orientation (dB/cm: flat: 0.4, upright: 2)"
     found = CutbackResult(**CUTBACK, by_orientation=lines, warnings=[depends, "the line bends"])
     assert (found.as_table().warnings, found.as_table("flat").warnings) == (
@@ -166,11 +169,11 @@ def test_a_loss_of_one_orientation_can_be_taken() -> None:
 
 def test_a_loss_below_none_is_none_and_said_so() -> None:
     below = {"absorption_per_mm": None, "u_absorption_per_mm": None, "loss_dB_per_cm": -0.1}
-    loss = CutbackResult(**CUTBACK | below | {"interval95": [-0.5, 0.3]}).as_table()
+    loss = CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.5, 0.3]}).as_table()
     assert loss.absorption_per_mm == 0.0
     assert loss.warnings == ("measured -0.1 dB/cm, which is no loss: 0 is taken, 0.0069 per mm is possible",)
     with pytest.raises(DataError, match="a guide cannot amplify"):
-        CutbackResult(**CUTBACK | below | {"interval95": [-0.9, -0.3]}).as_table()
+        CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.9, -0.3]}).as_table()
 
 
 def test_a_working_curve_is_kept() -> None:
@@ -247,7 +250,7 @@ ANYTHING = st.recursive(
 )
 GOOD: dict[str, dict[str, Any]] = {
     "index": spectrum([1.52, 1.51, None, 1.50], fit=None, warnings=[], sources=[{"file": "a.csv"}]),
-    "cutback": CUTBACK | {"by_orientation": {"flat": {"loss_dB_per_cm": 1.0}}},
+    "cutback": CUTBACK | {"by_orientation": [{"orientation": "flat", "loss_dB_per_cm": 1.0}]},
     "cure": {"Dp_um": 181.0, "Ec_mJ_per_cm2": 12.0, "covariance": [[9.0, 1.0], [1.0, 0.25]], "interval95": {}},
     "stiffness": MODULUS | {"groups": [], "label": "a", "specimens": [{"file": "a.csv"}]},
 }

@@ -7,14 +7,13 @@ import pytest
 
 from solen.errors import DataError
 from solen.material.loss import (
-    CutBack,
+    GuideLoss,
     absorption_per_mm,
     cut_back,
     full_level_dB,
     levels_dB,
     smallest_loss_dB_per_cm,
 )
-from solen.material.loss.cutback import cautions
 
 LENGTHS = np.repeat([10.0, 20.0, 30.0, 40.0, 50.0], 3)
 GUIDES = [str(number) for number in range(15)]
@@ -30,19 +29,19 @@ def table(
     return lengths, level, [name for name in GUIDES for _ in range(readings)]
 
 
-def holds(found: CutBack, loss: float) -> bool:
-    low, high = found.line.interval95
+def holds(found: GuideLoss, loss: float) -> bool:
+    low, high = found.interval95_loss_dB_per_cm
     return low <= loss <= high
 
 
 def test_an_exact_table_gives_its_loss() -> None:
     found = cut_back([10.0, 20.0, 40.0, 40.0], [-3.0, -4.0, -6.0, -6.0], ["a", "b", "c", "d"])
-    assert found.line.loss_dB_per_cm == pytest.approx(1.0, rel=1e-12)
-    assert found.line.start_dB == pytest.approx(-2.0, rel=1e-12)
-    assert found.line.interval95 == pytest.approx((1.0, 1.0), rel=1e-9)
-    assert found.line.absorption_per_mm == pytest.approx(math.log(10.0) / 100.0)
-    assert found.set_aside == ()
-    assert found.line.level_dB([0.0, 100.0]) == pytest.approx([-2.0, -12.0])
+    assert found.loss_dB_per_cm == pytest.approx(1.0, rel=1e-12)
+    assert found.start_dB == pytest.approx(-2.0, rel=1e-12)
+    assert found.interval95_loss_dB_per_cm == pytest.approx((1.0, 1.0), rel=1e-9)
+    assert found.absorption_per_mm == pytest.approx(math.log(10.0) / 100.0)
+    assert found.outliers == ()
+    assert found.level_dB([0.0, 100.0]) == pytest.approx([-2.0, -12.0])
 
 
 def test_absorption_is_that_of_power_base_e() -> None:
@@ -130,9 +129,9 @@ def test_a_guide_that_is_cut_does_not_mix_its_start_into_the_loss() -> None:
     noise = np.array([0.01, -0.02, 0.01] * 3) * np.repeat([1.0, -1.0, 1.0], 3)
     level = np.repeat([0.0, -7.0, -3.0], 3) - 1.2 * lengths / 10.0 + noise
     found = cut_back(lengths, level, [name for name in "abc" for _ in range(3)])
-    assert found.line.loss_dB_per_cm == pytest.approx(1.2, abs=1e-3)
-    assert found.line.u_loss_dB_per_cm < 0.02
-    assert found.guide_dB == pytest.approx(np.std([0.0, -7.0, -3.0], ddof=1), rel=0.02)
+    assert found.loss_dB_per_cm == pytest.approx(1.2, abs=1e-3)
+    assert found.u_loss_dB_per_cm < 0.02
+    assert found.sd_guide_dB == pytest.approx(np.std([0.0, -7.0, -3.0], ddof=1), rel=0.02)
 
 
 def test_a_bad_piece_is_named_and_both_results_are_told() -> None:
@@ -140,19 +139,20 @@ def test_a_bad_piece_is_named_and_both_results_are_told() -> None:
     lengths, level, guides = table(rng)
     level[4 * 13 : 4 * 14] -= 4.0
     found = cut_back(lengths, level, guides)
-    assert [bad.piece.guide for bad in found.set_aside] == ["13"]
-    assert found.set_aside[0].off_dB == pytest.approx(-4.0, abs=1.0)
+    assert [bad.piece.guide for bad in found.outliers] == ["13"]
+    assert found.outliers[0].deviation_dB == pytest.approx(-4.0, abs=1.0)
     assert holds(found, 1.5)
-    assert found.line_with_all.loss_dB_per_cm > found.line.interval95[1]
-    told = cautions(found)
+    assert found.with_outliers is not None
+    assert found.with_outliers.loss_dB_per_cm > found.interval95_loss_dB_per_cm[1]
+    told = found.warnings
     assert "guide 13 (50 mm) is set aside" in told[0]
-    assert f"{found.line_with_all.loss_dB_per_cm:.3g} dB/cm" in told[1]
+    assert f"{found.with_outliers.loss_dB_per_cm:.3g} dB/cm" in told[1]
     kept = cut_back(lengths, level, guides, keep_all=True)
-    assert kept.set_aside == ()
-    assert kept.line.loss_dB_per_cm == found.line_with_all.loss_dB_per_cm
+    assert kept.outliers == ()
+    assert kept.loss_dB_per_cm == found.with_outliers.loss_dB_per_cm
 
 
-def two_ways(rng: np.random.Generator, flat: float, upright: float) -> CutBack:
+def two_ways(rng: np.random.Generator, flat: float, upright: float) -> GuideLoss:
     one, other = table(rng, flat, readings=1), table(rng, upright, readings=1)
     ways = ["flat"] * 15 + ["upright"] * 15
     return cut_back(np.concatenate([one[0], other[0]]), np.concatenate([one[1], other[1]]), one[2] + other[2], ways)
@@ -162,11 +162,11 @@ def test_orientations_that_differ_are_told_apart() -> None:
     found = two_ways(np.random.default_rng(19), 1.3, 2.1)
     assert [line.orientation for line in found.by_orientation] == ["flat", "upright"]
     for line, loss in zip(found.by_orientation, (1.3, 2.1), strict=True):
-        assert line.interval95[0] < loss < line.interval95[1]
+        assert line.interval95_loss_dB_per_cm[0] < loss < line.interval95_loss_dB_per_cm[1]
         assert line.pieces == 15
     assert found.p_orientation is not None
     assert found.p_orientation < 1e-4
-    assert any("use the value of your orientation" in told for told in cautions(found))
+    assert any("use the value of your orientation" in told for told in found.warnings)
 
 
 def test_orientations_that_do_not_differ_are_found_to_at_the_rate_of_the_test() -> None:
@@ -175,18 +175,18 @@ def test_orientations_that_do_not_differ_are_found_to_at_the_rate_of_the_test() 
     alarms = np.mean([one.p_orientation is not None and one.p_orientation < 0.05 for one in found])
     assert abs(alarms - 0.05) < 3.5 * math.sqrt(0.05 * 0.95 / draws)
     quiet = next(one for one in found if one.p_orientation is not None and one.p_orientation > 0.05)
-    assert any("no proof that there is none" in told for told in cautions(quiet))
+    assert any("does not prove that there is none" in told for told in quiet.warnings)
 
 
 def test_an_orientation_of_one_length_has_no_loss_and_that_is_said() -> None:
     lengths, level, guides = table(np.random.default_rng(27), readings=1)
     one = cut_back(lengths, level, guides, ["flat"] * 15)
     assert [line.orientation for line in one.by_orientation] == ["flat"]
-    assert one.by_orientation[0].loss_dB_per_cm == pytest.approx(one.line.loss_dB_per_cm)
+    assert one.by_orientation[0].loss_dB_per_cm == pytest.approx(one.loss_dB_per_cm)
     assert one.p_orientation is None
     both = cut_back(lengths, level, guides, ["upright"] * 3 + ["flat"] * 12)
     assert [line.orientation for line in both.by_orientation] == ["flat"]
-    assert any("loss of its own: upright" in told for told in cautions(both))
+    assert any("loss of its own: upright" in told for told in both.warnings)
 
 
 def test_guides_of_one_name_in_two_orientations_are_two() -> None:
@@ -195,8 +195,8 @@ def test_guides_of_one_name_in_two_orientations_are_two() -> None:
     rng = np.random.default_rng(29)
     level = -lengths / 10.0 + rng.normal(0.0, 0.1, 12)
     found = cut_back(lengths, level, ["1", "2", "3"] * 4, ways)
-    assert found.line.guides == 6
-    assert found.line.pieces == 6  # the same guide at the same length is one piece
+    assert found.guides == 6
+    assert found.pieces == 6  # the same guide at the same length is one piece
 
 
 def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
@@ -206,10 +206,10 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
     found = cut_back(lengths, levels_dB(power, "mW"), GUIDES)
     assert found.p_curved is not None
     assert found.p_curved < 0.01
-    assert any("flattens with length" in told and "dark reading" in told for told in cautions(found))
+    assert any("flattens with length" in told and "dark reading" in told for told in found.warnings)
     mended = cut_back(lengths, levels_dB(power, "mW", 0.05), GUIDES)
     assert holds(mended, 1.5)
-    assert not any("flattens" in told for told in cautions(mended))
+    assert not any("flattens" in told for told in mended.warnings)
 
 
 @pytest.mark.parametrize(
@@ -247,12 +247,12 @@ def test_a_level_that_is_no_number_is_refused() -> None:
 def test_what_is_badly_known_is_said(lengths: list[float], loss: float, scatter: float, told: str) -> None:
     off = scatter * np.resize([1.0, -0.6, -0.8, 0.5, -0.1], len(lengths))
     found = cut_back(lengths, off - loss * np.array(lengths) / 10.0, [str(k) for k in range(len(lengths))])
-    assert any(told in sentence for sentence in cautions(found)), cautions(found)
+    assert any(told in sentence for sentence in found.warnings), found.warnings
 
 
 def test_without_guides_readings_of_a_length_are_one_guide() -> None:
     lengths, level, _ = table(np.random.default_rng(37))
     found = cut_back(lengths, level)
-    assert found.line.pieces == found.line.lengths == 5
-    assert found.reading_dB is not None
-    assert found.reading_dB > 0.2  # what guides differ by is in it
+    assert found.pieces == found.lengths == 5
+    assert found.sd_reading_dB is not None
+    assert found.sd_reading_dB > 0.2  # what guides differ by is in it

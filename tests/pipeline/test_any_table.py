@@ -39,7 +39,7 @@ def one_line(refusal: SolenError) -> None:
 def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "guides.csv", "length_mm,power_mW,guide,orientation", rows)
     try:
-        is_sound(cutback(path, figure=tmp_path / "guides.svg"))
+        is_sound(cutback(path, figure=tmp_path / "guides.svg").to_dict())
     except SolenError as refusal:
         one_line(refusal)
 

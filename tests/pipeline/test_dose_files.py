@@ -10,10 +10,11 @@ import pytest
 
 from solen.cli import run_command
 from solen.errors import DataError, SolenError, SpecError
+from solen.material.loss import CutbackOptions, guide_loss
 from solen.pipeline.resin.cure import Print, cure
-from solen.pipeline.resin.cutback import cutback
 from solen.pipeline.resin.exposures import exposures
 from solen.pipeline.resin.penetration import Lamp, penetration
+from solen.recording import read
 
 DP, EC = 110.0, 6.0
 
@@ -57,26 +58,18 @@ def plain_json(text: str) -> Any:
 
 
 def test_cutback_of_a_file(tmp_path: Path) -> None:
-    found = cutback(guides(tmp_path / "guides.csv"), launched=800.0)
-    assert set(found) >= {
-        "loss_dB_per_cm",
-        "interval95",
-        "coupling_loss_dB",
-        "absorption_per_mm",
-        "u_absorption_per_mm",
-        "by_orientation",
-        "sources",
-        "warnings",
-    }
-    for way, loss in (("flat", 1.3), ("upright", 2.1)):
-        low, high = found["by_orientation"][way]["interval95"]
+    found = guide_loss(read(guides(tmp_path / "guides.csv")), CutbackOptions(launched=800.0))
+    assert [line.orientation for line in found.by_orientation] == ["flat", "upright"]
+    for line, loss in zip(found.by_orientation, (1.3, 2.1), strict=True):
+        low, high = line.interval95_loss_dB_per_cm
         assert low < loss < high
-        low, high = found["by_orientation"][way]["coupling_interval95_dB"]
+        assert line.interval95_coupling_loss_dB is not None
+        low, high = line.interval95_coupling_loss_dB
         assert low < 5.0 < high
-    assert (found["guides"], found["readings"], found["power"]["unit"]) == (30, 60, "uW")
-    assert found["single_layer"]["smallest_loss_dB_per_cm"] == pytest.approx(1.738, abs=1e-3)
-    assert found["sources"][0]["simulated"]
-    assert found["absorption_per_mm"] == pytest.approx(found["loss_dB_per_cm"] * math.log(10.0) / 100.0)
+    assert (found.guides, found.readings, found.power_unit) == (30, 60, "uW")
+    assert found.layer_limit_dB_per_cm == pytest.approx(1.738, abs=1e-3)
+    assert found.simulated
+    assert found.absorption_per_mm == pytest.approx(found.loss_dB_per_cm * math.log(10.0) / 100.0)
 
 
 @pytest.mark.parametrize(
@@ -94,21 +87,21 @@ def test_cutback_of_a_file(tmp_path: Path) -> None:
 def test_the_unit_of_power_does_not_change_the_loss(
     tmp_path: Path, header: str, unit: str | None, convert: Any
 ) -> None:
-    first = cutback(guides(tmp_path / "guides.csv"))
+    first = guide_loss(read(guides(tmp_path / "guides.csv")))
     rows = (tmp_path / "guides.csv").read_text(encoding="utf-8").splitlines()[2:]
     cells = [row.split(",") for row in rows]
     scale = 0.1 if "cm" in header else 1.0
     text = [header] + [f"{scale * float(mm):g},{convert(float(uw)):.8g},{name},{way}" for mm, uw, name, way in cells]
-    found = cutback(write(tmp_path / "other.csv", "\n".join(text) + "\n"), unit=unit)
-    assert found["loss_dB_per_cm"] == pytest.approx(first["loss_dB_per_cm"], rel=1e-5)
-    assert found["u_loss_dB_per_cm"] == pytest.approx(first["u_loss_dB_per_cm"], rel=1e-4)
-    assert set(found["by_orientation"]) == {"flat", "upright"}
+    found = guide_loss(read(write(tmp_path / "other.csv", "\n".join(text) + "\n")), CutbackOptions(unit=unit))
+    assert found.loss_dB_per_cm == pytest.approx(first.loss_dB_per_cm, rel=1e-5)
+    assert found.u_loss_dB_per_cm == pytest.approx(first.u_loss_dB_per_cm, rel=1e-4)
+    assert [line.orientation for line in found.by_orientation] == ["flat", "upright"]
     relative = {"insertion_loss_dB", "transmission (%)", "T"}
     if header.split(",")[1] in relative:
-        assert found["coupling_loss_dB"] == pytest.approx(5.0, abs=0.5)
+        assert found.coupling_loss_dB == pytest.approx(5.0, abs=0.5)
     else:
-        assert found["coupling_loss_dB"] is None
-        assert any("--launched" in told for told in found["warnings"])
+        assert found.coupling_loss_dB is None
+        assert any("--launched" in told for told in found.warnings)
 
 
 def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
@@ -116,11 +109,11 @@ def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
     rows = (tmp_path / "guides.csv").read_text(encoding="utf-8").splitlines()[2:]
     cells = [row.split(",") for row in rows]
     text = ["length_mm,signal_V,guide"] + [f"{mm},{4.9 - float(uw) / 100.0:.6f},{name}" for mm, uw, name, _ in cells]
-    found = cutback(write(tmp_path / "volts.csv", "\n".join(text) + "\n"), dark=4.9)
-    assert found["power"] == {"unit": "V", "dark": 4.9, "falls_with_light": True}
-    assert 1.3 < found["loss_dB_per_cm"] < 2.1
-    without = cutback(tmp_path / "volts.csv")
-    assert any("voltages without a dark reading" in told for told in without["warnings"])
+    found = guide_loss(read(write(tmp_path / "volts.csv", "\n".join(text) + "\n")), CutbackOptions(dark=4.9))
+    assert (found.power_unit, found.dark, found.falls_with_light) == ("V", 4.9, True)
+    assert 1.3 < found.loss_dB_per_cm < 2.1
+    without = guide_loss(read(tmp_path / "volts.csv"))
+    assert any("voltages without a dark reading" in told for told in without.warnings)
 
 
 @pytest.mark.parametrize(
@@ -136,24 +129,26 @@ def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
 )
 def test_cutback_refuses_what_gives_no_loss(tmp_path: Path, text: str, told: str) -> None:
     with pytest.raises(DataError, match=told):
-        cutback(write(tmp_path / "bad.csv", text))
+        guide_loss(read(write(tmp_path / "bad.csv", text)))
 
 
 def test_cutback_refuses_a_unit_that_is_none(tmp_path: Path) -> None:
     path = guides(tmp_path / "guides.csv")
     for unit in ("mm", "lumen/parsec", "deg"):
         with pytest.raises(DataError, match=f"unit of power = '{unit}'"):
-            cutback(path, unit=unit)
-    with pytest.raises(SpecError, match="--dark"):
-        cutback(path, dark=math.nan)
+            guide_loss(read(path), CutbackOptions(unit=unit))
+    with pytest.raises(SpecError, match="dark"):
+        CutbackOptions(dark=math.nan)
+    with pytest.raises(SpecError, match="860"):
+        CutbackOptions(wavelength_nm=0.86)
 
 
 def test_a_loss_that_is_none_has_no_absorption(tmp_path: Path) -> None:
     rows = [f"{mm},{1.0 + mm / 50.0 + 0.01 * (-1) ** k},{k}" for k, mm in enumerate((10, 20, 30, 40, 50))]
-    found = cutback(write(tmp_path / "up.csv", "length_mm,power_mW,guide\n" + "\n".join(rows) + "\n"))
-    assert found["loss_dB_per_cm"] < 0.0
-    assert found["absorption_per_mm"] is None
-    assert any("longer guides are brighter" in told for told in found["warnings"])
+    found = guide_loss(read(write(tmp_path / "up.csv", "length_mm,power_mW,guide\n" + "\n".join(rows) + "\n")))
+    assert found.loss_dB_per_cm < 0.0
+    assert found.absorption_per_mm is None
+    assert any("longer guides are brighter" in told for told in found.warnings)
 
 
 def test_cure_of_a_file(tmp_path: Path) -> None:
@@ -404,7 +399,7 @@ def test_commands_print_json_and_lines_and_leave_files(
 ) -> None:
     command = commands(tmp_path)[number]
     out, figure = tmp_path / "out.json", tmp_path / "figure.png"
-    assert run_command([*command, "--json", "--out", str(out), "--figure", str(figure)]) == 0
+    assert run_command(["resin", *command, "--json", "--out", str(out), "--figure", str(figure)]) == 0
     printed = capsys.readouterr()
     assert printed.err == ""
     found = plain_json(printed.out)
@@ -412,13 +407,13 @@ def test_commands_print_json_and_lines_and_leave_files(
     assert written["kind"] == command[0]
     assert written["warnings"] == found["warnings"]
     assert figure.read_bytes().startswith(b"\x89PNG")
-    assert run_command(command) == 0
+    assert run_command(["resin", *command]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert all(f"warning: {told}" in lines for told in found["warnings"])
 
 
 def test_the_command_says_what_one_layer_cannot_show(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run_command(commands(tmp_path)[0])
+    run_command(["resin", *commands(tmp_path)[0]])
     assert "one layer of 25 µm cannot show this: 0.1 % in its transmittance is 1.7 dB/cm" in capsys.readouterr().out
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError, SpecError
+from solen.material.loss import guide_loss
 from solen.pipeline.resin.cure import Print, cure
-from solen.pipeline.resin.cutback import cutback
 from solen.pipeline.resin.exposures import exposures
+from solen.recording import read
 
 
 def discs(path: Path, unit_um: float = 1.0) -> Path:
@@ -38,7 +39,7 @@ def test_swapped_columns_of_a_cut_back_are_warned_of(tmp_path: Path) -> None:
     for header in ("length_mm,power_mW", "power_mW,length_mm"):
         file = tmp_path / f"{header[0]}.csv"
         file.write_text("\n".join([header, *(f"{a},{b:.5f}" for a, b in pairs)]) + "\n", encoding="utf-8")
-        told.append(any("check which column is the length" in one for one in cutback(file)["warnings"]))
+        told.append(any("check which column is the length" in one for one in guide_loss(read(file)).warnings))
     assert told == [False, True]
 
 

@@ -31,6 +31,11 @@ Set = Annotated[
     ),
 ]
 FigureFile = Annotated[Path | None, Parameter(name="--figure", help="Draw the result into this .svg, .png or .pdf.")]
+Sheet = Annotated[
+    str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only one with numbers.")
+]
+FLAT = Parameter(name="*", negative=())
+"""Annotation of a command's `Options`: each field is an option of its own, ``Annotated[CutbackOptions, FLAT]``."""
 Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), show=False)]
 

@@ -1,7 +1,7 @@
 """A resin from what the commands found of it: their results as files, and what of each a resin keeps.
 
-The idea: a result of `solen resin index`, `solen resin cutback`, `solen resin cure` or `solen resin stiffness` is a JSON file with everything
-in it, arrays and all. A resin keeps what a design uses, with its uncertainty, how it was found and what must be known
+The idea: a result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with everything in it, arrays
+and all. A resin keeps what a design uses, with its uncertainty, how it was found and what must be known
 of it. A result is read strictly: what a resin needs must be there and be what it should be; the rest is passed over.
 
 The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`, and the files it was `found_from`.
@@ -169,12 +169,13 @@ def gaps(wavelengths_nm: list[float]) -> tuple[str, ...]:
 
 
 class _Line(_Result):
-    """Loss of some guides, as `solen resin cutback` finds it; it states no absorption where the loss comes out below 0."""
+    """Loss of some guides, as `solen resin cutback` finds it; without an absorption where the loss is below 0."""
 
     of: ClassVar[str] = "loss"
 
+    orientation: str = ""
     loss_dB_per_cm: Number = Field(description="loss of power in dB/cm.")
-    interval95: Interval | None = None
+    interval95_loss_dB_per_cm: Interval | None = None
     absorption_per_mm: Number | None = None
     u_absorption_per_mm: NotNegative | None = None
 
@@ -195,7 +196,8 @@ class _Line(_Result):
 
         A loss below 0 is none that there is: within its interval 0 is taken, and said.
         """
-        interval = None if self.interval95 is None else tuple(one * PER_MM_OF_DB_PER_CM for one in self.interval95)
+        ends = self.interval95_loss_dB_per_cm
+        interval = None if ends is None else tuple(end * PER_MM_OF_DB_PER_CM for end in ends)
         found = {
             "absorption_per_mm": self.loss_dB_per_cm * PER_MM_OF_DB_PER_CM,
             "u_absorption_per_mm": self.u_absorption_per_mm,
@@ -214,11 +216,11 @@ class CutbackResult(_Line):
     """Of `solen resin cutback`."""
 
     wavelength_nm: Positive | None = None
-    by_orientation: dict[Text, _Line] = Field(default_factory=dict)
+    by_orientation: tuple[_Line, ...] = ()
 
     def as_table(self, orientation: str = "", wavelength_nm: float | None = None) -> Loss:
         """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
-        lines = self.by_orientation
+        lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)

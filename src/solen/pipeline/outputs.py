@@ -1,19 +1,60 @@
-"""Files that a command leaves beside what it prints: a figure, and its result as JSON. Nothing heavy is loaded here."""
+"""Files that a command writes beside what it prints: figures, and its result as JSON. Nothing heavy is loaded here."""
 
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from solen import __version__, files
 from solen.errors import OutputError, SpecError
+from solen.results import Outcome, Result
+from solen.spec.strict import LONGEST_NM, SHORTEST_NM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURE_KINDS = (".svg", ".png", ".pdf")
-SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
-"""Wavelengths that a result can be of; below, a wavelength was given in µm."""
+R = TypeVar("R", bound=Result)
+
+
+def check_outputs(out: Path | None, *figures: Path | None) -> None:
+    """`OutputError` where the file of the result is not named .json, or a figure has no known format."""
+    check_out(out)
+    for figure in figures:
+        check_figure(figure)
+
+
+def write(
+    result: R,
+    kind: str,
+    out: Path | None = None,
+    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure]]] | None" = None,
+) -> Outcome[R]:
+    """Write a result and its figures where they are asked for, all or none.
+
+    Parameters
+    ----------
+    result
+        Written to ``out`` as JSON.
+    kind
+        What the result is, as its file states it for the commands that read it: ``index``, ``cutback``, ``cure``.
+    out
+        File of the result, or None.
+    figures
+        By the name that the outcome gives it: the file of a figure or None, and the function that draws it.
+    """
+    drawn = {name: (path, draw) for name, (path, draw) in (figures or {}).items() if path is not None}
+    contents: dict[Path, files.Content] = {}
+    if out is not None:
+        data = {"kind": kind, "solen": __version__} | result.to_dict()
+        contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
+    for path, draw in drawn.values():
+        from solen.report import canvas
+
+        contents[path] = canvas.encoded(draw(), path.suffix.lower(), kind)
+    files.write_all(contents)
+    places = {name: path for name, (path, _) in drawn.items()}
+    return Outcome(result, places if out is None else places | {"out": out})
 
 
 def check_figure(figure: Path | None) -> None:
@@ -51,10 +92,10 @@ def leave(
     ``kind`` says in the file what the result is: ``index``, ``cutback``, ``cure``, ``stiffness``; `solen resin build`
     reads it.
     """
-    return write(found, kind, out, {"figure": (figure, draw)})
+    return leave_all(found, kind, out, {"figure": (figure, draw)})
 
 
-def write(
+def leave_all(
     found: dict[str, Any],
     kind: str,
     out: Path | None,

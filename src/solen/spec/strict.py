@@ -79,6 +79,20 @@ NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 """A number of an option, which a command line gives as text; `Number` is that of a file."""
+SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
+"""Wavelengths that an option may state; below, one was given in µm."""
+
+
+def _in_nm(wavelength_nm: float) -> float:
+    if not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
+        nm = 1e3 * wavelength_nm  # of one in µm
+        remedy = f"did you mean {nm:g}?" if SHORTEST_NM <= nm <= LONGEST_NM else ""
+        raise refused("", f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm", value=wavelength_nm, remedy=remedy)
+    return wavelength_nm
+
+
+Wavelength = Annotated[float, AfterValidator(_in_nm)]
+"""A wavelength in nm of an option."""
 
 
 class Strict(BaseModel):

@@ -3,83 +3,122 @@
 The idea: light loses the same share in every centimetre, so the received level in dB falls along a straight line with
 length. Its slope is the loss; its start, at length zero, is what the ends and the coupling leave, so neither has to be
 known. A reading repeated on one guide repeats that guide's coupling and flaws: what the interval counts is pieces, a
-guide at a length. A piece that does not belong to the rest is set aside by a stated rule and named, with the result
-that has it. Loss is per length of guide: slanted rays run further, walls scatter, and both are in it.
+guide at a length. Outliers are set aside by a stated rule and named, with the result that includes them. Loss is per
+length of guide: slanted rays run further, walls scatter, and both are in it.
 
-The interface: `cut_back` gives a `CutBack`; `cautions` says in sentences what does not follow from it.
+The interface: `cut_back` gives a `GuideLoss`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import BoolArray, FloatArray
-from solen.material.loss.levels import MM_PER_CM, absorption_per_mm
+from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
 
-MOST_SET_ASIDE = 0.2
+MOST_OUTLIERS = 0.2
 """Share of the pieces, at least one piece, that may be set aside."""
 LARGEST_NUMBER = 10
 """And their number."""
-DOUBT = 0.05
-"""Chance below which a difference or a bend is taken as one."""
+SIGNIFICANCE = 0.05
+"""Chance below which a difference or a bend is reported as one."""
+LAYER_UM, U_T = 25.0, 1e-3
+"""The layer of the paper, and how well a good spectrophotometer knows its transmittance."""
 
 
 @dataclass(frozen=True)
-class SetAside:
-    """A piece that does not belong to the rest: how many dB it is above the line of the others, and its t there."""
+class Outlier:
+    """A piece that does not belong to the rest.
+
+    Attributes
+    ----------
+    piece
+        The guide at a length.
+    deviation_dB
+        By how much it is above the line of the others.
+    t
+        The same in its standard errors.
+    """
 
     piece: Piece
-    off_dB: float
+    deviation_dB: float
     t: float
 
 
-@dataclass(frozen=True)
-class Line:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Line(Result):
     """Level against length.
 
     Attributes
     ----------
     orientation
-        Build orientation that it is for; empty for all.
-    loss_dB_per_cm, u_loss_dB_per_cm, interval95
+        Build orientation of its guides; empty for all.
+    loss_dB_per_cm, u_loss_dB_per_cm, interval95_loss_dB_per_cm
         Slope, positive where light is lost.
-    start_dB, u_start_dB, start_interval95
+    start_dB, u_start_dB, interval95_start_dB
         Level at length zero.
     covariance
         Of start and slope.
-    df, start_df
-        Degrees of freedom of the intervals.
+    degrees_of_freedom, start_degrees_of_freedom
+        Of the intervals of slope and start.
     guides, pieces, lengths
         How many of each.
+    launched_dB
+        Level of what was launched into the guides; None where it is not known.
     """
 
     orientation: str
     loss_dB_per_cm: float
     u_loss_dB_per_cm: float
-    interval95: tuple[float, float]
+    interval95_loss_dB_per_cm: tuple[float, float]
     start_dB: float
     u_start_dB: float
-    start_interval95: tuple[float, float]
-    covariance: float
-    df: float
-    start_df: float
+    interval95_start_dB: tuple[float, float]
+    covariance: float = field(metadata=HIDDEN)
+    degrees_of_freedom: float
+    start_degrees_of_freedom: float
     guides: int
     pieces: int
     lengths: int
+    launched_dB: float | None = None
 
-    @property
-    def absorption_per_mm(self) -> float:
-        """Loss of power per mm of guide, base e."""
-        return absorption_per_mm(self.loss_dB_per_cm)
+    @reported
+    def absorption_per_mm(self) -> float | None:
+        """Absorption of power per mm of guide, base e; None where the loss is not positive."""
+        return absorption_per_mm(self.loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
-    @property
-    def u_absorption_per_mm(self) -> float:
+    @reported
+    def u_absorption_per_mm(self) -> float | None:
+        """Its standard uncertainty; None where the loss is not positive."""
+        return absorption_per_mm(self.u_loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
+
+    @reported
+    def interval95_absorption_per_mm(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.interval95_loss_dB_per_cm
+        return absorption_per_mm(low), absorption_per_mm(high)
+
+    @reported
+    def coupling_loss_dB(self) -> float | None:
+        """Loss of the coupling and the ends; None where what was launched is not known."""
+        return None if self.launched_dB is None else self.launched_dB - self.start_dB
+
+    @reported
+    def u_coupling_loss_dB(self) -> float | None:
         """Its standard uncertainty."""
-        return absorption_per_mm(self.u_loss_dB_per_cm)
+        return None if self.launched_dB is None else self.u_start_dB
+
+    @reported
+    def interval95_coupling_loss_dB(self) -> tuple[float, float] | None:
+        """Its 95 % interval."""
+        low, high = self.interval95_start_dB
+        return None if self.launched_dB is None else (self.launched_dB - high, self.launched_dB - low)
 
     def level_dB(self, length_mm: ArrayLike) -> FloatArray:
         """Level at a length."""
@@ -89,43 +128,82 @@ class Line:
         """Half width of the line's 95 % interval at a length."""
         cm = np.asarray(length_mm, float) / MM_PER_CM
         squares = self.u_start_dB**2 - 2.0 * cm * self.covariance + (cm * self.u_loss_dB_per_cm) ** 2
-        return np.asarray(t_quantile(0.95, min(self.df, self.start_df)) * np.sqrt(np.maximum(squares, 0.0)))
+        df = min(self.degrees_of_freedom, self.start_degrees_of_freedom)
+        return np.asarray(t_quantile(0.95, df) * np.sqrt(np.maximum(squares, 0.0)))
 
 
-@dataclass(frozen=True)
-class CutBack:
-    """Result of `cut_back`.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class GuideLoss(Line):
+    """Loss of guides: the line of all of them, with one slope and, for each orientation, a start of its own.
 
     Attributes
     ----------
-    line
-        One slope for all pieces; each orientation has a start of its own, of which the mean is given.
+    start_dB
+        Mean of the starts of the orientations.
     by_orientation
-        Each orientation that has a slope, with its own; empty where none is stated, or pieces are too few.
+        Line of each orientation that has a slope; empty where none is stated, or pieces are too few.
     p_orientation
         How likely slopes this different are where orientation does not matter; None with fewer than two.
     p_curved, curvature_dB_per_cm2
         The same for a bend of the line, and its second derivative; None where there are too few lengths or pieces.
-    pieces
-        All, those set aside too.
-    set_aside, line_with_all
-        Pieces that the line does without, and the line that has them.
-    piece_dB, guide_dB, reading_dB
+    points
+        All pieces, outliers too.
+    outliers, with_outliers
+        Pieces that the line leaves out, and the line that includes them; None without any.
+    sd_piece_dB, sd_guide_dB, sd_reading_dB
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
         readings about their piece (None where none was repeated).
+    wavelength_nm
+        Of the light, as stated.
+    power_unit
+        Of the readings; None where they are proportional to power.
+    dark
+        Reading without light, as stated, in that unit.
+    falls_with_light
+        Whether light lowers the readings.
+    sources
+        The file.
+    warnings
+        What does not follow from the result, in sentences.
     """
 
-    line: Line
     by_orientation: tuple[Line, ...]
     p_orientation: float | None
     p_curved: float | None
     curvature_dB_per_cm2: float | None
-    pieces: tuple[Piece, ...]
-    set_aside: tuple[SetAside, ...]
-    line_with_all: Line
-    piece_dB: float
-    guide_dB: float
-    reading_dB: float | None
+    points: tuple[Piece, ...]
+    outliers: tuple[Outlier, ...]
+    with_outliers: Line | None
+    sd_piece_dB: float
+    sd_guide_dB: float
+    sd_reading_dB: float | None
+    wavelength_nm: float | None = None
+    power_unit: str | None = None
+    dark: float | None = None
+    falls_with_light: bool = False
+    sources: tuple[Provenance, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @reported
+    def readings(self) -> int:
+        """Number of readings."""
+        return sum(piece.readings for piece in self.points)
+
+    @reported
+    def lengths_mm(self) -> tuple[float, float]:
+        """Shortest and longest guide."""
+        lengths = [piece.length_mm for piece in self.points]
+        return min(lengths), max(lengths)
+
+    @reported
+    def layer_limit_dB_per_cm(self) -> float:
+        """Smallest loss that the transmittance of one printed layer could show."""
+        return smallest_loss_dB_per_cm(LAYER_UM, U_T)
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether the powers were computed rather than measured."""
+        return any(source.simulated for source in self.sources)
 
 
 def cut_back(
@@ -135,7 +213,8 @@ def cut_back(
     orientation: Sequence[str] | None = None,
     *,
     keep_all: bool = False,
-) -> CutBack:
+    launched_dB: float | None = None,
+) -> GuideLoss:
     """Loss from the levels of guides of several lengths.
 
     Parameters
@@ -147,7 +226,9 @@ def cut_back(
     orientation
         How it was built.
     keep_all
-        Set no piece aside.
+        Keep outliers.
+    launched_dB
+        Level of what was launched, as `solen.material.loss.levels.full_level_dB` gives it.
 
     Raises
     ------
@@ -157,35 +238,36 @@ def cut_back(
     length, level = np.asarray(length_mm, float), np.asarray(level_dB, float)
     ways = [""] * len(length) if orientation is None else list(orientation)
     names = [f"{mm:g} mm" for mm in length] if guide is None else list(guide)
-    pieces, within = pieces_of(length, level, names, ways)
-    table = Table(pieces)
+    points, within = pieces_of(length, level, names, ways)
+    table = Table(points)
     table.refuse_too_few()
+    every = np.ones(len(points), bool)
     bad = {} if keep_all else _bad(table)
-    keep = np.array([number not in bad for number in range(len(pieces))])
+    keep = np.array([number not in bad for number in range(len(points))])
     fit = table.fit(table.common(keep), keep)
-    lines, p_orientation = _orientations(table, keep)
+    lines, p_orientation = _orientations(table, keep, launched_dB)
     p_curved, bend = _curved(table, keep)
-    line = _common_line(table, fit, keep)
-    return CutBack(
-        line=line,
+    loss = GuideLoss(
+        **vars(_common_line(table, fit, keep, launched_dB)),
         by_orientation=lines,
         p_orientation=p_orientation,
         p_curved=p_curved,
         curvature_dB_per_cm2=bend,
-        pieces=pieces,
-        set_aside=_set_aside(table, fit, keep, bad),
-        line_with_all=_line_with_all(table) if bad else line,
-        piece_dB=fit.sigma,
-        guide_dB=fit.effect_sigmas[0] if fit.effect_sigmas else 0.0,
-        reading_dB=within,
+        points=points,
+        outliers=_outliers(table, fit, keep, bad),
+        with_outliers=_common_line(table, table.fit(table.common(every), every), every, launched_dB) if bad else None,
+        sd_piece_dB=fit.sigma,
+        sd_guide_dB=fit.effect_sigmas[0] if fit.effect_sigmas else 0.0,
+        sd_reading_dB=within,
     )
+    return replace(loss, warnings=(*_of_pieces(loss), *_of_size(loss), *_of_shape(loss), *_of_orientation(loss)))
 
 
 def _bad(table: Table) -> dict[int, float]:
-    """Pieces to set aside, each with its t; the lines they are judged by have a slope for each orientation."""
+    """Outliers, each with its t; the lines they are tested against have a slope for each orientation."""
     count = len(table.pieces)
     spare = count - table.apart(np.ones(count, bool)).shape[1]
-    most = min(max(1, int(MOST_SET_ASIDE * count)), spare - 2, LARGEST_NUMBER)
+    most = min(max(1, int(MOST_OUTLIERS * count)), spare - 2, LARGEST_NUMBER)
     if most < 1:
         return {}
     found = bad_points(lambda keep: table.fit(table.apart(keep), keep), count, most)
@@ -193,24 +275,19 @@ def _bad(table: Table) -> dict[int, float]:
     return found if table.ways(left) == table.ways(np.ones(count, bool)) and table.sloped(left) else {}
 
 
-def _set_aside(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[SetAside, ...]:
+def _outliers(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[Outlier, ...]:
     ways, found = table.ways(keep), []
     for number, t in bad.items():
         piece = table.pieces[number]
         start, slope = fit.parameters[ways.index(piece.orientation)], fit.parameters[-1]
-        found.append(SetAside(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
+        found.append(Outlier(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
     return tuple(found)
 
 
-def _line_with_all(table: Table) -> Line:
-    everything = np.ones(len(table.pieces), bool)
-    return _common_line(table, table.fit(table.common(everything), everything), everything)
-
-
-def _common_line(table: Table, fit: LinearFit, keep: BoolArray) -> Line:
+def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: float | None) -> Line:
     count = len(table.ways(keep))
     start, slope = np.append(np.full(count, 1.0 / count), 0.0), np.append(np.zeros(count), 1.0)
-    return _line(table, fit, keep, start, slope)
+    return replace(_line(table, fit, keep, start, slope), launched_dB=launched_dB)
 
 
 def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, way: str = "") -> Line:
@@ -219,20 +296,20 @@ def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slop
         orientation=way,
         loss_dB_per_cm=float(slope @ fit.parameters),
         u_loss_dB_per_cm=fit.u(slope),
-        interval95=fit.interval(slope),
+        interval95_loss_dB_per_cm=fit.interval(slope),
         start_dB=float(start @ fit.parameters),
         u_start_dB=fit.u(start),
-        start_interval95=fit.interval(start),
+        interval95_start_dB=fit.interval(start),
         covariance=float(start @ fit.covariance @ slope),
-        df=fit.df(slope),
-        start_df=fit.df(start),
+        degrees_of_freedom=fit.df(slope),
+        start_degrees_of_freedom=fit.df(start),
         guides=len({guide for guide, kept in zip(table.guide, keep.tolist(), strict=True) if kept}),
         pieces=int(keep.sum()),
         lengths=len(table.lengths(keep)),
     )
 
 
-def _orientations(table: Table, keep: BoolArray) -> tuple[tuple[Line, ...], float | None]:
+def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> tuple[tuple[Line, ...], float | None]:
     """Line of each orientation, and how likely their slopes differ this much by chance."""
     ways, sloped, design = table.ways(keep), table.sloped(keep), table.apart(keep)
     if ways == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
@@ -243,7 +320,9 @@ def _orientations(table: Table, keep: BoolArray) -> tuple[tuple[Line, ...], floa
         _line(table, fit, keep & (table.way == way), unit[ways.index(way)], slopes[number], way)
         for number, way in enumerate(sloped)
     ]
-    return tuple(lines), _chance(fit, slopes[:1] - slopes[1:]) if len(sloped) > 1 else None
+    return tuple(replace(line, launched_dB=launched_dB) for line in lines), _chance(
+        fit, slopes[:1] - slopes[1:]
+    ) if len(sloped) > 1 else None
 
 
 def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
@@ -267,93 +346,82 @@ def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
     return (t_tail(bend / u, fit.df(last)) if u > 0.0 else 1.0), 2.0 * bend
 
 
-def cautions(found: CutBack) -> list[str]:
-    """What a result does not say, in sentences with numbers."""
-    return [
-        *_of_pieces(found),
-        *_of_size(found),
-        *_of_shape(found),
-        *_of_orientation(found),
-    ]
-
-
-def _of_pieces(found: CutBack) -> list[str]:
+def _of_pieces(loss: GuideLoss) -> list[str]:
     told = []
-    low, high = found.line_with_all.interval95
-    for bad in found.set_aside:
-        side = "above" if bad.off_dB > 0.0 else "below"
+    for outlier in loss.outliers:
+        side = "above" if outlier.deviation_dB > 0.0 else "below"
         told.append(
-            f"{bad.piece.name} is set aside: {abs(bad.off_dB):.2g} dB {side} the line of the others, "
-            f"{abs(bad.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
+            f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
+            f"{abs(outlier.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
         )
-    if told:
+    if loss.with_outliers is not None:
+        low, high = loss.with_outliers.interval95_loss_dB_per_cm
         told.append(
             f"with {'it' if len(told) == 1 else 'them'} the loss is "
-            f"{found.line_with_all.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
+            f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
         )
-    if found.line.df < 4.0:
+    if loss.degrees_of_freedom < 4.0:
         told.append(
-            f"{found.line.pieces} pieces of {found.line.guides} guides leave {found.line.df:.1f} degrees of freedom: "
-            f"the interval is {t_quantile(0.95, found.line.df):.1f} standard uncertainties to each side"
+            f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} degrees of freedom: "
+            f"the interval is {t_quantile(0.95, loss.degrees_of_freedom):.1f} standard uncertainties to each side"
         )
     return told
 
 
-def _of_size(found: CutBack) -> list[str]:
-    line, told = found.line, []
-    low, high = line.interval95
-    lengths = [piece.length_mm for piece in found.pieces]
-    drop = line.loss_dB_per_cm * (max(lengths) - min(lengths)) / MM_PER_CM
+def _of_size(loss: GuideLoss) -> list[str]:
+    low, high = loss.interval95_loss_dB_per_cm
+    shortest, longest = loss.lengths_mm
+    drop = loss.loss_dB_per_cm * (longest - shortest) / MM_PER_CM
     span = (
-        f"from {min(lengths):g} to {max(lengths):g} mm the level falls by {drop:.2g} dB, and pieces scatter by "
-        f"{found.piece_dB:.2g} dB"
+        f"from {shortest:g} to {longest:g} mm the level falls by {drop:.2g} dB, and pieces scatter by "
+        f"{loss.sd_piece_dB:.2g} dB"
     )
     if high <= 0.0:
-        told.append(f"longer guides are brighter ({span}): this is no loss; check lengths, dark reading and unit")
-    elif low <= 0.0:
-        most = line.loss_dB_per_cm + t_quantile(0.9, line.df) * line.u_loss_dB_per_cm
-        told.append(f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more")
-    elif high - low > line.loss_dB_per_cm:
-        told.append(f"the loss is known within a factor {high / low:.1f} only ({span}): take longer guides or more")
-    return told
+        return [f"longer guides are brighter ({span}): this is no loss; check lengths, dark reading and unit"]
+    if low <= 0.0:
+        most = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
+        return [f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more"]
+    if high - low > loss.loss_dB_per_cm:
+        return [f"the loss is known within a factor {high / low:.1f} only ({span}): take longer guides or more"]
+    return []
 
 
-def _of_shape(found: CutBack) -> list[str]:
-    if found.line.lengths == 2:
-        return ["two lengths: whether the level falls along a straight line cannot be told; add a third"]
-    if found.p_curved is None or found.curvature_dB_per_cm2 is None or found.p_curved > DOUBT:
+def _of_shape(loss: GuideLoss) -> list[str]:
+    if loss.lengths == 2:
+        return ["two lengths cannot show whether the level falls along a straight line; add a third"]
+    if loss.p_curved is None or loss.curvature_dB_per_cm2 is None or loss.p_curved > SIGNIFICANCE:
         return []
-    flattens = found.curvature_dB_per_cm2 > 0.0
+    flattens = loss.curvature_dB_per_cm2 > 0.0
     why = (
-        "short guides carry rays that leave soon, or the dark reading is not taken off"
+        "short guides carry rays that leave soon, or the dark reading is not subtracted"
         if flattens
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
-        f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(found.p_curved)}): {why}; "
+        f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(loss.p_curved)}): {why}; "
         "one loss does not describe it"
     ]
 
 
-def _of_orientation(found: CutBack) -> list[str]:
+def _of_orientation(loss: GuideLoss) -> list[str]:
     told = []
-    named = dict.fromkeys(piece.orientation for piece in found.pieces if piece.orientation)
-    if flat := [way for way in named if way not in {line.orientation for line in found.by_orientation}]:
+    named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
+    if flat := [way for way in named if way not in {line.orientation for line in loss.by_orientation}]:
         told.append(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}")
-    if found.p_orientation is None:
+    if loss.p_orientation is None:
         return told
-    values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in found.by_orientation)
-    if found.p_orientation < DOUBT:
+    values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
+    if loss.p_orientation < SIGNIFICANCE:
         told.append(
-            f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(found.p_orientation)}): "
+            f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(loss.p_orientation)}): "
             "use the value of your orientation, not the common one"
         )
     else:
         told.append(
-            f"no difference between orientations is seen (dB/cm: {values}; by chance {chance(found.p_orientation)}); "
-            "that is no proof that there is none"
+            f"no difference between orientations is seen (dB/cm: {values}; by chance {chance(loss.p_orientation)}); "
+            "that does not prove that there is none"
         )
-    lone = [line.orientation for line in found.by_orientation if line.guides == 1]
+    lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if lone:
         told.append(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations")
     return told

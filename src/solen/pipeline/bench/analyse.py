@@ -19,7 +19,7 @@ from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.pipeline.bench import analysis_data as data
 from solen.pipeline.bench.demodulate_data import SETTLE_US
 from solen.pipeline.bench.signals import NOWHERE, Columns, Sampled, demodulated, sampled, signals_of, with_log
-from solen.pipeline.outputs import check_figure, check_out, write
+from solen.pipeline.outputs import check_figure, check_out, leave_all
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.labels import has_lens, labels
 
@@ -139,7 +139,7 @@ def analyse(
 
         return traces_figure(found.sensors, simulated=found.simulated, remark=data.remark(asked))
 
-    return write(result, "analysis", out, {"figure": (figure, drawn), "traces": (traces, over_time)})
+    return leave_all(result, "analysis", out, {"figure": (figure, drawn), "traces": (traces, over_time)})
 
 
 def check(asked: Request) -> None:

@@ -105,8 +105,8 @@ def result_of(text: str, option: str) -> Result:
     except RecursionError:
         raise DataError("JSON", limit="is nested too deeply", remedy="write it with --out") from None
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
-        command = "solen resin index" if option == "index" else f"solen {option}"
-        raise DataError("kind", limit="missing: this is no result of solen", remedy=f"write it with {command} --out")
+        remedy = f"write it with solen resin {option} --out"
+        raise DataError("kind", limit="missing: this is no result of solen", remedy=remedy)
     kind = data["kind"]
     if kind not in OPTIONS[option]:
         right = next((other for other, kinds in OPTIONS.items() if kind in kinds), None)

@@ -1,0 +1,179 @@
+"""Loss of a guide from a recording: which columns hold lengths, powers, guides and orientations, and their units.
+
+The interface: `guide_loss` takes a recording and `CutbackOptions`; `readings` gives the rows that it uses.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.material.loss.cutback import GuideLoss, cut_back
+from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
+from solen.recording import Channel, Recording
+from solen.spec.strict import Finite, Options, Wavelength
+from solen.units import factor, is_unit
+
+LENGTHS = ("length", "guide length")
+POWERS = ("power", "signal", "voltage", "current", "transmittance", "level", "output", "intensity", "counts", "T")
+LOSSES = ("loss", "insertion loss", "attenuation")
+GUIDES = ("guide", "piece", "sample", "specimen", "part", "print", "id", "name", "probe")
+ORIENTATIONS = (
+    "orientation",
+    "build orientation",
+    "direction",
+    "angle",
+    "ausrichtung",
+    "orientierung",
+    "bauorientierung",
+)
+USUAL_DB_PER_CM = 50.0
+"""Beyond it a centimetre passes 1e-5: no guide."""
+_LINEAR = ("W", "V", "A")
+_SHARES = {1.0: "1", 0.01: "%"}
+
+
+class CutbackOptions(Options):
+    """How a cut-back is evaluated."""
+
+    unit: str | None = None
+    """Unit of the powers, in place of the header's: mW, µW, V, dBm, dB, %, 1 or relative."""
+    dark: Finite | None = None
+    """Reading without light, in that unit. If all readings are below it, light lowers them."""
+    launched: Finite | None = None
+    """Power launched into the guides, in that unit; gives the coupling loss."""
+    wavelength_nm: Wavelength | None = None
+    """Wavelength of the light, stated in the result."""
+    keep_all: bool = False
+    """Keep outliers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Readings:
+    """Rows of a table that have a length and a power.
+
+    Attributes
+    ----------
+    length_mm, values, level_dB
+        Length, reading in `unit`, and level, shape (n,).
+    unit
+        Of the readings; empty for readings proportional to power.
+    guide, orientation
+        Texts of the rows; None without such a column.
+    warnings
+        What was assumed or left out.
+    """
+
+    length_mm: FloatArray
+    values: FloatArray
+    unit: str
+    level_dB: FloatArray
+    guide: list[str] | None
+    orientation: list[str] | None
+    warnings: list[str]
+
+
+def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions()) -> GuideLoss:
+    """Loss in dB/cm of guides of several lengths, by orientation too where a column names it.
+
+    Raises
+    ------
+    DataError
+        Without a column of lengths or powers, or where no loss with an uncertainty follows.
+    """
+    rows = readings(recording, options.unit, options.dark)
+    launched_dB = full_level_dB(rows.unit, options.launched, rows.values)
+    found = cut_back(
+        rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=options.keep_all, launched_dB=launched_dB
+    )
+    return replace(
+        found,
+        wavelength_nm=options.wavelength_nm,
+        power_unit=rows.unit or None,
+        dark=options.dark,
+        falls_with_light=pulls_down(rows.values, rows.unit, options.dark),
+        sources=(recording.provenance,),
+        warnings=(
+            *recording.warnings,
+            *rows.warnings,
+            *_launch_unknown(launched_dB),
+            *found.warnings,
+            *_unusual(found),
+        ),
+    )
+
+
+def readings(recording: Recording, unit: str | None = None, dark: float | None = None) -> Readings:
+    """Rows of a table with a length and a power; the others are left out and counted in a warning."""
+    length = recording.need(*LENGTHS).to("mm")
+    channel = recording.find(*POWERS) or recording.find(*LOSSES) or recording.need(*POWERS[:3])
+    unit, warnings = _unit(channel, unit)
+    complete = np.isfinite(length) & np.isfinite(channel.values)
+    if not complete.all():
+        missing = int(np.sum(~complete))
+        warnings.append(f"{missing} row{'s' * (missing > 1)} without a length or a power: left out")
+    if not complete.any():
+        raise DataError(recording.provenance.file, limit="has no row with a length and a power")
+    values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
+    guide, orientation = _texts(recording, complete, GUIDES), _texts(recording, complete, ORIENTATIONS)
+    if guide is None:
+        warnings.append(
+            "no column names the guide (guide): readings of one length are averaged as those of one guide, "
+            "which is safe and gives a wide interval"
+        )
+    elif len(set(guide)) == 1 and len(guide) > 1:
+        warnings.append(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
+    if unit in {"V", "mV"} and dark is None:
+        warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
+    return Readings(length[complete], values, unit, levels_dB(values, unit, dark), guide, orientation, warnings)
+
+
+def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
+    """Unit of the powers in solen's spelling, and warnings about it."""
+    given = (stated if stated is not None else channel.unit).strip()
+    logarithm = {"dbm": "dBm", "db": "dB"}.get(given.casefold())
+    if logarithm:
+        return logarithm, []
+    if given in {"", "a.u.", "counts", "relative"}:
+        if stated is not None:
+            return "", []
+        if channel.quantity == "transmittance" or channel.name == "T":
+            return "1", []
+        return "", [f"{channel.name} has no unit: read as proportional to power (--unit)"]
+    if (share := factor(given, "1")) in _SHARES:
+        return _SHARES[share], []
+    if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
+        limit = "must be of power, voltage or current, %, 1, dB, dBm, or relative"
+        raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="state it with --unit")
+    return given, []
+
+
+def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> list[str] | None:
+    """Texts of the column that names the rows; None without one, or where it is empty."""
+    texts = recording.label(*names)
+    if texts is None and (channel := recording.find(*names)) is not None:
+        texts = tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
+    if texts is None or not any(texts):
+        return None
+    return [text for text, kept in zip(texts, complete.tolist(), strict=True) if kept]
+
+
+def _launch_unknown(launched_dB: float | None) -> list[str]:
+    if launched_dB is not None:
+        return []
+    return [
+        "what was launched is not known (--launched), so the coupling loss is not either; the loss per cm needs neither"
+    ]
+
+
+def _unusual(loss: GuideLoss) -> list[str]:
+    """Warning of what swapped columns or a wrong unit of length look like."""
+    if loss.loss_dB_per_cm <= USUAL_DB_PER_CM:
+        return []
+    return [
+        f"{loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
+        "check which column is the length, and its unit"
+    ]
