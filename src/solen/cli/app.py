@@ -53,10 +53,16 @@ class Shown:
 SHOWN = Shown()
 
 
+def option_name(field: str) -> str:
+    """Name of an option after its field: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``, units as they are."""
+    return field.strip("_").replace("_", "-")
+
+
 def _application() -> App:
     """The application with all commands, none of them loaded."""
     made = App(
         name="solen",
+        default_parameter=Parameter(name_transform=option_name, negative=()),
         version=__version__,
         help="From the spectrum of a resin to a printed, tested and calibrated soft optical sensor.",
         help_epilogue=EVERYWHERE,
