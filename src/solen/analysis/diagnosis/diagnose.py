@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from solen.analysis.diagnosis.fit import Cycles, Fitted, fit
 from solen.analysis.diagnosis.model import INDEX, LOSS, OFFSET, SPREAD, ZERO, Model
 from solen.analysis.diagnosis.response import Response
-from solen.analysis.diagnosis.table import SIDES
 from solen.analysis.diagnosis.voltage import Bend
 from solen.analysis.response import Passes
 from solen.analysis.signals import side_of
 from solen.analysis.study import Analysed
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.sensor.readings import SIDES
 
 LEAST_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003

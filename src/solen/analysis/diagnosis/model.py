@@ -12,9 +12,9 @@ from functools import cached_property
 import numpy as np
 
 from solen.analysis.diagnosis.response import INDEX, Response
-from solen.analysis.diagnosis.table import SIDES
 from solen.analysis.diagnosis.voltage import Bend, volts
 from solen.arrays import FloatArray
+from solen.sensor.readings import SIDES
 
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
 LOSS_WORTH = 0.05

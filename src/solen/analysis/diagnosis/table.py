@@ -4,7 +4,8 @@ The idea: every point of a chip shines for itself, so the response of a chip is 
 These are traced on a grid, angles of the motion by places of a point emitter, and integrated over the places once: a
 chip is then a difference of two values of that integral, whatever its decentre and width. Places are traced more
 densely where the response bends, and counted from the place where light changes sides, which wanders with the angle;
-beside it the response changes slowly with the angle, so that few angles do.
+beside it the response changes slowly with the angle, so that few angles do. Directional receivers see less of each
+point's light, as `solen.sensor.readings` says.
 
 The interface: `Table.of` a `Sensor` at `angles_deg`; `Table.chip` gives the shares of the emitted power at both
 receivers.
@@ -23,11 +24,12 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.scene import Scene
+from solen.scene.sources import Chip, Emitter
 from solen.sensor import Sensor
+from solen.sensor.readings import SIDES, Acceptance
 from solen.spec import with_values
 from solen.trace.adaptive import Points
 
-SIDES = ("right", "left")
 TOLERANCE = 1e-5
 """Within what fraction of the emitted power each point is integrated."""
 REACH_MM = 0.6
@@ -42,6 +44,8 @@ STEP_DEG, MOST_ANGLES = 0.125, 81
 """Distance of the traced angles, and how many there are at most."""
 POINT_MM = 0.004
 """A chip less wide than this is a point."""
+POINT_RAYS = 1024
+"""Rays that tell at which angles the light of one point arrives; a chip's share is then good to 1e-5."""
 _PAD = 12
 
 
@@ -152,6 +156,7 @@ class _Chip:
         self.points = Points(replace(scene, sources=scene.sources[:1]), TOLERANCE)
         self.order = [list(scene.receivers).index(side) for side in SIDES]
         self.reach_mm = reach_mm
+        self.scene, self.acceptance = scene, Acceptance.of(sensor)
 
     def __call__(self, places_mm: FloatArray) -> FloatArray:
         """Shares (p, 2) at places (p,)."""
@@ -166,7 +171,19 @@ class _Chip:
             step *= 0.5
             middles = 0.5 * (places[suspects] + places[suspects + 1])
             places, shares, suspects = _merged(places, shares, suspects, middles, self(middles), step)
-        return places, shares
+        return places, shares * self._seen(places)
+
+    def _seen(self, places_mm: FloatArray) -> FloatArray:
+        """What directional receivers see of the shares (p, 2) at places (p,); 1 for flat windows."""
+        if self.acceptance.is_flat:
+            return np.ones((places_mm.size, len(SIDES)))
+        chip = self.scene.sources[0].with_rays(POINT_RAYS)
+        emission = chip.emission()
+        if not (isinstance(chip, Chip | Emitter) and emission is not None):
+            raise AssertionError("checked before: a chip made of points")
+        points = (emission.at(0.5 - 0.5 * place / self.reach_mm)[:2] for place in places_mm.tolist())
+        lights = (replace(chip, point=point, width_mm=0.0) for point in points)
+        return np.array([self.acceptance.factors(replace(self.scene, sources=(light,))) for light in lights])
 
 
 def _reaching(sensor: Sensor) -> tuple[Sensor, float]:

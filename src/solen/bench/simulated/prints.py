@@ -21,6 +21,7 @@ from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
 from solen.sensor import Response, Sensor
+from solen.sensor.readings import received
 from solen.spec import Design, load, with_values
 
 ANGLES = 25
@@ -114,9 +115,9 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
 
 
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles (N,) and shares (N, 2) at the right and the left receiver, dense enough to be interpolated.
+    """Angles (N,) and shares (N, 2) that the right and the left receiver see, dense enough to be interpolated.
 
-    Every step is halved until what is traced midway lies within `CLOSE` of what was interpolated there.
+    Every step is halved until the power that is traced midway lies within `CLOSE` of what was interpolated there.
     """
     found = sensor.power(angle_deg.tolist(), tolerance=TOLERANCE)
     wide = np.ones(len(angle_deg) - 1, dtype=bool)
@@ -132,7 +133,7 @@ def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArra
         begun = np.searchsorted(found.angle_deg, middles[off])
         wide = np.zeros(len(found.angle_deg) - 1, dtype=bool)
         wide[np.concatenate([begun - 1, begun])] = True
-    return found.angle_deg, _shares(found)
+    return found.angle_deg, received(sensor, found)
 
 
 def _shares(found: Response) -> FloatArray:

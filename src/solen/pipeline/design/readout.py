@@ -12,14 +12,13 @@ from solen.parts import AdcPart, Part, ReceiverPart, TrimmerPart
 from solen.parts.datasheet import Sourced
 from solen.pipeline.design.commands import open_design, source_of
 from solen.pipeline.outputs import check_figure, check_out, leave
-from solen.readout import Circuit, Readings, circuit_of, face_areas_mm2, readings_of
+from solen.readout import Circuit, Readings
 from solen.readout.cautions import cautions
-from solen.readout.circuit import emitter_part, named_part, trimmer_part
-from solen.readout.transistor import angular_factor
+from solen.readout.circuit import emitter_part, named_part
 from solen.sensor import Sensor, idle_keys
+from solen.sensor.readings import readings
 from solen.spec import Design
 
-ANGLE_BINS, ANGLE_RAYS = 90, 4096
 MOST_STEP = 0.25
 """Share of the whole range by which a reading may move from one angle to the next before its slope is called coarse."""
 
@@ -63,45 +62,6 @@ def readout(
         return readout_figure(found, design.name)
 
     return leave(data, "readout", out, figure, draw)
-
-
-def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
-    """Readings of a sensor at the angles of its motion; `DesignError` where its receivers are not right and left."""
-    sensor.check_pair()
-    design = sensor.design
-    circuit = circuit_of(design, face_areas_mm2(design, sensor.body()))
-    response = sensor.power(progress=progress)
-    by_name = {"right": response.right, "left": response.left}
-    fractions = np.stack([by_name[name] for name in circuit.names], axis=1)
-    fractions = np.maximum(fractions, 0.0) * _seen(sensor, circuit, response.angle_deg)
-    return readings_of(
-        circuit,
-        response.angle_deg,
-        fractions,
-        response.u,
-        trimmer_part(design),
-        ambient_mW_cm2=design.readout.ambient_mw_cm2,
-        temperature_C=design.readout.temperature_c,
-    )
-
-
-def _seen(sensor: Sensor, circuit: Circuit, angles_deg: FloatArray) -> FloatArray:
-    """What a directional part makes of the power at each angle of the motion, (A, R); 1 for a flat window.
-
-    Behind a matched face it sees an angle as air would show it, by Snell's law.
-    """
-    exponent = circuit.transistor.exponent
-    if abs(exponent - 1.0) < 1e-6:
-        return np.ones((len(angles_deg), len(circuit.names)))
-    edges = np.linspace(-90.0, 90.0, ANGLE_BINS + 1)
-    sine = np.sin(np.radians(0.5 * (edges[1:] + edges[:-1])))
-    matched = sensor.design.receivers.coupling == "matched"
-    window = np.degrees(np.arcsin(np.clip(sine * (sensor.material.index if matched else 1.0), -1.0, 1.0)))
-    rows = []
-    for angle in angles_deg.tolist():
-        found = sensor.trace(angle, "power", ANGLE_RAYS, angle_bins=ANGLE_BINS).detectors
-        rows.append([float(angular_factor(exponent, window, found[name].angle)) for name in circuit.names])
-    return np.array(rows)
 
 
 def _parts(design: Design) -> tuple[Part, ...]:

@@ -1,0 +1,73 @@
+"""A receiver with a lens sees less of the light from the side: in readings, on the simulated bench, in a diagnosis."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.analysis.diagnosis import Table
+from solen.analysis.diagnosis.table import angles_deg
+from solen.bench.rig import load_rig
+from solen.bench.simulated.prints import prints_of
+from solen.sensor import Sensor
+from solen.sensor.readings import Acceptance, readings
+from solen.spec import Design, load, with_values
+
+PART = 'schema = 1\nname = "Narrow"\nkind = "receiver"\nmaker = "me"\ndocument = "notes"\n' + "".join(
+    f'[{key}]\ntypical = {value}\nbasis = "measured"\nsource = "bench"\n'
+    for key, value in (("current_ua_per_mw_cm2", 450), ("half_angle_deg", 20))
+)
+DESIGN = """
+schema = 1
+name = "directional"
+[material]
+index = 1.44
+[emitter]
+width_mm = 0.2
+[motion]
+from_deg = -0.5
+to_deg = 0.5
+step_deg = 0.5
+[readout]
+part = "narrow.toml"
+"""
+RIG = """
+schema = 1
+name = "one sensor"
+[[sensor]]
+name = "A"
+design = "sensor.toml"
+emitter = 1
+right = 1
+left = 2
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("directional")
+    for name, text in {"narrow.toml": PART, "sensor.toml": DESIGN, "rig.toml": RIG}.items():
+        (made / name).write_text(text, encoding="utf-8")
+    return made
+
+
+@pytest.fixture(scope="module")
+def design(folder: Path) -> Design:
+    return load(folder / "sensor.toml")
+
+
+def test_a_flat_window_sees_all_light(design: Design) -> None:
+    flat = Sensor.of(with_values(design, {"readout.part": "TEMT7100X01"}))
+    assert Acceptance.of(flat).is_flat
+    assert readings(flat).power_fraction[1] == pytest.approx([0.2604, 0.2604], abs=2e-4)
+
+
+def test_readings_bench_and_diagnosis_agree_on_a_part_of_20_deg(folder: Path, design: Design) -> None:
+    """At rest 0.2228 of the emitted light, where a flat window sees 0.2604."""
+    sensor = Sensor.of(design)
+    at_rest = readings(sensor).power_fraction[1]
+    assert at_rest == pytest.approx([0.2228, 0.2228], abs=2e-4)
+    simulated = prints_of(load_rig(folder / "rig.toml"), folder, 0.2, np.random.default_rng(1))[0]
+    assert simulated.at(np.zeros(1))[0] == pytest.approx(at_rest, abs=2e-4)
+    diagnosed = Table.of(sensor, angles_deg(-0.2, 0.2)).chip(np.zeros(1), 0.0, 0.2)[0]
+    assert diagnosed == pytest.approx(at_rest, abs=2e-4)
