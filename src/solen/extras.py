@@ -1,4 +1,4 @@
-"""Packages that only a part of solen needs: the extra that installs each, and what is said where one is missing.
+"""Packages that only a part of solen needs: the extra that installs each, and the refusal where one is missing.
 
 A plain installation does without them. Whoever needs one asks for it first and then imports it inside the function::
 
@@ -38,8 +38,8 @@ class Package:
 
     @property
     def command(self) -> str:
-        """What to type to have it."""
-        return f'pip install "solen[{self.extra}]"'
+        """What to type in a clone of the project to have it."""
+        return f'pip install ".[{self.extra}]"'
 
 
 PACKAGES = {
@@ -60,7 +60,7 @@ PACKAGES = {
 """What must be installed for a module, by the name it is imported by."""
 
 
-def there(module: str) -> bool:
+def installed(module: str) -> bool:
     """Whether a module of `PACKAGES` is installed; it is not loaded."""
     return sys.modules[module] is not None if module in sys.modules else find_spec(module) is not None
 
@@ -94,7 +94,7 @@ def need(
         Of the kind ``error``: what is missing and the command that installs it.
     """
     for module in modules:
-        if not there(module):
+        if not installed(module):
             package = PACKAGES[module]
             limit = f"{doing} needs {package.name}, which is not installed".lstrip()
             remedy = package.command + (f", or {otherwise}" if otherwise else "")

@@ -200,4 +200,4 @@ def test_a_missing_extra_is_one_line(
     monkeypatch.setitem(sys.modules, module, None)
     line = refused("my sensor.toml", "--out", "out", "--stl", option)
     assert line.startswith(f"solen: {option}; ")
-    assert line.endswith(f'pip install "solen[{extra}]"\n')
+    assert line.endswith(f'pip install ".[{extra}]"\n')

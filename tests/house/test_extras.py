@@ -10,7 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from solen.errors import DataError, OutputError
-from solen.extras import PACKAGES, need, there
+from solen.extras import PACKAGES, installed, need
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / "src" / "solen").rglob("*.py"))
@@ -25,10 +25,37 @@ def test_the_extra_installs_the_package(module: str) -> None:
     assert PACKAGES[module].distribution in EXTRAS[PACKAGES[module].extra]
 
 
-def test_extras_named_anywhere_are_those_of_the_project() -> None:
-    pages = [*SOURCES, *(ROOT / "docs").rglob("*.md"), ROOT / "README.md"]
-    named = {extra for page in pages for extra in re.findall(r"solen\[(\w+)\]", page.read_text(encoding="utf-8"))}
-    assert {"cad", "vision"} <= named <= EXTRAS.keys()
+HINT = re.compile(r"""["`]\.\[([\w,]+)\]["`]""")
+
+
+def pages() -> list[Path]:
+    """Files whose text tells a reader what to install."""
+    return [*SOURCES, *(ROOT / "docs").rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+
+
+def test_every_printed_hint_names_an_extra_of_the_project() -> None:
+    """`pip install ".[vision]"` works in a clone; the project's name on an index may be somebody else's."""
+    named = {
+        extra
+        for page in pages()
+        for hint in HINT.findall(page.read_text(encoding="utf-8"))
+        for extra in hint.split(",")
+    }
+    assert {"cad", "vision", "dev"} <= named <= EXTRAS.keys()
+    assert {package.command for package in PACKAGES.values()} <= {f'pip install ".[{extra}]"' for extra in EXTRAS}
+
+
+def test_no_page_installs_the_package_of_another_project() -> None:
+    """`solen` on the public index is not this project: the distribution here is `solen-sensor`."""
+    found = [
+        f"{page.relative_to(ROOT)}: {line.strip()}"
+        for page in pages()
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if re.search(r"""pip install ["']?solen\b|solen\[\w+\]""", line)
+    ]
+    assert found == []
+    assert PROJECT["name"] == "solen-sensor"
+    assert PROJECT["scripts"] == {"solen": "solen.cli:main"}
 
 
 def test_only_one_place_tells_that_a_package_is_missing() -> None:
@@ -46,13 +73,13 @@ def test_only_one_place_tells_that_a_package_is_missing() -> None:
 def test_a_missing_package_is_one_line_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "OCP", None)
     monkeypatch.setitem(sys.modules, "h5py", sys)
-    assert not there("OCP")
+    assert not installed("OCP")
     with pytest.raises(
         OutputError,
-        match=r'^--step; writing STEP needs Open CASCADE, which is not installed; pip install "solen\[cad\]"$',
+        match=r'^--step; writing STEP needs Open CASCADE, which is not installed; pip install "\.\[cad\]"$',
     ):
         need("h5py", "OCP", what="--step", doing="writing STEP")
-    with pytest.raises(DataError, match=r'^a\.h5 = 3; needs Open CASCADE, .*; pip install "solen\[cad\]", or try b$'):
+    with pytest.raises(DataError, match=r'^a\.h5 = 3; needs Open CASCADE, .*; pip install "\.\[cad\]", or try b$'):
         need("OCP", what="a.h5", value=3, otherwise="try b", error=DataError)
     need("h5py", what="a.h5")
 
@@ -60,6 +87,6 @@ def test_a_missing_package_is_one_line_with_its_remedy(monkeypatch: pytest.Monke
 def test_what_is_not_loaded_is_looked_for_and_stays_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(sys.modules, "xarray", raising=False)
     monkeypatch.setitem(PACKAGES, "no_such_module_of_anybody", PACKAGES["xarray"])
-    there("xarray")
+    installed("xarray")
     assert "xarray" not in sys.modules
-    assert not there("no_such_module_of_anybody")
+    assert not installed("no_such_module_of_anybody")

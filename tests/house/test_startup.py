@@ -6,24 +6,45 @@ import time
 
 import pytest
 
+from solen.cli.commands import COMMANDS, GROUPS
+
 HEAVY = ["OCP", "ezdxf", "h5py", "manifold3d", "matplotlib", "numba", "pandas", "scipy", "shapely", "xarray"]
 PROBE = f"""
 import sys
-from solen.cli import main
-sys.argv = ["solen", "--help"]
-try:
-    main()
-except SystemExit:
-    pass
+from solen.cli import run_command
+code = run_command(sys.argv[1:])
 print("heavy:", *(name for name in {HEAVY} if name in sys.modules), file=sys.stderr)
+sys.exit(code)
 """
 
 
-def test_help_loads_nothing_heavy() -> None:
-    done = subprocess.run([sys.executable, "-c", PROBE], capture_output=True, text=True, encoding="utf-8", check=False)
+@pytest.mark.parametrize("group", ["", *GROUPS])
+def test_help_loads_nothing_heavy(group: str) -> None:
+    command = [sys.executable, "-c", PROBE, *filter(None, [group]), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False)
     assert done.returncode == 0, done.stderr
-    assert "run" in done.stdout
+    for name, _, _ in COMMANDS[group]:
+        assert f" {name} " in done.stdout
     assert done.stderr.splitlines()[-1] == "heavy:", done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["resin", "--help"], ["resin", "cure", "--help"], ["schema"]])
+def test_a_reader_that_takes_the_first_lines_only_ends_it_well(arguments: list[str]) -> None:
+    """As `solen --help | head -3`: nothing on stderr, exit code 0."""
+    with subprocess.Popen(
+        [sys.executable, "-c", "import sys; sys.stdin.read(1); from solen.cli import main; main()", *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as running:
+        assert running.stdin is not None
+        assert running.stdout is not None
+        assert running.stderr is not None
+        running.stdout.close()  # before anything is printed, so that the first line finds nobody
+        running.stdin.write(b"x")
+        running.stdin.close()
+        said = running.stderr.read().decode("utf-8")
+    assert (running.returncode, said) == (0, "")
 
 
 SAMPLED = """

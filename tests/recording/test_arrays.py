@@ -153,7 +153,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, write: Callable[[
 
 
 @pytest.mark.parametrize(
-    ("write", "module", "extra"), [(write_netcdf4, "h5py", "solen[netcdf]"), (write_tdms, "nptdms", "solen[tdms]")]
+    ("write", "module", "extra"), [(write_netcdf4, "h5py", ".[netcdf]"), (write_tdms, "nptdms", ".[tdms]")]
 )
 def test_without_the_extra_a_line_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Callable[[Path], None], module: str, extra: str

@@ -203,5 +203,5 @@ def test_what_is_not_installed_is_told_with_its_remedy(
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(OutputError, match=f"needs {missing}") as refusal:
         save_netcdf(tmp_path / "a.nc", whole)
-    assert str(refusal.value).endswith('pip install "solen[netcdf]"')
+    assert str(refusal.value).endswith('pip install ".[netcdf]"')
     assert list(tmp_path.iterdir()) == []

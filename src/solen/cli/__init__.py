@@ -41,7 +41,7 @@ def run_command(arguments: Sequence[str]) -> int:
         return _refuse(_one_line(bad), BAD_INPUT)
     except KeyboardInterrupt:
         return _refuse("interrupted; no file is half-written", INTERRUPTED)
-    except BrokenPipeError:  # the reader of a pipe had enough
+    except (BrokenPipeError, SystemExit):  # the reader of a pipe had enough; rich leaves so while it prints help
         _drop_output()
         return 0
     except OSError as bad:

@@ -23,7 +23,9 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("convergence", "design.commands:convergence", "Show how the error falls with the number of rays."),
         ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
-        ("schema", "design.commands:schema", "Print the JSON Schema of the design file or of a command's result."),
+        ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),
+        ("doctor", "design.doctor:doctor", "Check the installation; prints what a bug report needs."),
+        ("completion", "design.doctor:completion", "Install completion of commands and options in the shell."),
     ),
     RESIN: (
         ("spectra", "resin.spectra:spectra", "List the spectra in a file: quantities, units, wavelengths."),

@@ -6,7 +6,7 @@ Every number of a trace is a variable that says its unit (``units``) and what it
 interfaces, or monitors of bins, what is not there is NaN. What a trace has nothing of (monitors, bins, places, legs)
 has neither variable nor dimension.
 
-xarray and what it writes netCDF with are no part of a plain installation: ``pip install "solen[netcdf]"``.
+xarray and what it writes netCDF with are no part of a plain installation: ``pip install ".[netcdf]"``.
 """
 
 import math

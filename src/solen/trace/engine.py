@@ -93,7 +93,7 @@ def trace(
     legs
         Keep every straight stretch, so that ``paths()`` has the ways of all rays: some hundred bytes each.
     device
-        ``"cuda"``: a graphics card follows the rays, all but the ``legs``; it needs ``solen[cuda]``.
+        ``"cuda"``: a graphics card follows the rays, all but the ``legs``; it needs the extra ``cuda``.
     threads
         Threads to use; by default one per core. The numbers do not depend on it. For a card they make the rays.
     progress

@@ -1,6 +1,5 @@
 """The commands of a design: from a new file to the report of its response."""
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,13 +23,6 @@ def new(folder: Path, /, *, example: str = "solen-860", as_json: Json = False) -
 
     found = pipeline.new(folder, example)
     show(found, as_json, lambda: [f"wrote {found['design']}", f'next: solen run "{found["design"]}" --out out'])
-
-
-def schema(*, as_json: Json = False) -> None:  # noqa: ARG001  a schema is JSON either way
-    """Print the JSON Schema of the design file, for editors that check as one types."""
-    from solen.pipeline.design import commands as pipeline
-
-    print(json.dumps(pipeline.schema(), indent=1))
 
 
 def check(file: Path, /, *, set_: Set = None, as_json: Json = False) -> None:

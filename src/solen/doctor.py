@@ -1,0 +1,135 @@
+"""What solen finds around it: its version, the system, optional packages and the compiled tracer's cache.
+
+The interface: `examine` gives an `Installation`, whose text a bug report can carry as it is.
+"""
+
+import os
+import platform
+import sys
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from solen import __version__
+from solen.extras import PACKAGES, installed
+from solen.registry import GROUPS, offered
+from solen.results import Result
+
+CORE = ("numpy", "scipy", "numba", "matplotlib", "pydantic", "cyclopts")
+"""Distributions whose versions change numbers, figures or messages."""
+
+
+@dataclass(frozen=True)
+class Optional:
+    """An optional package.
+
+    Attributes
+    ----------
+    name
+        The distribution.
+    version
+        The one that is installed; None where it is missing.
+    extra
+        The extra of solen that installs it.
+    install
+        The command that does.
+    """
+
+    name: str
+    version: str | None
+    extra: str
+    install: str
+
+
+@dataclass(frozen=True)
+class KernelCache:
+    """The compiled tracer on disk, which spares every later run the compilation.
+
+    Attributes
+    ----------
+    folder
+        Where it lies; None where there is no place to keep it.
+    files
+        Compiled functions in it; 0 until the first trace.
+    size_bytes
+        Of these files.
+    """
+
+    folder: Path | None
+    files: int
+    size_bytes: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Installation(Result):
+    """What a bug report needs to say of an installation.
+
+    Attributes
+    ----------
+    version, python, platform
+        Of solen; of Python, with its implementation; of the system and its processor.
+    executable
+        The Python that runs.
+    threads
+        How many a trace uses where nobody says another number.
+    packages
+        Versions of the packages that solen always needs, by name.
+    optional
+        Packages that only some commands need.
+    cache
+        The compiled tracer on disk.
+    plugins
+        What other installed packages add, by entry-point group.
+    warnings
+        What is not as it should be.
+    """
+
+    version: str
+    python: str
+    platform: str
+    executable: str
+    threads: int
+    packages: dict[str, str]
+    optional: tuple[Optional, ...]
+    cache: KernelCache
+    plugins: dict[str, tuple[str, ...]]
+    warnings: tuple[str, ...]
+
+
+def examine() -> Installation:
+    """Look at this installation."""
+    cache = kernel_cache()
+    warnings = () if cache.folder else ("the compiled tracer cannot be kept: each run compiles it anew",)
+    return Installation(
+        version=__version__,
+        python=f"{platform.python_version()} {platform.python_implementation()}",
+        platform=f"{platform.platform()} {platform.machine()}",
+        executable=sys.executable,
+        threads=os.cpu_count() or 1,
+        packages={name: _version(name) or "missing" for name in CORE},
+        optional=tuple(
+            Optional(
+                one.distribution, _version(one.distribution) if installed(module) else None, one.extra, one.command
+            )
+            for module, one in sorted(PACKAGES.items(), key=lambda item: item[1].extra)
+        ),
+        cache=cache,
+        plugins={group: tuple(offered(group)) for group in GROUPS},
+        warnings=warnings,
+    )
+
+
+def kernel_cache() -> KernelCache:
+    """Where the compiled tracer is kept, and how much of it there is."""
+    from solen.trace.kernel.compiled import cache_folder
+
+    folder = cache_folder()
+    compiled = [file.stat().st_size for file in folder.glob("*.nbc")] if folder and folder.is_dir() else []
+    return KernelCache(folder, len(compiled), sum(compiled))
+
+
+def _version(distribution: str) -> str | None:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return None

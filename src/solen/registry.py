@@ -1,0 +1,91 @@
+"""Registries: dictionaries of things by name, to which other installed packages add their own.
+
+The idea: what solen itself knows is a plain dictionary beside the interface it belongs to. A laboratory's own package
+adds to it by one file and one line of its ``pyproject.toml``, an entry point of the dictionary's group::
+
+    [project.entry-points."solen.instruments"]
+    my-board = "mylab.board:MyBoard"
+
+Nothing of another package is imported until its name is asked for.
+
+The interface: `Registry`, a read-only mapping; the groups, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS` and `PRINTERS`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Generic, TypeVar
+
+from solen.errors import SolenError
+
+INSTRUMENTS, FORMATS = "solen.instruments", "solen.formats"
+BODY_KINDS, PRINTERS = "solen.body_kinds", "solen.printers"
+GROUPS = (INSTRUMENTS, FORMATS, BODY_KINDS, PRINTERS)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Registry(Mapping[str, T], Generic[T]):
+    """What solen has by name, and what other packages add under an entry-point group.
+
+    Parameters
+    ----------
+    group
+        Of the entry points.
+    own
+        What solen has.
+    kind
+        Type that an entry of another package must be of, or a class that it must derive from.
+
+    Raises
+    ------
+    SolenError
+        On access, where another package's entry cannot be imported or is not of that kind.
+    """
+
+    group: str
+    own: Mapping[str, T]
+    kind: type = object
+    _loaded: dict[str, T] = field(default_factory=dict, init=False, repr=False)
+
+    def __getitem__(self, name: str) -> T:
+        if name in self.own:
+            return self.own[name]
+        if name not in self._loaded:
+            self._loaded[name] = self._load(offered(self.group)[name])
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys([*self.own, *offered(self.group)]))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.own or name in offered(self.group)
+
+    def added(self) -> dict[str, T]:
+        """What other packages add, loaded."""
+        return {name: self[name] for name in offered(self.group) if name not in self.own}
+
+    def _load(self, entry: EntryPoint) -> T:
+        what = f"entry point {entry.name} of {self.group}"
+        package = entry.dist.name if entry.dist is not None else entry.module
+        try:
+            loaded = entry.load()
+        except Exception as bad:
+            limit = f"cannot be imported: {type(bad).__name__}: {bad}"
+            raise SolenError(what, value=entry.value, limit=limit, remedy=f"update or remove {package}") from bad
+        fits = issubclass(loaded, self.kind) if isinstance(loaded, type) else isinstance(loaded, self.kind)
+        if not fits:
+            limit = f"must be a {self.kind.__name__}"
+            raise SolenError(what, value=entry.value, limit=limit, remedy=f"update or remove {package}")
+        return loaded  # type: ignore[no-any-return]
+
+
+@cache
+def offered(group: str) -> Mapping[str, EntryPoint]:
+    """Entry points of a group by name, none of them loaded."""
+    return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}

@@ -1,0 +1,70 @@
+"""The table of commands: each row names a function that exists, and says what the function's docstring says."""
+
+import inspect
+import json
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solen.cli import run_command
+from solen.cli.commands import COMMANDS, GROUPS
+from solen.cli.design.schema import commands
+from tests.command_support import refusal
+
+ROOT = Path(__file__).resolve().parents[2]
+ROWS = [(group, name, place, text) for group, rows in COMMANDS.items() for name, place, text in rows]
+
+
+@pytest.mark.parametrize(("group", "name", "place", "text"), ROWS, ids=lambda value: str(value)[:30])
+def test_a_row_is_a_function_that_describes_itself(group: str, name: str, place: str, text: str) -> None:
+    module, _, function = place.partition(":")
+    found = getattr(import_module(f"solen.cli.{module}"), function)
+    assert inspect.getdoc(found), place
+    assert function.rstrip("_") == name
+    assert module.startswith(f"{group or 'design'}.")
+    assert text.endswith(".")
+    assert len(text) < 80, "one line of a help screen"
+
+
+def test_names_are_not_used_twice_in_a_group() -> None:
+    for group, rows in COMMANDS.items():
+        names = [name for name, _, _ in rows]
+        assert len(set(names)) == len(names)
+        assert not set(names) & set(GROUPS) or group
+
+
+def test_every_command_has_its_section_in_the_docs() -> None:
+    page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    missing = [one for one in commands() if not re.search(rf"^## `solen {re.escape(one)}[ `]", page, re.MULTILINE)]
+    assert missing == []
+
+
+def test_the_schema_alone_is_that_of_the_design(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["schema"]) == 0
+    assert "lens" in json.loads(capsys.readouterr().out)["properties"]
+
+
+def test_the_schema_of_a_command_is_that_of_its_json(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["schema", "doctor"]) == 0
+    schema: dict[str, Any] = json.loads(capsys.readouterr().out)
+    assert run_command(["doctor", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert schema["title"] == "solen doctor"
+    assert found.keys() == schema["properties"].keys() == set(schema["required"])
+
+
+@pytest.mark.parametrize(
+    ("asked", "named"),
+    [(["nonsense"], "nonsense"), (["bench"], "bench analyse"), (["ben", "analyse"], "bench analyse")],
+)
+def test_no_command_has_no_schema(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, asked: list[str], named: str
+) -> None:
+    assert named in refusal(capsys, tmp_path, "schema", *asked)
+
+
+def test_what_prints_no_result_has_no_schema(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert "schema" in refusal(capsys, tmp_path, "schema", "schema")
