@@ -54,7 +54,7 @@ def main() -> None:
         found = integrate(many, mode, 1e-6)
         seconds = best_s(partial(integrate, many, mode, 1e-6))
         fan_s = best_s(partial(trace, many, mode), 2)
-        print(f"{mode:6} adaptive: u {found.u:.1e} with {found.rays} rays in {seconds * 1e3:.2f} ms; ", end="")
+        print(f"{mode:6} adaptive: u {found.u_power:.1e} with {found.rays} rays in {seconds * 1e3:.2f} ms; ", end="")
         print(f"a fan of {RAYS} rays takes {fan_s / seconds:.0f} times as long")
     sweep(sensor)
     space(sensor)
@@ -84,7 +84,7 @@ def sweep(sensor: Sensor) -> None:
     made = scenes()
     integrated = integrate_many(made, "power", 1e-4)
     print(f"{len(made)} scenes made in {best_s(scenes) * 1e3:.0f} ms; ", end="")
-    print(f"integrated to {max(found.u for found in integrated):.1e}", end=" ")
+    print(f"integrated to {max(found.u_power for found in integrated):.1e}", end=" ")
     print(f"in {best_s(partial(integrate_many, made, 'power', 1e-4)) * 1e3:.0f} ms")
     together, apart = best_s(partial(trace_many, made)), best_s(lambda: [trace(scene) for scene in made])
     print(

@@ -36,9 +36,9 @@ def main() -> tuple[float, float, float]:
         scene = load(save(Path(folder) / "drop.json", drop()))
     sampled = trace(scene, "power", sampling="sobol", seed=1, position_bins=6).detectors["screen"]
     even = trace(scene, "power").detectors["screen"]
-    print(f"on the screen {sampled.power:.4f} ± {sampled.u:.4f}, by an even lattice {even.power:.4f}")
-    print("along the screen", " ".join(f"{share:.3f}" for share in sampled.position[0]))
-    return sampled.power, sampled.u, even.power
+    print(f"on the screen {sampled.power:.4f} ± {sampled.u_power:.4f}, by an even lattice {even.power:.4f}")
+    print("along the screen", " ".join(f"{share:.3f}" for share in sampled.power_by_position[0]))
+    return sampled.power, sampled.u_power, even.power
 
 
 if __name__ == "__main__":

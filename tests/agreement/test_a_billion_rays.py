@@ -31,7 +31,7 @@ def test_a_fan_of_many_rays_agrees_with_adaptive_integration(rays: int, within: 
     dense = trace(sensor.scene(-3.0, rays), "power")
     grown = held_mib() - before
     apart = max(abs(found.detectors[name].power - dense.detectors[name].power) for name in found.detectors)
-    print(f"{rays} rays and {found.rays} rays: {apart:.1e} apart, fan u {dense.u:.1e}, {grown:.0f} MiB more held")
+    print(f"{rays} rays and {found.rays} rays: {apart:.1e} apart, fan u {dense.u_power:.1e}, {grown:.0f} MiB more held")
     assert apart < within
     assert abs(dense.ledger.total - 1.0) < 1e-9
     assert grown < 64.0

@@ -43,7 +43,7 @@ def test_the_sensor_agrees_with_a_dense_fan(mode: Mode, angle_deg: float, shape:
     scene = sensor(angle_deg, lens={"shape": shape})
     found = integrate(scene, mode, 1e-6)
     assert found.reached
-    assert found.u <= 1e-6
+    assert found.u_power <= 1e-6
     rays = 300_000
     dense = trace(
         Sensor.of(Design(name="paper", material=Material(index=1.44), lens={"shape": shape})).scene(angle_deg, rays),
@@ -98,10 +98,10 @@ def test_random_scenes_agree_with_a_dense_fan_within_the_bound(mode: Mode) -> No
         found = integrate(scene, mode, 1e-4, limits, most_legs=60_000)
         assert found.reached or "rays" in found.why
         for name, reading in trace(scene, mode, limits).detectors.items():
-            assert found.detectors[name].power == pytest.approx(reading.power, abs=found.u + 5e-3), seed
+            assert found.detectors[name].power == pytest.approx(reading.power, abs=found.u_power + 5e-3), seed
         if found.detectors:  # without a receiver there is no power to be off
-            assert found.reached == (found.u <= 1e-4)
-            bounds.append(found.u)
+            assert found.reached == (found.u_power <= 1e-4)
+            bounds.append(found.u_power)
     assert len(bounds) >= 4
     assert mode == "power" or min(bounds) < 0.1  # a bound that is always large would be no use
 
@@ -119,5 +119,5 @@ def test_what_it_cannot_integrate_is_refused() -> None:
 def test_it_ends_after_so_many_legs() -> None:
     found = integrate(sensor(0.2), "power", 1e-9, most_legs=100)
     assert not found.reached
-    assert found.u > 1e-9
+    assert found.u_power > 1e-9
     assert "rays" in found.why

@@ -76,7 +76,7 @@ def test_ball_lens_focus(index: float) -> None:
     ball = body([Arc.circle((0.0, 0.0), 0.5)])
     path = only_path(Scene((AIR, glass(index)), ball, (one_ray((height, -3.0), 0.0),)))
     assert path.exit_direction is not None
-    x, z = path.points[-1]
+    x, z = path.points_mm[-1]
     focus = z - x * path.exit_direction[1] / path.exit_direction[0]
     assert focus - 0.5 == pytest.approx(index / (4 * (index - 1)) - 0.5, abs=1e-8)
 
@@ -118,12 +118,12 @@ def test_a_round_mirror_and_a_whispering_gallery_keep_the_distance_from_the_cent
     result = trace(scene, "count", Limits(max_hits=500), legs=True)
     (path,) = result.paths()
     assert (result.hits, path.fate, result.ledger.truncated) == (500, "truncated", 1.0)
-    chords = np.diff(path.points, axis=0)
+    chords = np.diff(path.points_mm, axis=0)
     chords /= np.hypot(*chords.T)[:, None]
-    starts = path.points[:-1]
+    starts = path.points_mm[:-1]
     distance = starts[:, 0] * chords[:, 1] - starts[:, 1] * chords[:, 0]
     np.testing.assert_allclose(distance, distance[0], atol=1e-12)
-    np.testing.assert_allclose(np.hypot(*path.points[1:].T), 2.0, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(*path.points_mm[1:].T), 2.0, atol=1e-12)
 
 
 def test_a_parabolic_mirror_gathers_a_beam_in_its_focus() -> None:
@@ -134,7 +134,7 @@ def test_a_parabolic_mirror_gathers_a_beam_in_its_focus() -> None:
     )
     for path in trace(scene, "count", legs=True).paths():
         assert path.exit_direction is not None
-        x, z = path.points[-1]
+        x, z = path.points_mm[-1]
         assert cross(path.exit_direction, minus((5.0 - 2.5, 0.0), (float(x), float(z)))) == pytest.approx(0, abs=1e-12)
 
 
@@ -146,7 +146,7 @@ def test_an_oval_gathers_a_fan_in_its_focus(index: float, image_mm: float) -> No
     scene = Scene((AIR, glass(index)), lens, (Fan((0.0, -1.0), 0.0, 58.0, 20),), open_media=True)  # glass goes on
     for path in trace(scene, "count", legs=True).paths():
         assert path.exit_direction is not None
-        x, z = path.points[1]
+        x, z = path.points_mm[1]
         offset = cross(path.exit_direction, minus((0.0, image_mm), (float(x), float(z))))
         assert offset == pytest.approx(0, abs=1e-12)
 

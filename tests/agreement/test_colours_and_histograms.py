@@ -94,7 +94,7 @@ def test_sources_of_one_scene_may_have_different_colours() -> None:
     )
     result = trace(scene, "power", FINE)
     asked = [p / 4.0 * 2 * n / (n * n + 1) for n, p in ((index_at(700.0), 3.0), (index_at(450.0), 1.0))]
-    assert result.detectors["eye"].by_source == pytest.approx(asked, abs=1e-12)
+    assert result.detectors["eye"].power_by_source == pytest.approx(asked, abs=1e-12)
     assert result.detectors["eye"].power == pytest.approx(sum(asked), abs=1e-12)
 
 
@@ -148,10 +148,10 @@ def test_even_light_fills_the_bins_between_its_edges(kind: str) -> None:
     curve, source, low, high = POSITIONS[kind]
     reading = lit(curve, source).detectors["eye"]
     assert reading.power == pytest.approx(1.0, abs=1e-12)
-    assert reading.position.shape == (1, 40)
-    np.testing.assert_allclose(reading.position[0], share_of_bins(low, high, 40), atol=3 / 80_000)
-    assert reading.position.sum() == pytest.approx(reading.power, abs=1e-12)
-    assert reading.angle.sum() == pytest.approx(reading.power, abs=1e-12)
+    assert reading.power_by_position.shape == (1, 40)
+    np.testing.assert_allclose(reading.power_by_position[0], share_of_bins(low, high, 40), atol=3 / 80_000)
+    assert reading.power_by_position.sum() == pytest.approx(reading.power, abs=1e-12)
+    assert reading.power_by_angle.sum() == pytest.approx(reading.power, abs=1e-12)
 
 
 @pytest.mark.parametrize("kind", POSITIONS)
@@ -162,7 +162,9 @@ def test_a_receiver_walked_the_other_way_has_its_bins_the_other_way_round(kind: 
     if isinstance(source, Beam):
         below = dataclasses.replace(source, start=(-2.2, -9.0), end=(3.0, -9.0), direction_deg=0.0)
         reading = lit(curve.reversed(), below).detectors["eye"]
-        np.testing.assert_allclose(reading.position[0], share_of_bins(1.0 - high, 1.0 - low, 40), atol=3 / 80_000)
+        np.testing.assert_allclose(
+            reading.power_by_position[0], share_of_bins(1.0 - high, 1.0 - low, 40), atol=3 / 80_000
+        )
 
 
 def test_each_interface_of_a_receiver_has_its_own_bins_and_cubics_their_own_share() -> None:
@@ -175,9 +177,11 @@ def test_each_interface_of_a_receiver_has_its_own_bins_and_cubics_their_own_shar
         other = Interface("other", Segment((-3.0, -9.5), (3.0, -9.5)), "air", "air", "receiver", "other")
         scene = Scene((AIR,), (eyes[0], other, *eyes[1:]), (Beam((-3.0, 0.0), (3.0, 0.0), 0.0, 60_000),))
         reading = trace(scene, position_bins=10).detectors["eye"]
-        assert reading.position.shape == (3, 10)
-        np.testing.assert_allclose(reading.position[[0, 2]], 0.0, atol=1e-15)
-        np.testing.assert_allclose(reading.position[1], [first / 5] * 5 + [(1 - first) / 5] * 5, atol=3 / 60_000)
+        assert reading.power_by_position.shape == (3, 10)
+        np.testing.assert_allclose(reading.power_by_position[[0, 2]], 0.0, atol=1e-15)
+        np.testing.assert_allclose(
+            reading.power_by_position[1], [first / 5] * 5 + [(1 - first) / 5] * 5, atol=3 / 60_000
+        )
 
 
 def test_angles_on_a_circle_are_those_of_an_eccentric_source() -> None:
@@ -187,7 +191,7 @@ def test_angles_on_a_circle_are_those_of_an_eccentric_source() -> None:
     edges = np.radians(np.linspace(-90.0, 90.0, 37))
     below = np.arcsin(np.clip(radius / a * np.sin(edges), -1.0, 1.0)) / math.pi + 0.5
     assert reading.power == pytest.approx(1.0, abs=1e-12)
-    np.testing.assert_allclose(reading.angle, np.diff(below), atol=4 / rays)
+    np.testing.assert_allclose(reading.power_by_angle, np.diff(below), atol=4 / rays)
 
 
 def test_angles_are_positive_where_light_runs_towards_the_end() -> None:
@@ -196,7 +200,7 @@ def test_angles_are_positive_where_light_runs_towards_the_end() -> None:
         reading = lit(floor, Fan((0.0, 5.0), turn, 20.0, 3600)).detectors["eye"]
         middle_deg = 5.0 * (np.arange(36) - 17.5)
         np.testing.assert_allclose(
-            reading.angle, np.where(np.abs(middle_deg - incidence_deg) < 10.0, 0.25, 0.0), atol=1e-3
+            reading.power_by_angle, np.where(np.abs(middle_deg - incidence_deg) < 10.0, 0.25, 0.0), atol=1e-3
         )
 
 
@@ -204,7 +208,7 @@ def test_angles_of_a_fan_on_a_wide_plane_are_even() -> None:
     for curve in (Segment((-1e6, 0.0), (1e6, 0.0)), Conic((0.0, 0.0), (0.0, 1.0), 1e-13, 0.0, -1e6, 1e6)):
         reading = lit(curve, Fan((0.0, 5.0), 180.0, 120.0, 48_000)).detectors["eye"]
         asked = np.where(np.abs(np.arange(36) - 17.5) < 12.0, 1 / 24, 0.0)
-        np.testing.assert_allclose(reading.angle, asked, atol=3 / 48_000)
+        np.testing.assert_allclose(reading.power_by_angle, asked, atol=3 / 48_000)
 
 
 # ------------------------------------------------------------------------------------------- sources and optical paths
@@ -217,15 +221,15 @@ def test_shares_by_source_add_up_and_are_those_of_each_alone(mode: Mode, samplin
     limits = Limits(min_weight=1e-3, max_hits=40)
     whole = trace(scene, mode, limits, sampling=sampling)  # type: ignore[arg-type]
     for reading in whole.detectors.values():
-        assert len(reading.by_source) == len(scene.sources)
-        assert sum(reading.by_source) == pytest.approx(reading.power, abs=1e-13)
+        assert len(reading.power_by_source) == len(scene.sources)
+        assert sum(reading.power_by_source) == pytest.approx(reading.power, abs=1e-13)
     if (mode, sampling) == ("roulette", "fan") or sampling == "sobol":
         return  # another number of a ray or of a source is another draw
     for i, source in enumerate(scene.sources):
         alone = trace(dataclasses.replace(scene, sources=(source,)), mode, limits)
         for name, reading in alone.detectors.items():
             share = source.power / scene.emitted
-            assert whole.detectors[name].by_source[i] == pytest.approx(share * reading.power, abs=1e-12)
+            assert whole.detectors[name].power_by_source[i] == pytest.approx(share * reading.power, abs=1e-12)
 
 
 def test_the_optical_path_is_the_sum_of_index_times_length() -> None:
@@ -279,20 +283,27 @@ def test_an_oval_keeps_the_optical_path_to_its_focus_and_a_mirror_ellipse_too() 
 
 def same(a: Trace, b: Trace) -> bool:
     """Whether two results are equal to the last bit."""
-    equal = (a.ledger, a.hits, a.undefined_at, a.truncated_at) == (b.ledger, b.hits, b.undefined_at, b.truncated_at)
+    equal = (a.ledger, a.hits, a.undefined_at_mm, a.truncated_at_mm) == (
+        b.ledger,
+        b.hits,
+        b.undefined_at_mm,
+        b.truncated_at_mm,
+    )
     for name, reading in a.detectors.items():
         other = b.detectors[name]
-        equal &= (reading.power, reading.u, reading.rays, reading.by_source) == (
+        equal &= (reading.power, reading.u_power, reading.rays, reading.power_by_source) == (
             other.power,
-            other.u,
+            other.u_power,
             other.rays,
-            other.by_source,
+            other.power_by_source,
         )
-        equal &= np.array_equal(reading.position, other.position) and np.array_equal(reading.angle, other.angle)
+        equal &= np.array_equal(reading.power_by_position, other.power_by_position) and np.array_equal(
+            reading.power_by_angle, other.power_by_angle
+        )
         equal &= np.array_equal([reading.optical_path_mm], [other.optical_path_mm], equal_nan=True)
     for name, crossed in a.monitors.items():
-        equal &= (crossed.power, crossed.u) == (b.monitors[name].power, b.monitors[name].u)
-        equal &= np.array_equal(crossed.map, b.monitors[name].map)
+        equal &= (crossed.power, crossed.u_power) == (b.monitors[name].power, b.monitors[name].u_power)
+        equal &= np.array_equal(crossed.power_by_bin, b.monitors[name].power_by_bin)
     return bool(equal)
 
 
@@ -314,7 +325,7 @@ def test_a_seed_gives_the_same_bits_on_any_threads_and_another_seed_others(
     other = run(4, 2)
     assert not same(one, other)
     for name, reading in one.detectors.items():
-        off = 5.0 * math.hypot(reading.u, other.detectors[name].u)
+        off = 5.0 * math.hypot(reading.u_power, other.detectors[name].u_power)
         assert other.detectors[name].power == pytest.approx(reading.power, abs=off + 1e-12)
 
 
@@ -331,7 +342,7 @@ def test_another_seed_deals_other_numbers_and_not_the_same_ones_to_other_rays() 
     spread = math.sqrt(through * (1.0 - through) / 4096)
     assert np.std(powers, ddof=1) == pytest.approx(spread, rel=0.3)
     assert np.mean(powers) == pytest.approx(through, abs=4 * spread / math.sqrt(40))
-    assert np.mean([reading.u for reading in found]) == pytest.approx(spread, rel=0.15)
+    assert np.mean([reading.u_power for reading in found]) == pytest.approx(spread, rel=0.15)
 
 
 def test_a_seed_may_be_as_large_as_a_whole_number_of_the_machine() -> None:
@@ -372,9 +383,9 @@ def test_what_is_cut_after_so_many_hits_is_located_there(mode: Mode, max_hits: i
     for tracer in (trace, trace_reference):
         result = tracer(in_a_box(max_hits), mode, Limits(max_hits=max_hits))
         assert result.truncated == 1
-        ((x, z),) = result.truncated_at
+        ((x, z),) = result.truncated_at_mm
         assert (x, z) == pytest.approx((0.5, 2.0 if max_hits % 2 else -1.0), abs=1e-12)
-        assert (result.undefined, result.undefined_at) == (0, ())
+        assert (result.undefined, result.undefined_at_mm) == (0, ())
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -382,10 +393,10 @@ def test_branches_below_the_least_weight_are_located_where_they_were_cut(threads
     scene = slab(Beam((-1.0, -3.0), (1.0, -3.0), 0.0, 20_000), 1.5, 2.0)
     result = trace(scene, "power", Limits(min_weight=0.05), threads=threads)
     assert result.truncated == 40_000  # what comes back from the front, and from the back
-    assert len(result.truncated_at) == 16
-    assert {round(z, 9) for _, z in result.truncated_at} <= {0.0, 2.0}
-    assert [x for x, z in result.truncated_at if z < 1.0] == pytest.approx(
-        -1.0 + (np.arange(0, 2 * sum(z < 1.0 for _, z in result.truncated_at), 2) + 0.5) * 1e-4, abs=1e-9
+    assert len(result.truncated_at_mm) == 16
+    assert {round(z, 9) for _, z in result.truncated_at_mm} <= {0.0, 2.0}
+    assert [x for x, z in result.truncated_at_mm if z < 1.0] == pytest.approx(
+        -1.0 + (np.arange(0, 2 * sum(z < 1.0 for _, z in result.truncated_at_mm), 2) + 0.5) * 1e-4, abs=1e-9
     )
 
 
@@ -401,7 +412,7 @@ def test_rays_in_the_wrong_medium_are_located_where_they_met_it(mode: Mode) -> N
         result = tracer(scene, mode)
         assert result.undefined == 5
         asked = [(-4.5 + i, 1.0) for i in range(5)]
-        np.testing.assert_allclose(sorted(result.undefined_at), asked, atol=1e-12)
+        np.testing.assert_allclose(sorted(result.undefined_at_mm), asked, atol=1e-12)
         assert result.ledger.total == pytest.approx(1.0, abs=1e-12)
         if mode == "count":
             assert result.ledger.truncated == pytest.approx(5 / 9, abs=1e-12)
@@ -411,9 +422,9 @@ def test_a_chip_without_width_is_a_fan_and_power_by_place_is_even() -> None:
     scene = one_body(4, 2)
     for source in (Chip((0.01, 0.02), 0.0, 30.0, 200.0, 5000), Fan((0.01, 0.02), 30.0, 200.0, 5000)):
         result = trace(dataclasses.replace(scene, sources=(source,)), position_bins=8)
-        assert result.detectors["ring"].position.sum() == pytest.approx(result.ledger.detected, abs=1e-12)
+        assert result.detectors["ring"].power_by_position.sum() == pytest.approx(result.ledger.detected, abs=1e-12)
     chip, fan = (
-        trace(dataclasses.replace(scene, sources=(source,)), position_bins=8).detectors["ring"].position
+        trace(dataclasses.replace(scene, sources=(source,)), position_bins=8).detectors["ring"].power_by_position
         for source in (Chip((0.01, 0.02), 0.0, 30.0, 200.0, 5000), Fan((0.01, 0.02), 30.0, 200.0, 5000))
     )
     np.testing.assert_allclose(chip, fan, atol=1e-12)

@@ -36,7 +36,7 @@ def check_readings(truth: Trace, engine: Trace) -> None:
     for name, crossed in truth.monitors.items():
         assert engine.monitors[name].rays == crossed.rays
         assert engine.monitors[name].power == pytest.approx(crossed.power, rel=1e-9, abs=1e-12)
-        np.testing.assert_allclose(engine.monitors[name].map, crossed.map, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(engine.monitors[name].power_by_bin, crossed.power_by_bin, rtol=1e-9, atol=1e-12)
 
 
 def check_scene(scene: Scene, mode: Mode, limits: Limits) -> Comparison:
@@ -44,7 +44,7 @@ def check_scene(scene: Scene, mode: Mode, limits: Limits) -> Comparison:
     truth, engine, comparison = both(scene, mode, limits)
     assert comparison.deviation_power < 1e-9, scene.name
     for result in (truth, engine):
-        assert result.undefined == 0, f"{scene.name}: {result.undefined_at}"
+        assert result.undefined == 0, f"{scene.name}: {result.undefined_at_mm}"
         assert result.ledger.total == pytest.approx(1.0, abs=1e-12), scene.name
     if comparison.left_out == 0:
         check_readings(truth, engine)

@@ -34,7 +34,7 @@ def in_box(regions: tuple[Region, ...], interfaces: tuple[Interface, ...]) -> Sc
 
 def same_corners(a: Trace, b: Trace, tolerance_mm: float) -> None:
     for one, other in zip(a.paths(), b.paths(), strict=True):
-        np.testing.assert_allclose(one.points, other.points, rtol=0, atol=tolerance_mm)
+        np.testing.assert_allclose(one.points_mm, other.points_mm, rtol=0, atol=tolerance_mm)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -159,5 +159,5 @@ def test_a_monitor_counts_what_crosses_it_whatever_else_is_there() -> None:
     assert seen[line.name].rays > 10
     assert seen["first"].power + seen["second"].power == pytest.approx(seen[line.name].power, abs=1e-12)
     assert seen["back"].power == pytest.approx(-seen[line.name].power, abs=1e-12)
-    np.testing.assert_allclose(seen["back"].map, -seen[line.name].map[::-1], atol=1e-12)
-    assert seen[line.name].map.sum() == pytest.approx(seen[line.name].power, abs=1e-12)
+    np.testing.assert_allclose(seen["back"].power_by_bin, -seen[line.name].power_by_bin[::-1], atol=1e-12)
+    assert seen[line.name].power_by_bin.sum() == pytest.approx(seen[line.name].power, abs=1e-12)

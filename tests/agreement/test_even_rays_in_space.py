@@ -64,10 +64,10 @@ def test_lattices_of_two_coordinates_state_what_they_are_off_by() -> None:
             both = facing(size, 1.0, rays)
             flat = replace(both, interfaces=(replace(both.interfaces[0], height_mm=None),), extrusion=None)
             strip = trace(flat).detectors["eye"]
-            found.append((strip.power - (math.hypot(1.0, size) - 1.0) / size, strip.u))
+            found.append((strip.power - (math.hypot(1.0, size) - 1.0) / size, strip.u_power))
             point = replace(both, sources=(Emitter((0.0, 0.0), 0.0, rays, CosinePower()),))
             seen = trace(point).detectors["eye"]
-            found.append((seen.power - 4.0 * corner_factor(0.5 * size, 0.5), seen.u))
+            found.append((seen.power - 4.0 * corner_factor(0.5 * size, 0.5), seen.u_power))
     honest(found, 4.0, 0.2)
 
 
@@ -77,7 +77,7 @@ def test_rectangles_see_of_each_other_what_they_must() -> None:
     for wide, high in ((0.2, 0.2), (0.5, 2.0), (1.0, 1.0), (2.0, 0.3), (3.0, 3.0)):
         for rays in (1000, 3000, 4096, 10_000, 30_000, 65_536, 100_000, 200_000):
             eye = trace(facing(wide, high, rays)).detectors["eye"]
-            found.append((eye.power - view_factor(wide, high), eye.u))
+            found.append((eye.power - view_factor(wide, high), eye.u_power))
             assert abs(eye.power - view_factor(wide, high)) < 0.5 / math.sqrt(rays), f"{wide} by {high}, {rays} rays"
     honest(found, 4.0)
 
@@ -101,7 +101,7 @@ def compared(name: str, rays: tuple[int, ...], truth_rays: int) -> Found:
         one = trace(SCENES[name](many), "power", LIMITS)
         for receiver, reading in one.detectors.items():
             right = truth.detectors[receiver]
-            found.append((reading.power - right.power, math.hypot(reading.u, right.u)))
+            found.append((reading.power - right.power, math.hypot(reading.u_power, right.u_power)))
     return found
 
 

@@ -35,13 +35,16 @@ def same_readings(truth: Trace, engine: Trace) -> None:
         mine = engine.detectors[name]
         assert mine.rays == reading.rays
         assert mine.power == pytest.approx(reading.power, rel=1e-9, abs=1e-12)
-        assert mine.by_source == pytest.approx(reading.by_source, rel=1e-9, abs=1e-12)
+        assert mine.power_by_source == pytest.approx(reading.power_by_source, rel=1e-9, abs=1e-12)
         assert mine.optical_path_mm == pytest.approx(reading.optical_path_mm, rel=1e-9, nan_ok=True)
     for name, crossed in truth.monitors.items():
         assert engine.monitors[name].rays == crossed.rays
         assert engine.monitors[name].power == pytest.approx(crossed.power, rel=1e-9, abs=1e-12)
-        np.testing.assert_allclose(engine.monitors[name].map, crossed.map, rtol=1e-9, atol=1e-12)
-    for mine_at, its_at in ((engine.truncated_at, truth.truncated_at), (engine.undefined_at, truth.undefined_at)):
+        np.testing.assert_allclose(engine.monitors[name].power_by_bin, crossed.power_by_bin, rtol=1e-9, atol=1e-12)
+    for mine_at, its_at in (
+        (engine.truncated_at_mm, truth.truncated_at_mm),
+        (engine.undefined_at_mm, truth.undefined_at_mm),
+    ):
         assert len(mine_at) == len(its_at)
         if truth.truncated < 16:  # of more, either keeps those that it came to first
             np.testing.assert_allclose(sorted(mine_at), sorted(its_at), atol=1e-9)
@@ -59,7 +62,7 @@ def check(seed: int, mode: Mode, rays: int) -> Comparison:
     assert comparison.deviation_power < 1e-9, scene.name
     assert comparison.deviation_optical_mm < 1e-8, scene.name
     for result in (truth, engine):
-        assert result.undefined == 0, f"{scene.name}: {result.undefined_at}"
+        assert result.undefined == 0, f"{scene.name}: {result.undefined_at_mm}"
         assert result.ledger.total == pytest.approx(1.0, abs=1e-12), scene.name
     if comparison.left_out == 0:
         same_readings(truth, engine)

@@ -158,7 +158,7 @@ def test_five_thousand_curves_are_traced_the_same_and_much_faster(no_grid: pytes
     assert pieces >= 4000
     assert fast < 0.5 * slow
     for name, reading in truth.detectors.items():
-        assert found.detectors[name].power == pytest.approx(reading.power, abs=4 * math.hypot(reading.u, 1e-4))
+        assert found.detectors[name].power == pytest.approx(reading.power, abs=4 * math.hypot(reading.u_power, 1e-4))
 
 
 def test_few_curves_need_no_grid_and_many_have_one() -> None:

@@ -25,7 +25,7 @@ LIMITS = Limits(max_hits=300)
 
 
 def nothing_lost(result: Trace, what: str) -> None:
-    assert (result.undefined, result.undefined_at) == (0, ()), what
+    assert (result.undefined, result.undefined_at_mm) == (0, ()), what
     assert result.ledger.escaped == 0.0, what
     assert result.ledger.absorbed == 0.0, what
     assert result.ledger.total == pytest.approx(1.0, abs=1e-9), what

@@ -258,7 +258,7 @@ def exchanged(kind: str, lines: str, rays: int, mode: Literal["power", "roulette
         for seed, line, to in ((1, a, "b"), (2, b, "a"))
     ]
     share = math.dist(*b) / math.dist(*a)
-    return found[0].power, share * found[1].power, math.hypot(found[0].u, share * found[1].u)
+    return found[0].power, share * found[1].power, math.hypot(found[0].u_power, share * found[1].u_power)
 
 
 @pytest.mark.parametrize("lines", LINES)

@@ -91,7 +91,7 @@ def near(one: Trace, other: Trace) -> None:
         assert other.detectors[name].power == pytest.approx(reading.power, abs=1e-12)
         assert other.detectors[name].rays == reading.rays
         assert other.detectors[name].optical_path_mm == pytest.approx(reading.optical_path_mm, abs=1e-9, nan_ok=True)
-        np.testing.assert_allclose(other.detectors[name].angle, reading.angle, atol=1e-12)
+        np.testing.assert_allclose(other.detectors[name].power_by_angle, reading.power_by_angle, atol=1e-12)
     for name, crossed in one.monitors.items():
         assert other.monitors[name].power == pytest.approx(crossed.power, abs=1e-12)
     assert other.missed == other.leaked == 0.0
@@ -195,7 +195,7 @@ def check_against_brute_force(
     found = trace(scene, "power", LIMITS, sampling=sampling, seed=11 if sampling == "sobol" else 0)
     truth = trace_space_reference(few, LIMITS, seed=11)
     assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
-    readings = {name: (one.power, one.u) for name, one in found.detectors.items()}
+    readings = {name: (one.power, one.u_power) for name, one in found.detectors.items()}
     for what, power in (("absorbed", found.ledger.absorbed), ("missed", found.missed), ("leaked", found.leaked)):
         # for these the engine states no uncertainty: it has at most that of as many random rays
         readings[what] = (power, truth.error(what) * math.sqrt(few.rays / found.rays))
@@ -250,4 +250,4 @@ def test_a_monitor_in_space_reads_what_flies_through_it() -> None:
     found = trace(scene, "power", LIMITS)
     assert found.monitors["gate"].power == pytest.approx(found.detectors["end"].power, rel=2e-3)
     assert found.monitors["gate"].power > found.detectors["end"].power, "it stands before the last micrometre"
-    assert found.monitors["gate"].map.sum() == pytest.approx(found.monitors["gate"].power, rel=1e-12)
+    assert found.monitors["gate"].power_by_bin.sum() == pytest.approx(found.monitors["gate"].power, rel=1e-12)

@@ -89,7 +89,7 @@ def upwards(half_mm: float, z_mm: float, rays: int = 101) -> Rays:
 
 def deviation(one: list[Path], other: list[Path]) -> tuple[float, float]:
     """Largest distance of the places of the first hits, and largest angle between the ways on, in rad."""
-    places = max(math.dist(a.points[1], b.points[1]) for a, b in zip(one, other, strict=True))
+    places = max(math.dist(a.points_mm[1], b.points_mm[1]) for a, b in zip(one, other, strict=True))
     ways = [(a.exit_direction, b.exit_direction) for a, b in zip(one, other, strict=True)]
     return places, max(abs(math.asin(cross(a, b))) for a, b in ways if a is not None and b is not None)
 
@@ -154,7 +154,7 @@ def test_a_spline_through_points_of_an_oval_gathers_light_as_the_oval_does() -> 
     for points in (33, 65, 129, 257):
         ways = only(Spline.through(oval.points(np.linspace(0, 1, points))), fan)
         offsets = [
-            cross(way.exit_direction, minus((0.0, 20.0), (float(way.points[1][0]), float(way.points[1][1]))))
+            cross(way.exit_direction, minus((0.0, 20.0), (float(way.points_mm[1][0]), float(way.points_mm[1][1]))))
             for way in ways
             if way.exit_direction is not None
         ]
@@ -192,7 +192,8 @@ def quarters(seed: int, rays: int, absorption_per_mm: float = 0.0) -> Scene:
 def standard_scores(found: Trace, truth: Trace) -> list[float]:
     """Deviation of each receiver in standard errors."""
     return [
-        (reading.power - truth.detectors[name].power) / math.hypot(reading.u, truth.detectors[name].u, 1e-12)
+        (reading.power - truth.detectors[name].power)
+        / math.hypot(reading.u_power, truth.detectors[name].u_power, 1e-12)
         for name, reading in found.detectors.items()
     ]
 
@@ -277,10 +278,10 @@ def test_a_chip_is_the_average_of_fans_along_it() -> None:
     truth = trace(Scene((AIR, glass(1.5)), faces, fans), "power", limits)
     lattice = trace(Scene((AIR, glass(1.5)), faces, (chip,)), "power", limits)
     assert found.rays == 2**18
-    assert found.detectors["eye"].u < 1e-4
+    assert found.detectors["eye"].u_power < 1e-4
     for result in (found, lattice):
         assert result.detectors["eye"].power == pytest.approx(truth.detectors["eye"].power, abs=1e-4)
-    by_place = truth.detectors["eye"].by_source
+    by_place = truth.detectors["eye"].power_by_source
     assert len(by_place) == 500
     assert sum(by_place) == pytest.approx(truth.detectors["eye"].power, abs=1e-12)
 

@@ -43,9 +43,9 @@ def test_every_series_is_drawn_with_its_uncertainty_dashed(power: Convergence) -
         assert error.get_color() == u.get_color() == colour
         assert np.array_equal(np.asarray(error.get_xdata()), series.rays)
         assert np.array_equal(np.asarray(error.get_ydata()), series.error)
-        assert np.array_equal(np.asarray(u.get_ydata()), series.u)
+        assert np.array_equal(np.asarray(u.get_ydata()), series.u_power)
     reference = lines["reference: stated u"]
-    assert np.allclose(np.asarray(reference.get_ydata(), dtype=float), power.reference.u)
+    assert np.allclose(np.asarray(reference.get_ydata(), dtype=float), power.reference.u_power)
     assert labels(figure) == list(lines)
 
 
@@ -58,9 +58,9 @@ def test_the_axes_say_what_they_show_and_the_title_what_errors_are_measured_from
 
 def test_an_uncertainty_of_0_is_left_out_and_counted(power: Convergence) -> None:
     fan, *others = power.series
-    certain = dataclasses.replace(fan, u=np.where(fan.rays > 64, fan.u, 0.0))
+    certain = dataclasses.replace(fan, u_power=np.where(fan.rays > 64, fan.u_power, 0.0))
     figure = convergence_figure(dataclasses.replace(power, series=(certain, *others)))
-    assert f"fan: stated u (3 of {len(fan.u)} are 0)" in labels(figure)
+    assert f"fan: stated u (3 of {len(fan.u_power)} are 0)" in labels(figure)
     (axes,) = figure.axes
     (line,) = (line for line in axes.lines if str(line.get_label()).startswith("fan: stated u"))
     assert np.isnan(np.asarray(line.get_ydata(), dtype=float)[:3]).all()

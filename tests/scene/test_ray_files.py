@@ -230,5 +230,5 @@ def test_however_rays_are_chosen_each_has_its_power(sampling: Literal["fan", "so
         for name, a, b in (("left", *ends[:2]), ("right", *ends[1:]))
     )
     found = trace(Scene((Region("air", 1.0),), screens, (source,)), "power", sampling=sampling)
-    assert found.detectors["right"].power == pytest.approx(0.9, abs=max(4.0 * found.u, 1e-3))
+    assert found.detectors["right"].power == pytest.approx(0.9, abs=max(4.0 * found.u_power, 1e-3))
     assert found.ledger.total == pytest.approx(1.0, abs=1e-12)

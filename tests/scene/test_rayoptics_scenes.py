@@ -168,7 +168,7 @@ def test_lens_and_mirror_focus_where_they_say() -> None:
         ideal = {"type": kind, "p1": point(20, -10), "p2": point(20, 10), "focalLength": 20}
         found = scene(beam, ideal, rayModeDensity=1).scene
         for path in trace(found, "power", legs=True).paths():
-            (x, z), (dx, dz) = path.points[-1], path.exit_direction or (0.0, 0.0)
+            (x, z), (dx, dz) = path.points_mm[-1], path.exit_direction or (0.0, 0.0)
             assert z + dz * (focus - x) / dx == pytest.approx(0.0, abs=1e-12)
 
 

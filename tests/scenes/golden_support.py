@@ -47,7 +47,7 @@ def readings(result: Trace) -> dict[str, float]:
         found |= {f"receiver {name}": reading.power}
     for name, crossed in result.monitors.items():
         found |= {f"monitor {name}": crossed.power}
-        found |= {f"monitor {name} bin {i}": float(power) for i, power in enumerate(crossed.map)}
+        found |= {f"monitor {name} bin {i}": float(power) for i, power in enumerate(crossed.power_by_bin)}
     return found
 
 
@@ -56,7 +56,7 @@ def measured(scene: Scene) -> dict[str, dict[str, float]]:
     results = {mode: trace(scene, mode) for mode in MODES}
     for mode, result in results.items():
         if result.undefined:
-            raise AssertionError(f"{scene.name}, {mode}: rays of undefined medium at {result.undefined_at}")
+            raise AssertionError(f"{scene.name}, {mode}: rays of undefined medium at {result.undefined_at_mm}")
     return {mode: readings(result) for mode, result in results.items()}
 
 

@@ -81,9 +81,9 @@ def test_light_from_around_is_told_apart() -> None:
     found = lit.trace(0.3, "power")
     dark = sensor().trace(0.3, "power")
     for name, reading in found.detectors.items():
-        assert reading.by_source[0] * 1.5 == pytest.approx(dark.detectors[name].power, abs=1e-12)
-        assert reading.by_source[1] > 0.0
-        assert sum(reading.by_source) == pytest.approx(reading.power, abs=1e-12)
+        assert reading.power_by_source[0] * 1.5 == pytest.approx(dark.detectors[name].power, abs=1e-12)
+        assert reading.power_by_source[1] > 0.0
+        assert sum(reading.power_by_source) == pytest.approx(reading.power, abs=1e-12)
 
 
 def test_irradiance_is_the_power_on_a_mm_of_an_open_face() -> None:
@@ -118,8 +118,8 @@ def test_ambient_light_is_integrated() -> None:
     found = lit.integrate(0.0, "count", 1e-2)
     dense = lit.trace(0.0, "count", 2**12)
     for name, reading in found.detectors.items():
-        assert reading.by_source[1] == pytest.approx(dense.detectors[name].by_source[1], abs=2e-3)
-        assert reading.by_source[1] > 5e-3
+        assert reading.power_by_source[1] == pytest.approx(dense.detectors[name].power_by_source[1], abs=2e-3)
+        assert reading.power_by_source[1] > 5e-3
 
 
 def test_a_ray_file_stands_for_the_emitter(tmp_path: Path) -> None:

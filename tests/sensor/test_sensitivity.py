@@ -64,9 +64,11 @@ def compared(sensor: Sensor, keys: tuple[str, ...]) -> list[str]:
             ("right", "left", "contrast"), (row.right, row.left, row.contrast), by_difference, strict=True
         ):
             off = abs(slope.value - other)
-            lines.append(f"{row.key:21} {what:9} {slope.value:+.9f} {other:+.9f} {off / abs(other):.0e} {slope.u:.0e}")
+            lines.append(
+                f"{row.key:21} {what:9} {slope.value:+.9f} {other:+.9f} {off / abs(other):.0e} {slope.u_value:.0e}"
+            )
             assert off <= RELATIVE * abs(other), lines[-1]
-            assert off <= slope.u + NOISE / (STEP * row.value), lines[-1]
+            assert off <= slope.u_value + NOISE / (STEP * row.value), lines[-1]
     return lines
 
 
@@ -123,7 +125,7 @@ def test_rows_are_of_the_design_s_own_numbers_and_the_steepest_comes_first(paper
 def test_a_part_of_the_body_behind_the_light_changes_nothing(paper: Sensor) -> None:
     (arms,) = paper.sensitivity(["body.arm_length_mm"], ANGLE_DEG)
     for slope in (arms.right, arms.left, arms.contrast):  # straight arms without loss: the light is theirs already
-        assert abs(slope.value) <= 5.0 * slope.u < 1e-6
+        assert abs(slope.value) <= 5.0 * slope.u_value < 1e-6
 
 
 def test_a_mirror_image_swaps_the_receivers(paper: Sensor) -> None:
@@ -199,8 +201,8 @@ def test_progress_is_told_to_its_end(paper: Sensor) -> None:
 def test_options_of_a_trace_are_passed_on(paper: Sensor) -> None:
     found = paper.trace(ANGLE_DEG, "roulette", 64, sampling="sobol", seed=3, position_bins=2, angle_bins=5)
     assert (found.mode, found.method, found.rays) == ("roulette", "sobol", 64)
-    assert found.detectors["left"].position.shape == (1, 2)
-    assert found.detectors["left"].angle.shape == (5,)
+    assert found.detectors["left"].power_by_position.shape == (1, 2)
+    assert found.detectors["left"].power_by_angle.shape == (5,)
     assert paper.trace(ANGLE_DEG, "power", 64, precision="single").single_error is not None
 
 

@@ -99,7 +99,7 @@ def test_power_at_the_design_s_angles_is_what_the_integral_is() -> None:
     assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
     found = sensor.integrate(-3.0)
     assert response.right[0] == found.detectors["right"].power
-    assert response.u[0] == found.u
+    assert response.u[0] == found.u_power
     assert response.rays[0] == found.rays
 
 
@@ -109,18 +109,18 @@ def test_an_integral_holds_against_many_rays(values: dict[str, object], angle_de
     sensor = Sensor.of(design(**values))
     found = sensor.integrate(angle_deg)
     assert found.reached
-    assert found.u <= TOLERANCE
+    assert found.u_power <= TOLERANCE
     many = sensor.trace(angle_deg, "power", MANY_RAYS)
     for name, reading in found.detectors.items():
-        assert reading.power == pytest.approx(many.detectors[name].power, abs=found.u + 20 / MANY_RAYS)
+        assert reading.power == pytest.approx(many.detectors[name].power, abs=found.u_power + 20 / MANY_RAYS)
 
 
 def test_a_looser_tolerance_takes_fewer_rays(paper: Sensor) -> None:
     loose, tight = paper.integrate(-3.0, tolerance=1e-2), paper.integrate(-3.0, tolerance=1e-9)
     assert loose.rays < tight.rays
-    assert tight.u <= 1e-9
+    assert tight.u_power <= 1e-9
     for name, reading in loose.detectors.items():
-        assert reading.power == pytest.approx(tight.detectors[name].power, abs=loose.u + tight.u)
+        assert reading.power == pytest.approx(tight.detectors[name].power, abs=loose.u_power + tight.u_power)
 
 
 def test_the_slope_is_between_two_integrals(paper: Sensor) -> None:

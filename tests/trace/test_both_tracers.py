@@ -69,7 +69,7 @@ def test_rays_that_meet_nothing_escape(tracer: Tracer, mode: Mode) -> None:
     result = tracer(scene(), mode)
     assert parts(result) == (0.0, 1.0, 0.0, 0.0)
     assert (result.mode, result.rays, result.hits, result.undefined) == (mode, 1, 0, 0)
-    assert (result.detectors, result.monitors, result.undefined_at) == ({}, {}, ())
+    assert (result.detectors, result.monitors, result.undefined_at_mm) == ({}, {}, ())
     assert result.legs is None
     assert result.paths() == []
 
@@ -120,8 +120,8 @@ def test_counting_refracts_and_never_splits(tracer: Tracer) -> None:
     ray = Rays(((0.0, -1.0),), (heading(-30.0),))
     (path,) = tracer(slab(ray), legs=True).paths()
     inside = math.asin(0.5 / 1.5)
-    assert path.points[1] == pytest.approx([math.tan(math.radians(30)), 0.0], abs=1e-15)
-    assert path.points[2] == pytest.approx([math.tan(math.radians(30)) + math.tan(inside), 1.0], abs=1e-15)
+    assert path.points_mm[1] == pytest.approx([math.tan(math.radians(30)), 0.0], abs=1e-15)
+    assert path.points_mm[2] == pytest.approx([math.tan(math.radians(30)) + math.tan(inside), 1.0], abs=1e-15)
     assert path.exit_direction == pytest.approx(heading(-30.0), abs=1e-15)
     assert path.interfaces == (0, 1)
     assert (path.ray, path.branch, path.power) == (0, 0, 1.0)
@@ -134,7 +134,7 @@ def test_counting_reflects_totally_beyond_the_critical_angle(tracer: Tracer) -> 
     assert parts(result) == (0.0, 0.0, 0.0, 1.0)
     assert result.hits == 5
     (path,) = result.paths()
-    assert path.points[1:, 1] == pytest.approx([1.0, 0.0, 1.0, 0.0, 1.0], abs=1e-14)
+    assert path.points_mm[1:, 1] == pytest.approx([1.0, 0.0, 1.0, 0.0, 1.0], abs=1e-14)
     assert path.fate == "truncated"
     assert path.exit_direction is None
 
@@ -185,7 +185,7 @@ def test_roulette_draws_parts_by_their_powers(s_share: float) -> None:
     sigma = math.sqrt(share * (1.0 - share) / rays)
     assert 0.4 < share < 0.999
     assert drawn.power == pytest.approx(share, abs=5.0 * sigma + 1e-6)
-    assert 0.4 * sigma < drawn.u < 2.0 * sigma  # of sixteen groups, which know it to about a fifth
+    assert 0.4 * sigma < drawn.u_power < 2.0 * sigma  # of sixteen groups, which know it to about a fifth
 
 
 def test_roulette_is_the_same_in_both_tracers_and_another_with_another_seed() -> None:
@@ -250,8 +250,8 @@ def test_rays_in_the_wrong_medium_are_counted_and_located(tracer: Tracer, mode: 
     wrong = scene(line("front", 0.0, "glass", "air"), line("back", 1.0, "air", "smoke"))
     result = tracer(wrong, mode, legs=True)
     assert result.undefined == 1
-    assert len(result.undefined_at) == 1
-    assert result.undefined_at[0] == pytest.approx((0.0, 1.0), abs=1e-15)
+    assert len(result.undefined_at_mm) == 1
+    assert result.undefined_at_mm[0] == pytest.approx((0.0, 1.0), abs=1e-15)
     lost = 1.0 if mode == "count" else 1 - NORMAL
     assert result.ledger.truncated == pytest.approx(lost, abs=1e-15)
     assert result.ledger.total == pytest.approx(1.0, abs=1e-15)
@@ -264,8 +264,8 @@ def test_no_more_than_sixteen_places_are_kept_of_any_number(tracer: Tracer) -> N
     wrong = (line("front", 0.0, "glass", "air"), line("back", 1.0, "air", "smoke"))
     result = tracer(scene(*wrong, source=Beam((-1.0, -1.0), (1.0, -1.0), 0.0, 40)))
     assert result.undefined == 40
-    assert len(result.undefined_at) == 16
-    assert result.undefined_at[0] == pytest.approx((-0.975, 1.0))
+    assert len(result.undefined_at_mm) == 16
+    assert result.undefined_at_mm[0] == pytest.approx((-0.975, 1.0))
 
 
 @both
@@ -291,8 +291,8 @@ def test_a_monitor_counts_towards_its_left_and_changes_nothing(tracer: Tracer, m
     net = 1.0 if mode == "count" else (1 - NORMAL) / (1 + NORMAL)
     assert seen.monitors["m"].power == pytest.approx(net, abs=2e-6)
     assert seen.monitors["back"].power == pytest.approx(-net, abs=2e-6)
-    assert seen.monitors["m"].map == pytest.approx([0.0, net / 2, net / 2, 0.0], abs=2e-6)
-    assert seen.monitors["back"].map == pytest.approx(-seen.monitors["m"].map[::-1], abs=1e-15)
+    assert seen.monitors["m"].power_by_bin == pytest.approx([0.0, net / 2, net / 2, 0.0], abs=2e-6)
+    assert seen.monitors["back"].power_by_bin == pytest.approx(-seen.monitors["m"].power_by_bin[::-1], abs=1e-15)
     assert seen.monitors["m"].rays >= 8
     assert seen.detectors == {}
 
@@ -302,7 +302,7 @@ def test_a_monitors_bins_are_equal_and_end_with_it(tracer: Tracer) -> None:
     monitor = Monitor("m", (0.0, 0.0), (3.0, 4.0), 5)
     rays = Rays(tuple((0.6 * t, 0.8 * t - 1.0) for t in (0.5, 1.5, 1.6, 4.5, 5.5)), ((0.0, 1.0),) * 5)
     result = tracer(scene(source=rays, monitors=(monitor,)))
-    assert result.monitors["m"].map == pytest.approx([0.2, 0.4, 0.0, 0.0, 0.2], abs=1e-15)
+    assert result.monitors["m"].power_by_bin == pytest.approx([0.2, 0.4, 0.0, 0.0, 0.2], abs=1e-15)
     assert result.monitors["m"].power == pytest.approx(0.8, abs=1e-15)
     assert result.monitors["m"].rays == 4
 
@@ -314,7 +314,7 @@ def test_a_monitor_sees_the_power_left_at_its_place(tracer: Tracer) -> None:
     seen = tracer(dataclasses.replace(made, monitors=monitors), "power")
     assert seen.monitors["m"].power == pytest.approx(math.exp(-0.125), abs=1e-15)
     assert seen.monitors["beyond"].power == pytest.approx(math.exp(-0.25), abs=1e-15)
-    assert seen.monitors["beyond"].map.shape == (0,)
+    assert seen.monitors["beyond"].power_by_bin.shape == (0,)
 
 
 @both
@@ -339,7 +339,7 @@ def test_paths_tell_the_way_of_every_branch(tracer: Tracer, mode: Mode) -> None:
     for path in paths:
         assert path.fate in ends
         assert (path.exit_direction is None) == (path.fate != "escaped")
-        for point, interface in zip(path.points[1:], path.interfaces, strict=False):
+        for point, interface in zip(path.points_mm[1:], path.interfaces, strict=False):
             assert point[1] == pytest.approx(float(interface), abs=1e-12)  # front at 0, back at 1
     assert all(path.power == pytest.approx(1 / 6) for path in paths if path.branch == 0)
 
@@ -347,7 +347,7 @@ def test_paths_tell_the_way_of_every_branch(tracer: Tracer, mode: Mode) -> None:
 @both
 def test_a_path_that_escapes_along_an_axis_is_told_without_a_warning(tracer: Tracer) -> None:
     (path,) = tracer(scene(line("front", 0.0, "glass", "air")), legs=True).paths()
-    assert path.points.tolist() == [[0.0, -1.0], [0.0, 0.0]]
+    assert path.points_mm.tolist() == [[0.0, -1.0], [0.0, 0.0]]
     assert path.exit_direction == (0.0, 1.0)
 
 

@@ -86,7 +86,7 @@ def counts(found: Trace) -> Numbers:
         "rays, hits, undefined, truncated": [found.rays, found.hits, found.undefined, found.truncated],
         "detected": [reading.rays for reading in found.detectors.values()],
         "crossed": [reading.rays for reading in found.monitors.values()],
-        "places": [len(found.undefined_at), len(found.truncated_at)],
+        "places": [len(found.undefined_at_mm), len(found.truncated_at_mm)],
     }
 
 
@@ -94,17 +94,17 @@ def powers(found: Trace) -> Numbers:
     """All that is not a whole number."""
     numbers = {"ledger": list(astuple(found.ledger))}
     for name, reading in found.detectors.items():
-        numbers[f"{name}, power, u and by source"] = [reading.power, reading.u, *reading.by_source]
+        numbers[f"{name}, power, u and by source"] = [reading.power, reading.u_power, *reading.power_by_source]
         numbers[f"{name}, optical path"] = [reading.optical_path_mm]
-        numbers[f"{name}, bins"] = [*reading.position.ravel().tolist(), *reading.angle.tolist()]
+        numbers[f"{name}, bins"] = [*reading.power_by_position.ravel().tolist(), *reading.power_by_angle.tolist()]
     for name, crossed in found.monitors.items():
-        numbers[f"{name}, power, u and map"] = [crossed.power, crossed.u, *crossed.map.tolist()]
+        numbers[f"{name}, power, u and map"] = [crossed.power, crossed.u_power, *crossed.power_by_bin.tolist()]
     return numbers
 
 
 def places(found: Trace) -> list[list[tuple[float, float]]]:
     """In an order of their own: theirs is up to the tracer."""
-    both = (found.undefined_at, found.truncated_at)
+    both = (found.undefined_at_mm, found.truncated_at_mm)
     return [sorted((round(x, 9), round(z, 9)) for x, z in at) for at in both]
 
 

@@ -24,20 +24,20 @@ WHERE = {
     "detectors": "power",
     "monitors": "net_power",
     "legs": "leg_ray",
-    "undefined_at": "undefined_x_mm",
-    "truncated_at": "truncated_z_mm",
+    "undefined_at_mm": "undefined_x_mm",
+    "truncated_at_mm": "truncated_z_mm",
 }
 """Where each field of a trace is found."""
 OF_RECEIVER = {
     "power": "power",
-    "u": "power_u",
+    "u_power": "power_u",
     "rays": "arrived",
-    "by_source": "power_by_source",
+    "power_by_source": "power_by_source",
     "optical_path_mm": "optical_path_mm",
-    "position": "power_by_position",
-    "angle": "power_by_angle",
+    "power_by_position": "power_by_position",
+    "power_by_angle": "power_by_angle",
 }
-OF_MONITOR = {"power": "net_power", "u": "net_power_u", "rays": "crossings", "map": "net_power_by_bin"}
+OF_MONITOR = {"power": "net_power", "u_power": "net_power_u", "rays": "crossings", "power_by_bin": "net_power_by_bin"}
 
 
 def everything() -> Scene:
@@ -82,8 +82,8 @@ def test_receivers_are_those_of_the_trace(whole: Trace) -> None:
         one = found.sel(receiver=name)
         for field, variable in OF_RECEIVER.items():
             values = one[variable].values
-            if field == "position":
-                faces = len(reading.position)
+            if field == "power_by_position":
+                faces = len(reading.power_by_position)
                 assert np.isnan(values[faces:]).all()
                 values = values[:faces]
             assert same(values, getattr(reading, field)), (name, field)
@@ -107,7 +107,7 @@ def test_monitors_ledger_places_and_legs_are_those_of_the_trace(whole: Trace) ->
         assert float(found["ledger"].sel(fate=part)) == getattr(whole.ledger, part)
     assert float(found["ledger"].sum()) == pytest.approx(1.0, abs=1e-12)
     assert (int(found["rays"]), int(found["hits"])) == (whole.rays, whole.hits)
-    for kind, places in (("undefined", whole.undefined_at), ("truncated", whole.truncated_at)):
+    for kind, places in (("undefined", whole.undefined_at_mm), ("truncated", whole.truncated_at_mm)):
         assert int(found[kind]) == getattr(whole, kind) > 0
         assert len(places) > 0
         assert same(np.column_stack([found[f"{kind}_x_mm"], found[f"{kind}_z_mm"]]), places)

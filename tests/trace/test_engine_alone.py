@@ -63,7 +63,7 @@ def test_legs_beyond_the_first_guess_are_all_kept() -> None:
     result = trace(made, limits=Limits(max_hits=500), legs=True)
     assert result.legs is not None
     assert len(result.legs) == 1500
-    assert [len(path.points) for path in result.paths()] == [501] * 3
+    assert [len(path.points_mm) for path in result.paths()] == [501] * 3
 
 
 def test_progress_is_told_after_every_chunk() -> None:
@@ -182,6 +182,6 @@ def test_it_gives_the_references_paths(mode: str) -> None:
     for mine, its in zip(engine.paths(), truth.paths(), strict=True):
         assert (mine.ray, mine.branch, mine.parent) == (its.ray, its.branch, its.parent)
         assert (mine.interfaces, mine.fate) == (its.interfaces, its.fate)
-        assert mine.points == pytest.approx(its.points, abs=1e-9)
+        assert mine.points_mm == pytest.approx(its.points_mm, abs=1e-9)
         assert mine.power == pytest.approx(its.power, abs=1e-12)
-    assert engine.monitors["m"].map == pytest.approx(truth.monitors["m"].map, abs=1e-12)
+    assert engine.monitors["m"].power_by_bin == pytest.approx(truth.monitors["m"].power_by_bin, abs=1e-12)

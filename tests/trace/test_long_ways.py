@@ -96,7 +96,7 @@ def test_an_oval_is_met_from_far_away(tracer: Tracer, distance_mm: float, turn_d
     assert result.ledger.absorbed == pytest.approx(1.0, abs=1e-14)
     for path in result.paths():
         assert path.interfaces == (0, 1)
-        x, z = path.points[1]
+        x, z = path.points_mm[1]
         assert z == pytest.approx(float(LENS.z_mm(x)), abs=1e-9)
 
 
@@ -109,7 +109,7 @@ def test_an_oval_is_met_from_inside_from_far_away(tracer: Tracer, distance_mm: f
     assert result.undefined == 0
     for path in result.paths():
         assert path.interfaces[0] == 0
-        x, z = path.points[1]
+        x, z = path.points_mm[1]
         assert z == pytest.approx(float(LENS.z_mm(x)), abs=1e-9)
 
 
@@ -302,6 +302,6 @@ def test_paths_tell_the_branch_they_were_split_off(tracer: Tracer) -> None:
             above = paths[path.parent]
             assert above.branch < branch
             assert path.power < above.power
-            assert path.points[0].tolist() in above.points.tolist()
+            assert path.points_mm[0].tolist() in above.points_mm.tolist()
     backs = [path for path in paths.values() if path.parent == 0]
     assert sorted(path.power for path in backs) == pytest.approx([0.96 * 0.04, 0.04], abs=1e-15)

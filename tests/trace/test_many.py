@@ -38,7 +38,7 @@ def mixed() -> list[Scene]:
 def assert_the_same(one: Trace, other: Trace) -> None:
     assert repr(one) == repr(other)  # every number to its last digit, NaN too
     for name, monitor in one.monitors.items():
-        assert np.array_equal(monitor.map, other.monitors[name].map)
+        assert np.array_equal(monitor.power_by_bin, other.monitors[name].power_by_bin)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -64,7 +64,7 @@ def test_a_source_of_one_ray_leaves_a_group_empty() -> None:
     scene = SENSOR.scene(0.5, 1)
     (found,) = trace_many([scene])
     assert found.rays == 1
-    assert np.isnan(found.detectors["right"].u)
+    assert np.isnan(found.detectors["right"].u_power)
 
 
 def test_many_integrals_are_those_of_each_alone() -> None:

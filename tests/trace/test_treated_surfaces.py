@@ -199,8 +199,8 @@ def test_a_lambertian_wall_makes_an_integrating_circle(reflectance: float, port_
     expected = 1.0 - loss * (2.0 * amplitude * math.sin(k * a) / k + 2.0 * a * base)
     found = trace(circle(reflectance, port_rad, 400_000), "power", Limits(min_weight=1e-9, max_hits=5000), seed=1)
     port = found.detectors["port"]
-    assert port.u < 3e-3
-    assert port.power == pytest.approx(expected, abs=4.0 * port.u)
+    assert port.u_power < 3e-3
+    assert port.power == pytest.approx(expected, abs=4.0 * port.u_power)
     assert found.ledger.total == pytest.approx(1.0, abs=1e-9)
 
 
@@ -288,7 +288,7 @@ def test_results_of_chance_have_an_uncertainty_and_depend_on_the_seed_alone() ->
     one, again, other = (trace(scene, "power", seed=seed, threads=t) for seed, t in ((1, 1), (1, 2), (2, 2)))
     assert repr(one) == repr(again)
     assert one.detectors["port"].power != other.detectors["port"].power
-    spread = math.hypot(one.detectors["port"].u, other.detectors["port"].u)
+    spread = math.hypot(one.detectors["port"].u_power, other.detectors["port"].u_power)
     assert abs(one.detectors["port"].power - other.detectors["port"].power) < 5.0 * spread
 
 

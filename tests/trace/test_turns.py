@@ -26,7 +26,7 @@ def test_with_nothing_weak_it_is_the_reference() -> None:
     scene = ball(40, 40.0, splitter)
     turns = trace_in_turns(scene, Turns(weak=1e-9, weakest=0.0))
     plain = trace_reference(scene, "power", Limits(1e-12))
-    np.testing.assert_allclose(turns.monitors["behind"].map, plain.monitors["behind"].map, atol=1e-9)
+    np.testing.assert_allclose(turns.monitors["behind"].power_by_bin, plain.monitors["behind"].power_by_bin, atol=1e-9)
     assert turns.ledger.total == pytest.approx(1.0, abs=1e-12)
     assert turns.ledger.escaped == pytest.approx(plain.ledger.escaped, abs=1e-8)
 

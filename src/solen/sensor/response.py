@@ -131,7 +131,7 @@ class Sensitivity:
 
 def powers(found: Trace) -> dict[str, float]:
     """Power of the emitter by receiver: of several sources the first, as ambient light is told apart and subtracted."""
-    return {name: (*reading.by_source, reading.power)[0] for name, reading in found.detectors.items()}
+    return {name: (*reading.power_by_source, reading.power)[0] for name, reading in found.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
@@ -141,8 +141,8 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
     if not total > 0.0:
         return Slope(math.nan, math.nan)
     value = 2.0 * (found["left"] * right.value - found["right"] * left.value) / total**2
-    u = 2.0 * (found["left"] * right.u + found["right"] * left.u) / total**2
-    u_of_powers = base.u * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
+    u = 2.0 * (found["left"] * right.u_value + found["right"] * left.u_value) / total**2
+    u_of_powers = base.u_power * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
     return Slope(value, u + u_of_powers)
 
 

@@ -314,8 +314,8 @@ class Sensor:
         rays = FIRST_SAMPLED
         while True:
             found = self.trace(angle_deg, "power", rays, sampling="sobol")
-            if found.u <= tolerance or rays >= MOST_SAMPLED:
-                return found, found.u
+            if found.u_power <= tolerance or rays >= MOST_SAMPLED:
+                return found, found.u_power
             rays *= 4
 
     def slope_per_deg(self, angle_deg: float) -> float | None:
@@ -403,7 +403,7 @@ class Sensor:
         integrates = integrates and not why_not(scene)
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
         if whole is not None and whole.reached:
-            return whole, powers(whole), whole.u
+            return whole, powers(whole), whole.u_power
         dense, u = self.doubled(angle_deg)
         return dense, powers(dense), u
 

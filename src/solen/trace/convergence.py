@@ -10,10 +10,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.curve import check_count
 from solen.errors import DesignError
+from solen.results import Result
 from solen.scene import Rays, Scene
 from solen.trace.adaptive import integrate
 from solen.trace.engine import trace
@@ -26,21 +27,21 @@ TOLERANCES = tuple(10.0**-k for k in range(1, 10))
 DENSER = 4
 
 
-@dataclass(frozen=True)
-class Series:
-    """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power and the stated ``u``.
+@dataclass(frozen=True, eq=False, repr=False)
+class Series(Result):
+    """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power, and its stated u.
 
-    Powers are fractions of the emitted power; ``u`` is NaN where so few rays cannot tell.
+    Powers are fractions of the emitted power; ``u_power`` is NaN where so few rays cannot tell.
     """
 
     method: Method
-    rays: NDArray[np.int64]
-    error: NDArray[np.float64]
-    u: NDArray[np.float64]
+    rays: IntArray
+    error: FloatArray
+    u_power: FloatArray
 
 
-@dataclass(frozen=True)
-class Convergence:
+@dataclass(frozen=True, eq=False, repr=False)
+class Convergence(Result):
     """Error against rays for each way to choose them, and the trace that the errors are measured from."""
 
     mode: Mode
@@ -89,7 +90,7 @@ def convergence(
         raise DesignError("convergence", value="a list of rays", limit="needs sources of any number of rays")
     whole: Mode = "power" if mode == "roulette" else mode
     found = list(_integrals(scene, whole, limits))
-    tight = bool(found) and found[-1].u <= TIGHT
+    tight = bool(found) and found[-1].u_power <= TIGHT
     reference = found.pop() if tight else trace(_with_rays(scene, DENSER * most_rays), whole, limits)
     numbers = [most_rays >> k for k in range(int(math.log2(most_rays / LEAST_RAYS)), -1, -1)]
     scenes = [_with_rays(scene, rays) for rays in numbers]
@@ -128,5 +129,5 @@ def _series(reference: Trace, found: list[Trace]) -> Series:
         traces[0].method,
         np.array([one.rays for one in traces]),
         np.array([error(one) for one in traces]),
-        np.array([one.u for one in traces]),
+        np.array([one.u_power for one in traces]),
     )

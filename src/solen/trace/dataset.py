@@ -149,20 +149,20 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
     found: dict[str, _Variable] = {
         "receiver": (one, list(trace.detectors), {"long_name": "name of the receiver"}),
         "power": _real(one, [r.power for r in readings], SHARE, "power detected"),
-        "power_u": _real(one, [r.u for r in readings], SHARE, "what the power may be off by, NaN where unknown"),
+        "power_u": _real(one, [r.u_power for r in readings], SHARE, "what the power may be off by, NaN where unknown"),
         "arrived": _count(one, [r.rays for r in readings], "rays or branches that arrived"),
         "optical_path_mm": _real(
             one, [r.optical_path_mm for r in readings], "mm", "mean optical path of what arrived, weighted by power"
         ),
     }
-    sources = max(len(r.by_source) for r in readings)
+    sources = max(len(r.power_by_source) for r in readings)
     if sources:
-        by_source = _padded([np.array(r.by_source) for r in readings], (sources,))
+        by_source = _padded([np.array(r.power_by_source) for r in readings], (sources,))
         found["source"] = _count(("source",), np.arange(sources), "number of the source in the scene")
         found["power_by_source"] = _real((*one, "source"), by_source, SHARE, "power detected from each source")
-    faces, bins = (max(sizes) for sizes in zip(*(r.position.shape for r in readings), strict=True))
+    faces, bins = (max(sizes) for sizes in zip(*(r.power_by_position.shape for r in readings), strict=True))
     if bins:
-        by_position = _padded([r.position for r in readings], (faces, bins))
+        by_position = _padded([r.power_by_position for r in readings], (faces, bins))
         middle = (np.arange(bins) + 0.5) / bins
         found["face"] = _count(("face",), np.arange(faces), "number of the interface among those of its receiver")
         found["position_bin"] = _real(
@@ -170,7 +170,7 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
         )
         dims = (*one, "face", "position_bin")
         found["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
-    angles = max(len(r.angle) for r in readings)
+    angles = max(len(r.power_by_angle) for r in readings)
     if angles:
         middle = -90.0 + 180.0 * (np.arange(angles) + 0.5) / angles
         found["angle_bin"] = _real(
@@ -179,7 +179,7 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
             "degree",
             "middle of the bin of the angle of incidence, positive where light runs towards the interface's end",
         )
-        by_angle = _padded([r.angle for r in readings], (angles,))
+        by_angle = _padded([r.power_by_angle for r in readings], (angles,))
         found["power_by_angle"] = _real(
             (*one, "angle_bin"), by_angle, SHARE, "power detected in each bin of that angle"
         )
@@ -191,8 +191,8 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
     if not readings:
         return {}
     one = ("monitor",)
-    bins = max(len(r.map) for r in readings)
-    by_bin = _padded([r.map for r in readings], (bins,))
+    bins = max(len(r.power_by_bin) for r in readings)
+    by_bin = _padded([r.power_by_bin for r in readings], (bins,))
     maps = {
         "monitor_bin": _count(("monitor_bin",), np.arange(bins), "number of the bin from the monitor's start"),
         "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
@@ -200,7 +200,9 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
     return {
         "monitor": (one, list(trace.monitors), {"long_name": "name of the monitor"}),
         "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the monitor's left"),
-        "net_power_u": _real(one, [r.u for r in readings], SHARE, "what the net power may be off by, NaN if unknown"),
+        "net_power_u": _real(
+            one, [r.u_power for r in readings], SHARE, "what the net power may be off by, NaN if unknown"
+        ),
         "crossings": _count(one, [r.rays for r in readings], "times that light crossed the monitor"),
         **(maps if bins else {}),
     }
@@ -208,7 +210,7 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
 
 def _places(trace: Trace) -> dict[str, _Variable]:
     found: dict[str, _Variable] = {}
-    kinds = {"undefined": trace.undefined_at, "truncated": trace.truncated_at}
+    kinds = {"undefined": trace.undefined_at_mm, "truncated": trace.truncated_at_mm}
     for kind, places in kinds.items():
         for axis, values in zip("xz", zip(*places, strict=True), strict=False):
             what = f"where the first of what is {kind} was, {axis}"

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from solen.curve import check_numbers
 from solen.errors import DesignError
+from solen.results import Result
 from solen.scene import Scene
 from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
@@ -37,11 +38,11 @@ class Slope:
     """Change of a power per unit of the parameter, and an estimate of its error."""
 
     value: float
-    u: float
+    u_value: float
 
 
-@dataclass(frozen=True)
-class Derivative:
+@dataclass(frozen=True, eq=False, repr=False)
+class Derivative(Result):
     """Derivatives of every receiver's power, as fractions of the emitted power per unit of the parameter.
 
     ``step`` is the larger of the steps taken. ``reached`` is False where the pieces could not be followed: at that very
@@ -148,7 +149,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
                 raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
         powers = [np.array([one.power for one in end.detectors.values()]) for end in (low, high)]
         differences.append((powers[1] - powers[0]) / (2.0 * half))
-        u = (low.u + high.u) / (2.0 * half)
+        u = (low.u_power + high.u_power) / (2.0 * half)
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)
 
 

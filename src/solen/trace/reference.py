@@ -371,9 +371,9 @@ class Tracer:
             ledger=Ledger(*(self.sums[fate] / emitted for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
             hits=self.hits,
             undefined=self.undefined,
-            undefined_at=tuple(self.undefined_at),
+            undefined_at_mm=tuple(self.undefined_at),
             truncated=self.truncated,
-            truncated_at=tuple(self.truncated_at),
+            truncated_at_mm=tuple(self.truncated_at),
             legs=kept,
         )
 

@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import END_TOLERANCE_MM, check_count
 from solen.errors import DesignError
 from solen.plane import Point
+from solen.results import HIDDEN, Result, reported
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -93,64 +95,72 @@ class Ledger:
         return self.detected + self.escaped + self.absorbed + self.truncated
 
 
-@dataclass(frozen=True)
-class Detected:
-    """Reading of a receiver.
+@dataclass(frozen=True, eq=False, repr=False)
+class Detected(Result):
+    """Reading of a receiver; powers are fractions of the emitted power.
 
-    ``u`` belongs to ``power`` (NaN where one ray cannot tell). ``rays`` counts rays or branches that arrived (after an
-    adaptive integration: all rays that it took).
-    ``by_source`` is the power from each source of the scene. ``optical_path_mm`` is the mean optical path of what
-    arrived, weighted by power (NaN where nothing did). ``position`` (interfaces of the receiver, bins) is the power in
-    equal bins of each interface's parameter from its start to its end; ``angle`` (bins,) the power in equal bins of the
-    angle of incidence from −90 to 90 degrees, positive where light runs towards the interface's end. Both are empty
-    unless bins were asked for.
+    Attributes
+    ----------
+    power, u_power
+        Power detected, and its uncertainty: NaN where one ray cannot tell.
+    rays
+        Rays or branches that arrived; after an adaptive integration all rays that it took.
+    power_by_source
+        Power from each source of the scene.
+    optical_path_mm
+        Mean optical path of what arrived, weighted by power; NaN where nothing did.
+    power_by_position
+        (interfaces of the receiver, bins) power in equal bins of each interface's parameter from its start to its end;
+        empty unless bins were asked for.
+    power_by_angle
+        (bins,) power in equal bins of the angle of incidence from −90 to 90 degrees, positive where light runs towards
+        the interface's end; empty unless bins were asked for.
     """
 
     power: float
-    u: float
+    u_power: float
     rays: int
-    by_source: tuple[float, ...] = ()
+    power_by_source: tuple[float, ...] = ()
     optical_path_mm: float = math.nan
-    position: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 0)), repr=False, compare=False)
-    angle: NDArray[np.float64] = field(default_factory=lambda: np.empty(0), repr=False, compare=False)
+    power_by_position: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    power_by_angle: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass(frozen=True)
-class Crossed:
-    """Reading of a monitor: net power towards its left, crossings, and net power per bin from start to end."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Crossed(Result):
+    """Reading of a monitor: net power towards its left, crossings, and net power per bin (N,) from start to end."""
 
     power: float
-    u: float
+    u_power: float
     rays: int
-    map: NDArray[np.float64] = field(compare=False)
+    power_by_bin: FloatArray
 
 
-@dataclass(frozen=True)
-class Path:
-    """Way of one branch: its corners (N, 2) in mm, the interfaces met, its power at the start and its fate.
+@dataclass(frozen=True, eq=False, repr=False)
+class Path(Result):
+    """Path of one branch: its corners (N, 2), the interfaces met by number, its power at the start and its fate.
 
     ``parent`` is the branch of the same ray that it was split off, −1 for the launched ray itself.
-
     ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
     """
 
     ray: int
     branch: int
     parent: int
-    points: NDArray[np.float64]
+    points_mm: FloatArray
     interfaces: tuple[int, ...]
     power: float
     fate: str
     exit_direction: Point | None = None
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trace(Result):
     """Result of tracing a scene.
 
     ``method`` says how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
-    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at`` says where the first
-    of them were. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
+    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` holds the places of
+    the first of them. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
     not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
     largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
     extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
@@ -165,24 +175,29 @@ class Trace:
     ledger: Ledger
     hits: int
     undefined: int
-    undefined_at: tuple[Point, ...] = ()
+    undefined_at_mm: tuple[Point, ...] = ()
     truncated: int = 0
-    truncated_at: tuple[Point, ...] = ()
+    truncated_at_mm: tuple[Point, ...] = ()
     pieces: int = 0
     reached: bool = True
     why: str = ""
     single_error: float | None = None
     missed: float = 0.0
     leaked: float = 0.0
-    legs: NDArray[np.void] | None = field(default=None, repr=False, compare=False)
+    legs: NDArray[np.void] | None = field(default=None, metadata=HIDDEN)
 
-    @property
-    def u(self) -> float:
-        """Largest ``u`` of any receiver; without one 0, or 1 where an integration has not reached its tolerance."""
-        return max((reading.u for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
+    @reported
+    def simulated(self) -> bool:
+        """Always: nothing here is measured."""
+        return True
+
+    @reported
+    def u_power(self) -> float:
+        """Largest ``u_power`` of any receiver; without one 0, or 1 where an integration missed its tolerance."""
+        return max((reading.u_power for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:
-        """Ways of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
+        """Paths of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
         if self.legs is None or len(self.legs) == 0:
             return []
         new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)
@@ -211,7 +226,7 @@ def _path(legs: NDArray[np.void]) -> Path:
         ray=int(last["ray"]),
         branch=int(last["branch"]),
         parent=int(last["parent"]),
-        points=corners,
+        points_mm=corners,
         interfaces=tuple(int(i) for i in legs["interface"] if i >= 0),
         power=float(legs[0]["power_s"] + legs[0]["power_p"]),
         fate=FATES[int(last["fate"])],

@@ -88,7 +88,9 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
     ends = np.cumsum([monitor.bins for monitor in scene.monitors], dtype=int)[:-1]
     maps = np.split(total.maps / emitted, ends) if scene.monitors else []
     u_detected, u_crossed = (_uncertainty(job, totals, rays, name) for name in ("detected", "crossed"))
-    undefined_at, truncated_at = (tuple((float(x), float(z)) for x, z in at if not math.isnan(x)) for at in total.place)
+    undefined_at_mm, truncated_at_mm = (
+        tuple((float(x), float(z)) for x, z in at if not math.isnan(x)) for at in total.place
+    )
     return Trace(
         mode=job.mode,
         method=job.sampling,
@@ -96,12 +98,12 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
         detectors={
             name: Detected(
                 power=float(total.detected[i] / emitted),
-                u=float(u_detected[i]),
+                u_power=float(u_detected[i]),
                 rays=int(total.arrived[i]),
-                by_source=tuple(float(sums.detected[i] / emitted) for sums in of_source),
+                power_by_source=tuple(float(sums.detected[i] / emitted) for sums in of_source),
                 optical_path_mm=float(total.optical[i] / total.detected[i]) if total.detected[i] > 0.0 else math.nan,
-                position=_positions(job, name, total),
-                angle=total.angle[i] / emitted,
+                power_by_position=_positions(job, name, total),
+                power_by_angle=total.angle[i] / emitted,
             )
             for i, name in enumerate(scene.receivers)
         },
@@ -114,9 +116,9 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
         ledger=Ledger(*(float(total.fate[fate] / emitted) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
         hits=int(total.counts[loop.HITS]),
         undefined=int(total.counts[loop.UNDEFINED]),
-        undefined_at=undefined_at,
+        undefined_at_mm=undefined_at_mm,
         truncated=int(total.counts[loop.CUT]),
-        truncated_at=truncated_at,
+        truncated_at_mm=truncated_at_mm,
         missed=float(total.fate[loop.MISSED] / emitted),
         leaked=float(total.fate[loop.LEAKED] / emitted),
         legs=legs,

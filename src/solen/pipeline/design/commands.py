@@ -147,7 +147,7 @@ def convergence_of(
         "reference": {
             "method": reference.method,
             "rays": reference.rays,
-            "u": number(reference.u),
+            "u": number(reference.u_power),
             "detectors": {name: reference.detectors[name].power for name in sorted(reference.detectors)},
         },
         "series": [_series(series) for series in found.series],
@@ -250,14 +250,14 @@ def _series(series: Series) -> dict[str, Any]:
         "method": series.method,
         "rays": series.rays.tolist(),
         "error": [number(value) for value in series.error],
-        "u": [number(value) for value in series.u],
+        "u": [number(value) for value in series.u_power],
     }
 
 
 def _sensitivity(row: Sensitivity) -> dict[str, Any]:
     slopes: dict[str, Slope] = {"right": row.right, "left": row.left, "contrast": row.contrast}
     values = {name: number(slope.value) for name, slope in slopes.items()}
-    uncertainties = {f"u_{name}": number(slope.u) for name, slope in slopes.items()}
+    uncertainties = {f"u_{name}": number(slope.u_value) for name, slope in slopes.items()}
     return {"key": row.key, "value": row.value, **values, **uncertainties, "why": row.why or None}
 
 

@@ -177,12 +177,12 @@ def _units(imported: rayoptics.Imported | None) -> dict[str, str]:
 
 def _monitor(monitor: Monitor, crossed: Crossed) -> dict[str, Any]:
     """Power as a share of what was emitted; a map in shares per mm, by the start of each bin."""
-    found: dict[str, Any] = {"power": crossed.power, "u": number(crossed.u), "rays": crossed.rays}
+    found: dict[str, Any] = {"power": crossed.power, "u": number(crossed.u_power), "rays": crossed.rays}
     if monitor.bins:
         step_mm = monitor.segment.length_mm / monitor.bins
         found["map"] = {
             "position": [i * step_mm for i in range(monitor.bins)],
-            "irradiance": [float(power) / step_mm for power in crossed.map],
+            "irradiance": [float(power) / step_mm for power in crossed.power_by_bin],
         }
     return found
 
@@ -192,7 +192,7 @@ def _imported(imported: rayoptics.Imported, result: Trace) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for detector, (name, reading) in zip(imported.detectors, imported.readings(result.monitors).items(), strict=True):
         crossed = [result.monitors[monitor.name] for monitor in detector.monitors]
-        u = number(sum(one.u for one in crossed) * imported.scene.emitted)
+        u = number(sum(one.u_power for one in crossed) * imported.scene.emitted)
         found[name] = {"power": reading.power, "u": u, "rays": sum(one.rays for one in crossed)}
         if reading.position is not None and reading.irradiance is not None:
             maps = {"position": reading.position.tolist(), "irradiance": reading.irradiance.tolist()}

@@ -138,12 +138,12 @@ def convergence_figure(found: Convergence) -> Figure:
         for series in found.series:
             name, colour, marker = METHODS[series.method]
             axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
-            nil = int(np.sum(series.u == 0.0))
-            told = f"{name}: stated u" + (f" ({nil} of {len(series.u)} are 0)" if nil else "")
-            axes.plot(series.rays, _positive(series.u), "--", color=colour, lw=1.2, label=told)
+            nil = int(np.sum(series.u_power == 0.0))
+            told = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
+            axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=told)
         reference = found.reference
-        if reference.u > 0.0:
-            axes.axhline(reference.u, color=LOST, lw=1.2, ls=":", label="reference: stated u")
+        if reference.u_power > 0.0:
+            axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
         name = METHODS[reference.method][0]
         axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
         axes.set_title(f"mode {found.mode}; errors against {name} with {reference.rays:,} rays", fontsize=9)
@@ -206,7 +206,7 @@ def scene_figure(scene: Scene, trace: Trace, unit: str = "mm") -> Figure:
 
 def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Least and greatest x and z of starts of rays, of monitors and of curves that are no endless edges."""
-    found = [path.points[:1] for path in paths if path.parent < 0]
+    found = [path.points_mm[:1] for path in paths if path.parent < 0]
     found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
     curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]
     sizes = [float(np.ptp(points, axis=0).max()) for points in curves]
@@ -311,6 +311,6 @@ def _colour(scene: Scene, path: Path) -> str:
 
 def _drawn(path: Path, beyond_mm: float) -> NDArray[np.float64]:
     if path.exit_direction is None:
-        return path.points
-    x, z = path.points[-1]
-    return np.vstack([path.points, along((float(x), float(z)), path.exit_direction, beyond_mm)])
+        return path.points_mm
+    x, z = path.points_mm[-1]
+    return np.vstack([path.points_mm, along((float(x), float(z)), path.exit_direction, beyond_mm)])

@@ -170,9 +170,9 @@ def trace_numbers(result: Trace, in_space: bool = False) -> dict[str, Any]:
         **of_space,
         "hits": result.hits,
         "undefined": result.undefined,
-        "undefined_at_mm": [list(place) for place in result.undefined_at],
+        "undefined_at_mm": [list(place) for place in result.undefined_at_mm],
         "truncated": result.truncated,
-        "truncated_at_mm": [list(place) for place in result.truncated_at],
+        "truncated_at_mm": [list(place) for place in result.truncated_at_mm],
         "single_error": result.single_error,
         "pieces": result.pieces,
         "reached": result.reached,
@@ -184,15 +184,15 @@ def detected_numbers(reading: Detected, faces: Sequence[str]) -> dict[str, Any]:
     """Reading of a receiver, with its histograms by face where there are any."""
     found: dict[str, Any] = {
         "power": reading.power,
-        "u": number(reading.u),
+        "u": number(reading.u_power),
         "rays": reading.rays,
         "optical_path_mm": number(reading.optical_path_mm),
     }
-    if len(reading.by_source) > 1:
-        found["by_source"] = list(reading.by_source)
-    if reading.angle.size:
-        found["position"] = {face: row.tolist() for face, row in zip(faces, reading.position, strict=True)}
-        found["angle"] = reading.angle.tolist()
+    if len(reading.power_by_source) > 1:
+        found["by_source"] = list(reading.power_by_source)
+    if reading.power_by_angle.size:
+        found["position"] = {face: row.tolist() for face, row in zip(faces, reading.power_by_position, strict=True)}
+        found["angle"] = reading.power_by_angle.tolist()
     return found
 
 
@@ -205,7 +205,7 @@ def way_numbers(way: Path, faces: list[str]) -> dict[str, Any]:
         "fate": way.fate,
         "power": way.power,
         "faces": [faces[i] for i in way.interfaces],
-        "points_mm": way.points.tolist(),
+        "points_mm": way.points_mm.tolist(),
         "exit_direction": None if way.exit_direction is None else list(way.exit_direction),
     }
 

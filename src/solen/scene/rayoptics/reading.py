@@ -67,7 +67,7 @@ class Counted(Protocol):
         """Net power, as a share of the emitted power."""
 
     @property
-    def map(self) -> NDArray[np.float64]:
+    def power_by_bin(self) -> NDArray[np.float64]:
         """The same by bins."""
 
 
@@ -95,7 +95,7 @@ class Detector:
         power = emitted * math.fsum(one.power for one in found)
         if not self.bins:
             return Reading(power)
-        parts = [one.map if len(one.map) else np.array([one.power]) for one in found]
+        parts = [one.power_by_bin if len(one.power_by_bin) else np.array([one.power]) for one in found]
         values = np.zeros(self.bins)
         joined = np.concatenate(parts)
         values[: len(joined)] = joined
