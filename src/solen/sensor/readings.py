@@ -65,7 +65,9 @@ class Acceptance:
         window_deg = np.degrees(np.arcsin(np.clip(sine * self.index, -1.0, 1.0)))
         emitter_alone = replace(scene, sources=scene.sources[:1])
         detectors = trace(emitter_alone, "power", angle_bins=ANGLE_BINS).detectors
-        return np.array([float(angular_factor(self.exponent, window_deg, detectors[side].angle)) for side in SIDES])
+        return np.array(
+            [float(angular_factor(self.exponent, window_deg, detectors[side].power_by_angle)) for side in SIDES]
+        )
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:

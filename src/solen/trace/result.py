@@ -159,8 +159,8 @@ class Trace(Result):
     """Result of tracing a scene.
 
     ``method`` says how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
-    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` holds the places of
-    the first of them. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
+    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` holds the first of
+    their places. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
     not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
     largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
     extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
