@@ -20,9 +20,9 @@ def main() -> dict[str, float]:
     table = read(DISCS)
     dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
     curve = working_curve(dose, table.need("thickness").to("um"))
-    low, high = curve.Dp_interval95
+    low, high = curve.interval95_Dp_um
     print(f"Dp {curve.Dp_um:.1f} µm ({low:.1f} to {high:.1f}, 95 %)")
-    ends = curve.Ec_interval95 or (0.0, np.inf)
+    ends = curve.interval95_Ec_mJ_per_cm2 or (0.0, np.inf)
     print(f"Ec {curve.Ec_mJ_per_cm2:.2f} mJ/cm² ({ends[0]:.2f} to {ends[1]:.2f}, 95 %)")
     print("left out:", ", ".join(f"row {one.disc.row}, {one.reason}" for one in curve.left_out))
 
@@ -31,8 +31,10 @@ def main() -> dict[str, float]:
 
     seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
     stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)
-    print(f"one layer on its own receives {stack.single_layer_mean:.1f} mJ/cm² on average,")
-    print(f"a layer inside the part {stack.layer_mean[50]:.1f}: {stack.ratio:.2f} times as much")
+    print(f"one layer on its own receives {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm² on average,")
+    print(
+        f"a layer inside the part {stack.layer_mean_mJ_per_cm2[50]:.1f}: {stack.interior_over_single_layer:.2f} times as much"
+    )
 
     for depth_um in (50.0, 100.0, 200.0):
         print(f"with Dp = {depth_um:.0f} µm the paper's statements allow Ec up to {largest_Ec(depth_um):.2f} mJ/cm²")
@@ -40,8 +42,8 @@ def main() -> dict[str, float]:
         "Dp_um": curve.Dp_um,
         "Ec_mJ_per_cm2": curve.Ec_mJ_per_cm2,
         "at_3_s_um": at_3_s,
-        "inside_mJ_per_cm2": float(stack.layer_mean[50]),
-        "alone_mJ_per_cm2": stack.single_layer_mean,
+        "inside_mJ_per_cm2": float(stack.layer_mean_mJ_per_cm2[50]),
+        "alone_mJ_per_cm2": stack.single_layer_mean_mJ_per_cm2,
         "largest_Ec_mJ_per_cm2": largest_Ec(curve.Dp_um),
     }
 

@@ -34,8 +34,12 @@ _SHOWN_ENTRIES = 4  # of a long list in a repr
 _SHOWN_FIELDS = 14
 
 
-class reported(property):  # noqa: N801  used as a decorator, as `property` is
-    """A property that JSON, tables and reprs hold beside the fields."""
+if typing.TYPE_CHECKING:
+    reported = property  # type checkers infer types through a plain property only
+else:
+
+    class reported(property):  # noqa: N801  used as a decorator, as `property` is
+        """A property that JSON, tables and reprs hold beside the fields."""
 
 
 class Result:

@@ -42,7 +42,8 @@ CURE: dict[str, Any] = {
     "Dp_um": 181.0,
     "Ec_mJ_per_cm2": 12.0,
     "covariance": [[9.0, 1.0], [1.0, 0.25]],
-    "interval95": {"Dp_um": [175.0, 187.0], "Ec_mJ_per_cm2": [11.0, 13.0]},
+    "interval95_Dp_um": [175.0, 187.0],
+    "interval95_Ec_mJ_per_cm2": [11.0, 13.0],
 }
 STIFFNESS: dict[str, Any] = {
     "kind": "stiffness",

@@ -28,8 +28,8 @@ def law(name: str, depth: FloatArray) -> FloatArray:
 
 
 def holds(found: WorkingCurve) -> tuple[bool, bool]:
-    low, high = found.Dp_interval95
-    ends = found.Ec_interval95
+    low, high = found.interval95_Dp_um
+    ends = found.interval95_Ec_mJ_per_cm2
     return low <= DP <= high, ends is None or ends[0] <= EC <= ends[1]
 
 
@@ -47,7 +47,7 @@ def test_exact_points_give_their_curve() -> None:
     assert found.Dp_um == pytest.approx(DP, rel=1e-12)
     assert found.Ec_mJ_per_cm2 == pytest.approx(EC, rel=1e-12)
     assert found.left_out == ()
-    assert found.Dp_interval95 == pytest.approx((DP, DP), rel=1e-6)
+    assert found.interval95_Dp_um == pytest.approx((DP, DP), rel=1e-6)
     assert found.depth_um([EC, 39.0]) == pytest.approx([0.0, DP * math.log(39.0 / EC)], abs=1e-9)
     assert found.dose_mJ_per_cm2(200.0) == pytest.approx(EC * math.exp(200.0 / DP), rel=1e-12)
 
@@ -98,7 +98,7 @@ def test_scatter_is_found() -> None:
     for power, sd in ((1.0, 0.05 * depth), (0.0, np.full(144, 5.0))):
         found = working_curve(dose, depth + sd * rng.normal(size=144))
         assert found.scatter_exponent == power
-        assert found.scatter_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
+        assert found.sd_thickness_um == pytest.approx(np.mean(depth) * 0.05 if power else 5.0, rel=0.25)
         assert found.disc_sigma_um(300.0) == pytest.approx(15.0 if power else 5.0, rel=0.25)
 
 
@@ -136,8 +136,8 @@ def test_an_interval_of_dose_is_all_doses_at_which_the_curve_may_be_that_deep() 
 
 def test_a_slope_that_may_be_nothing_leaves_no_interval_of_dose() -> None:
     found = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
-    assert found.Ec_interval95 is None
-    assert found.Dp_interval95[0] < 0.0
+    assert found.interval95_Ec_mJ_per_cm2 is None
+    assert found.interval95_Dp_um[0] < 0.0
     assert any("no interval" in told for told in cautions(found))
 
 

@@ -14,7 +14,6 @@ from solen.material.cure.exposure import trend
 from solen.material.cure.layers import (
     cure_depth_um,
     dose_below,
-    dose_for_depth,
     stack_dose,
     stack_print_through_um,
 )
@@ -51,32 +50,35 @@ def test_the_mean_of_a_layer_is_an_integral() -> None:
     for number in (0, 2, 5, 11):
         span = (number * 25.0 + 1e-9, (number + 1) * 25.0 - 1e-9)
         integral = quad(lambda z: float(stack.at(z)), *span)[0] / 25.0
-        assert stack.layer_mean[number] == pytest.approx(integral, rel=1e-7)
+        assert stack.layer_mean_mJ_per_cm2[number] == pytest.approx(integral, rel=1e-7)
 
 
 def test_deep_inside_the_series_is_geometric() -> None:
     """26 mJ/cm² in layers of 25 µm at Dp = 100 µm: four times as much as at the window, 4.5 times one layer's."""
     stack = stack_dose(100.0, 25.0, [26.0] * 400)
-    assert stack.interior_mean == pytest.approx(104.0)
-    assert stack.layer_mean[10] == pytest.approx(stack.interior_mean, rel=1e-12)
+    assert stack.interior_mean_mJ_per_cm2 == pytest.approx(104.0)
+    assert stack.layer_mean_mJ_per_cm2[10] == pytest.approx(stack.interior_mean_mJ_per_cm2, rel=1e-12)
     later = 26.0 / math.expm1(25.0 / 100.0)
-    assert stack.window_side[10] == pytest.approx(26.0 + later, rel=1e-12)
-    assert stack.interior_range == pytest.approx((later, 26.0 + later), rel=1e-12)
-    assert stack.single_layer_mean == pytest.approx(stack.layer_mean[-1], rel=1e-12)
-    assert stack.ratio == pytest.approx(1.0 / (1.0 - math.exp(-0.25)), rel=1e-12)
-    settled = stack.layers_to_settle
-    assert stack.layer_mean[-1 - settled] >= 0.99 * stack.interior_mean > stack.layer_mean[-settled]
+    assert stack.window_side_mJ_per_cm2[10] == pytest.approx(26.0 + later, rel=1e-12)
+    assert stack.interior_range_mJ_per_cm2 == pytest.approx((later, 26.0 + later), rel=1e-12)
+    assert stack.single_layer_mean_mJ_per_cm2 == pytest.approx(stack.layer_mean_mJ_per_cm2[-1], rel=1e-12)
+    assert stack.interior_over_single_layer == pytest.approx(1.0 / (1.0 - math.exp(-0.25)), rel=1e-12)
+    settled = stack.layers_to_99_percent
+    assert (
+        stack.layer_mean_mJ_per_cm2[-1 - settled]
+        >= 0.99 * stack.interior_mean_mJ_per_cm2
+        > stack.layer_mean_mJ_per_cm2[-settled]
+    )
 
 
 def test_a_layer_that_lets_nothing_through_is_on_its_own() -> None:
     stack = stack_dose(10.0, 1000.0, [26.0] * 5)
-    assert stack.ratio == pytest.approx(1.0, abs=1e-12)
-    assert stack.layer_mean == pytest.approx(np.full(5, 0.26), rel=1e-12)
+    assert stack.interior_over_single_layer == pytest.approx(1.0, abs=1e-12)
+    assert stack.layer_mean_mJ_per_cm2 == pytest.approx(np.full(5, 0.26), rel=1e-12)
 
 
 def test_depth_dose_and_print_through_agree() -> None:
     assert float(cure_depth_um(39.0, 110.0, 6.0)) == pytest.approx(110.0 * math.log(6.5))
-    assert float(dose_for_depth(cure_depth_um(39.0, 110.0, 6.0), 110.0, 6.0)) == pytest.approx(39.0)
     depth = float(cure_depth_um(39.0, 110.0, 6.0))
     assert float(dose_below(39.0, depth, 110.0)) == pytest.approx(6.0)  # where it sets no more, Ec is left
     many = stack_print_through_um(26.0, 25.0, 110.0, 6.0)

@@ -181,7 +181,8 @@ def test_a_working_curve_is_kept() -> None:
         Dp_um=181.0,
         Ec_mJ_per_cm2=12.0,
         covariance=[[9.0, 1.0], [1.0, 0.25]],
-        interval95={"Dp_um": [175.0, 187.0], "Ec_mJ_per_cm2": [11.0, 13.0]},
+        interval95_Dp_um=[175.0, 187.0],
+        interval95_Ec_mJ_per_cm2=[11.0, 13.0],
         wavelength_nm=385.0,
         irradiance_mW_per_cm2=13.0,
     ).as_table(405.0)
@@ -197,7 +198,7 @@ def test_a_working_curve_is_kept() -> None:
         ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "cure.covariance = -1.0; must have no negative eigenvalue"),
         ({"covariance": [[-1.0, 0.0], [0.0, 1.0]]}, "cure.covariance = -1.0; must have variances of at least 0"),
         ({"covariance": [[1.0, 0.5], [0.1, 1.0]]}, "cure.covariance"),
-        ({"interval95": {"Dp_um": [1.0]}}, "interval95.Dp_um"),
+        ({"interval95_Dp_um": [1.0]}, "interval95_Dp_um"),
         ({"Ec_mJ_per_cm2": None}, "Ec_mJ_per_cm2; must be a number"),
     ],
 )
@@ -251,7 +252,7 @@ ANYTHING = st.recursive(
 GOOD: dict[str, dict[str, Any]] = {
     "index": spectrum([1.52, 1.51, None, 1.50], fit=None, warnings=[], sources=[{"file": "a.csv"}]),
     "cutback": CUTBACK | {"by_orientation": [{"orientation": "flat", "loss_dB_per_cm": 1.0}]},
-    "cure": {"Dp_um": 181.0, "Ec_mJ_per_cm2": 12.0, "covariance": [[9.0, 1.0], [1.0, 0.25]], "interval95": {}},
+    "cure": {"Dp_um": 181.0, "Ec_mJ_per_cm2": 12.0, "covariance": [[9.0, 1.0], [1.0, 0.25]]},
     "stiffness": MODULUS | {"groups": [], "label": "a", "specimens": [{"file": "a.csv"}]},
 }
 

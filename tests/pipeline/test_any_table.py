@@ -7,7 +7,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from solen.errors import SolenError
-from solen.pipeline.resin.cure import Print, cure
+from solen.material.cure import CureOptions
+from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.cutback import cutback
 from solen.pipeline.resin.exposures import exposures
 from solen.pipeline.resin.penetration import Lamp, penetration
@@ -23,6 +24,9 @@ NAMES = st.sampled_from(["a", "b", "c", ""])
 def kept(path: Path, header: str, rows: list[tuple[str, ...]]) -> Path:
     path.write_text("\n".join([header, *(",".join(row) for row in rows)]) + "\n", encoding="utf-8")
     return path
+
+
+DISCS = CureOptions(irradiance_mW_per_cm2=13.0, layer_um=25.0, exposure_s=2.0)
 
 
 def is_sound(found: dict[str, object]) -> None:
@@ -49,7 +53,7 @@ def test_any_table_of_guides(tmp_path: Path, rows: list[tuple[str, ...]]) -> Non
 def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "discs.csv", "dose_mJ_per_cm2,thickness_um,disc", rows)
     try:
-        is_sound(cure(path, how=Print(13.0, 25.0, 2.0), figure=tmp_path / "discs.svg"))
+        is_sound(cure(path, DISCS, figure=tmp_path / "discs.svg").to_dict())
     except SolenError as refusal:
         one_line(refusal)
 

@@ -10,8 +10,8 @@ import pytest
 
 from solen.cli import run_command
 from solen.errors import DataError, SolenError, SpecError
+from solen.material.cure import CureOptions, curve_of_discs
 from solen.material.loss import CutbackOptions, guide_loss
-from solen.pipeline.resin.cure import Print, cure
 from solen.pipeline.resin.exposures import exposures
 from solen.pipeline.resin.penetration import Lamp, penetration
 from solen.recording import read
@@ -152,22 +152,27 @@ def test_a_loss_that_is_none_has_no_absorption(tmp_path: Path) -> None:
 
 
 def test_cure_of_a_file(tmp_path: Path) -> None:
-    found = cure(discs(tmp_path / "discs.csv"), how=Print(13.0, 25.0, 2.0, burn_in_layers=6, burn_in_s=3.0))
-    assert set(found) >= {"Dp_um", "Ec_mJ_per_cm2", "interval95", "covariance", "sources", "warnings"}
-    low, high = found["interval95"]["Dp_um"]
+    printed = CureOptions(irradiance_mW_per_cm2=13.0, layer_um=25.0, exposure_s=2.0, burn_in_layers=6, burn_in_s=3.0)
+    found = curve_of_discs(read(discs(tmp_path / "discs.csv")), printed)
+    low, high = found.interval95_Dp_um
     assert low < DP < high
-    low, high = found["interval95"]["Ec_mJ_per_cm2"]
+    assert found.interval95_Ec_mJ_per_cm2 is not None
+    low, high = found.interval95_Ec_mJ_per_cm2
     assert low < EC < high
-    layer, stack = found["layer"], found["stack"]
-    assert layer["dose_mJ_per_cm2"] == 26.0
-    assert layer["cure_depth_um"] == pytest.approx(DP * math.log(26.0 / EC), rel=0.05)
-    assert layer["needed_s"] == pytest.approx(found["Ec_mJ_per_cm2"] * math.exp(50.0 / found["Dp_um"]) / 13.0)
-    assert layer["print_through_um"] == pytest.approx(layer["cure_depth_um"] - 25.0)
-    assert layer["dose_below_mJ_per_cm2"] == pytest.approx(26.0 * math.exp(-25.0 / found["Dp_um"]))
-    assert stack["interior_mean_mJ_per_cm2"] == pytest.approx(26.0 * found["Dp_um"] / 25.0)
-    assert stack["interior_over_single_layer"] == pytest.approx(1.0 / (1.0 - math.exp(-25.0 / found["Dp_um"])))
-    assert len(stack["layer_mean_mJ_per_cm2"]) == stack["layers"]
-    assert stack["layer_mean_mJ_per_cm2"][0] > stack["interior_mean_mJ_per_cm2"]  # burnt in
+    need, layer, stack = found.layer, found.exposure, found.stack
+    assert need is not None
+    assert layer is not None
+    assert stack is not None
+    assert layer.dose_mJ_per_cm2 == 26.0
+    assert layer.cure_depth_um == pytest.approx(DP * math.log(26.0 / EC), rel=0.05)
+    assert need.needed_s == pytest.approx(found.Ec_mJ_per_cm2 * math.exp(50.0 / found.Dp_um) / 13.0)
+    assert layer.print_through_um == pytest.approx(layer.cure_depth_um - 25.0)
+    assert layer.dose_below_mJ_per_cm2 == pytest.approx(26.0 * math.exp(-25.0 / found.Dp_um))
+    assert stack.interior_mean_mJ_per_cm2 == pytest.approx(26.0 * found.Dp_um / 25.0)
+    assert stack.interior_over_single_layer == pytest.approx(1.0 / (1.0 - math.exp(-25.0 / found.Dp_um)))
+    assert len(stack.layer_mean_mJ_per_cm2) == len(stack.exposures_mJ_per_cm2)
+    assert found.simulated
+    assert stack.layer_mean_mJ_per_cm2[0] > stack.interior_mean_mJ_per_cm2  # burnt in
 
 
 @pytest.mark.parametrize(
@@ -182,7 +187,7 @@ def test_cure_of_a_file(tmp_path: Path) -> None:
 def test_columns_of_dose_or_time_in_any_unit(
     tmp_path: Path, header: str, rate: float, irradiance: float | None
 ) -> None:
-    first = cure(discs(tmp_path / "discs.csv"), how=Print(13.0))
+    first = curve_of_discs(read(discs(tmp_path / "discs.csv")), CureOptions(irradiance_mW_per_cm2=13.0))
     discs(tmp_path / "other.csv", header, rate)
     text = (tmp_path / "other.csv").read_text(encoding="utf-8")
     if ";" in header:
@@ -190,31 +195,32 @@ def test_columns_of_dose_or_time_in_any_unit(
         cells = [row.split(",") for row in rows]
         text = "\n".join([head, *(f"{e};{float(d) / 1000:.6f};{r}".replace(".", ",") for e, d, r in cells)]) + "\n"
         write(tmp_path / "other.csv", text)
-    found = cure(tmp_path / "other.csv", how=Print(irradiance))
-    assert found["Dp_um"] == pytest.approx(first["Dp_um"], rel=1e-4)
-    assert found["Ec_mJ_per_cm2"] == pytest.approx(first["Ec_mJ_per_cm2"], rel=1e-4)
+    found = curve_of_discs(read(tmp_path / "other.csv"), CureOptions(irradiance_mW_per_cm2=irradiance))
+    assert found.Dp_um == pytest.approx(first.Dp_um, rel=1e-4)
+    assert found.Ec_mJ_per_cm2 == pytest.approx(first.Ec_mJ_per_cm2, rel=1e-4)
 
 
 def test_readings_of_one_disc_are_not_discs(tmp_path: Path) -> None:
+    at_13 = CureOptions(irradiance_mW_per_cm2=13.0)
     rows = (discs(tmp_path / "discs.csv")).read_text(encoding="utf-8").splitlines()[2:]
     cells = [row.split(",") for row in rows]
     text = ["exposure_s,thickness_um,disc"]
     for number, (seconds, thick, _) in enumerate(cells):
         text += [f"{seconds},{float(thick) + off:.2f},{number}" for off in (-1.0, 0.0, 1.0)]
-    found = cure(write(tmp_path / "often.csv", "\n".join(text) + "\n"), how=Print(13.0))
-    once = cure(tmp_path / "discs.csv", how=Print(13.0))
-    assert found["discs"] == once["discs"] == 24
-    assert found["u_Dp_um"] == pytest.approx(once["u_Dp_um"], rel=1e-6)
-    assert any("72 rows are readings of 24 discs" in told for told in found["warnings"])
+    found = curve_of_discs(read(write(tmp_path / "often.csv", "\n".join(text) + "\n")), at_13)
+    once = curve_of_discs(read(tmp_path / "discs.csv"), CureOptions(irradiance_mW_per_cm2=13.0))
+    assert found.discs == once.discs == 24
+    assert found.u_Dp_um == pytest.approx(once.u_Dp_um, rel=1e-6)
+    assert any("72 rows are readings of 24 discs" in told for told in found.warnings)
     named = ["exposure_s,thickness_um,sample,replicate", *(f"{row[0]},{row[1]},ma-PU,{row[2]}" for row in cells)]
-    assert cure(write(tmp_path / "named.csv", "\n".join(named) + "\n"), how=Print(13.0))["discs"] == 24
+    assert curve_of_discs(read(write(tmp_path / "named.csv", "\n".join(named) + "\n")), at_13).discs == 24
 
 
 def test_an_irradiance_of_each_disc_makes_its_dose(tmp_path: Path) -> None:
     text = "exposure_s,irradiance_mW_per_cm2,thickness_um\n1,10,50\n2,10,120\n1,40,190\n4,20,260\n"
-    found = cure(write(tmp_path / "two.csv", text))
-    assert found["dose_range_mJ_per_cm2"] == [10.0, 80.0]
-    assert found["Dp_um"] == pytest.approx(70.0 / math.log(2.0), rel=0.02)
+    found = curve_of_discs(read(write(tmp_path / "two.csv", text)))
+    assert found.dose_range_mJ_per_cm2 == (10.0, 80.0)
+    assert found.Dp_um == pytest.approx(70.0 / math.log(2.0), rel=0.02)
 
 
 @pytest.mark.parametrize(
@@ -225,7 +231,11 @@ def test_an_irradiance_of_each_disc_makes_its_dose(tmp_path: Path) -> None:
         ("energy_mJ_per_cm2,size\n1,20\n2,30\n", {}, "has no column thickness"),
         ("height_mm,thickness_um\n1,20\n2,30\n", {}, "has no column dose"),
         ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n", {}, "needs 3 discs"),
-        ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"layer_um": -1.0}, "--layer-um = -1.0; must be above 0"),
+        (
+            "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
+            {"layer_um": -1.0},
+            "layer_um = -1.0; must be greater than 0",
+        ),
         ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n", {"exposure_s": 2.0}, "--layer-um"),
         (
             "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
@@ -235,34 +245,34 @@ def test_an_irradiance_of_each_disc_makes_its_dose(tmp_path: Path) -> None:
         (
             "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
             {"burn_in_layers": 2},
-            "--burn-in-layers; needs --exposure-s",
+            "burn_in_layers; needs --exposure-s",
         ),
         (
             "dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n3,1\n",
             {"irradiance_mW_per_cm2": 13.0, "exposure_s": 2.0, "layer_um": 25.0, "burn_in_s": 2.0},
-            "--burn-in-layers",
+            "burn_in_layers",
         ),
     ],
 )
 def test_cure_refuses_what_gives_no_curve(tmp_path: Path, text: str, how: dict[str, Any], told: str) -> None:
     with pytest.raises(SolenError, match=told):
-        cure(write(tmp_path / "bad.csv", text), how=Print(**how))
+        curve_of_discs(read(write(tmp_path / "bad.csv", text)), CureOptions(**how))
 
 
-def test_cure_refuses_options_that_mean_nothing(tmp_path: Path) -> None:
-    path = discs(tmp_path / "discs.csv")
-    with pytest.raises(SpecError, match="--scatter = 'some'"):
-        cure(path, how=Print(13.0), scatter="some")
-    with pytest.raises(SpecError, match="--min-thickness-um"):
-        cure(path, how=Print(13.0), min_thickness_um=-1.0)
+def test_cure_refuses_options_that_mean_nothing() -> None:
+    with pytest.raises(SpecError, match="scatter = 'some'"):
+        CureOptions(scatter="some")
+    with pytest.raises(SpecError, match="min_thickness_um"):
+        CureOptions(min_thickness_um=-1.0)
 
 
 def test_an_exposure_beyond_the_discs_is_said(tmp_path: Path) -> None:
-    path = discs(tmp_path / "discs.csv")
-    told = cure(path, how=Print(13.0, 25.0, 20.0))["warnings"]
+    recording = read(discs(tmp_path / "discs.csv"))
+    long = CureOptions(irradiance_mW_per_cm2=13.0, layer_um=25.0, exposure_s=20.0)
+    told = curve_of_discs(recording, long).warnings
     assert any("260 mJ/cm² lies outside the discs' 7.8 to 91 mJ/cm²" in sentence for sentence in told)
-    told = cure(path, how=Print(13.0, 200.0, 2.0))["warnings"]
-    assert any("may not reach the one before" in sentence for sentence in told)
+    thick = CureOptions(irradiance_mW_per_cm2=13.0, layer_um=200.0, exposure_s=2.0)
+    assert any("may not reach the one before" in sentence for sentence in curve_of_discs(recording, thick).warnings)
 
 
 def resin(path: Path, header: str = "wavelength_nm,absorbance") -> Path:

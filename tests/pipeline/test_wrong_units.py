@@ -2,13 +2,14 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from solen.errors import DataError, SpecError
+from solen.material.cure import CureOptions, curve_of_discs
 from solen.material.loss import guide_loss
-from solen.pipeline.resin.cure import Print, cure
 from solen.pipeline.resin.exposures import exposures
 from solen.recording import read
 
@@ -26,10 +27,10 @@ def discs(path: Path, unit_um: float = 1.0) -> Path:
 
 
 def test_thicknesses_in_mm_under_a_header_in_um_are_warned_of(tmp_path: Path) -> None:
-    wrong = cure(discs(tmp_path / "wrong.csv", unit_um=1000.0))
-    assert any("check the unit of the thickness" in one for one in wrong["warnings"])
-    right = cure(discs(tmp_path / "right.csv"))
-    assert not any("check the unit" in one for one in right["warnings"])
+    wrong = curve_of_discs(read(discs(tmp_path / "wrong.csv", unit_um=1000.0)))
+    assert any("check the unit of the thickness" in one for one in wrong.warnings)
+    right = curve_of_discs(read(discs(tmp_path / "right.csv")))
+    assert not any("check the unit" in one for one in right.warnings)
 
 
 def test_swapped_columns_of_a_cut_back_are_warned_of(tmp_path: Path) -> None:
@@ -44,15 +45,15 @@ def test_swapped_columns_of_a_cut_back_are_warned_of(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "told"),
+    ("print_", "told"),
     [
-        (Print(13.0, 50.0, 3.0, layers=100_000_000), "--layers = 100000000; must be at most 100000"),
-        (Print(13.0, 50.0, burn_in_layers=5, burn_in_s=20.0), "--burn-in-layers; needs --exposure-s"),
+        ({"exposure_s": 3.0, "layers": 100_000_000}, "layers = 100000000; must be at most 100000"),
+        ({"burn_in_layers": 5, "burn_in_s": 20.0}, "burn_in_layers; needs --exposure-s"),
     ],
 )
-def test_layers_that_no_print_has(tmp_path: Path, how: Print, told: str) -> None:
+def test_layers_that_no_print_has(print_: dict[str, Any], told: str) -> None:
     with pytest.raises(SpecError, match=told):
-        cure(discs(tmp_path / "discs.csv"), how=how)
+        CureOptions(irradiance_mW_per_cm2=13.0, layer_um=50.0, **print_)
 
 
 def test_spectra_without_exposures_are_told_what_to_have(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ FigureFile = Annotated[Path | None, Parameter(name="--figure", help="Draw the re
 Sheet = Annotated[
     str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only one with numbers.")
 ]
-FLAT = Parameter(name="*", negative=())
+FLAT = Parameter(name="*")
 """Annotation of a command's `Options`: each field is an option of its own, ``Annotated[CutbackOptions, FLAT]``."""
 Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]
 Json = Annotated[bool, Parameter(name="--json", negative=(), show=False)]

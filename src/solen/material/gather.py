@@ -237,13 +237,6 @@ class CutbackResult(_Line):
         )
 
 
-class _CureIntervals(_Result):
-    of: ClassVar[str] = "cure"
-
-    Dp_um: Interval | None = None
-    Ec_mJ_per_cm2: Interval | None = None
-
-
 class CureResult(_Result):
     """Of `solen resin cure`."""
 
@@ -252,7 +245,8 @@ class CureResult(_Result):
     Dp_um: Positive = Field(description="penetration depth in µm.")
     Ec_mJ_per_cm2: Positive = Field(description="critical exposure in mJ/cm².")
     covariance: Covariance | None = None
-    interval95: _CureIntervals = Field(default_factory=_CureIntervals)
+    interval95_Dp_um: Interval | None = None
+    interval95_Ec_mJ_per_cm2: Interval | None = None
     wavelength_nm: Positive | None = None
     irradiance_mW_per_cm2: Positive | None = None
 
@@ -262,8 +256,8 @@ class CureResult(_Result):
             Dp_um=self.Dp_um,
             Ec_mJ_per_cm2=self.Ec_mJ_per_cm2,
             covariance=self.covariance,
-            interval95_Dp_um=self.interval95.Dp_um,
-            interval95_Ec_mJ_per_cm2=self.interval95.Ec_mJ_per_cm2,
+            interval95_Dp_um=self.interval95_Dp_um,
+            interval95_Ec_mJ_per_cm2=self.interval95_Ec_mJ_per_cm2,
             wavelength_nm=wavelength_nm or self.wavelength_nm,
             irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
             warnings=self.remarks,

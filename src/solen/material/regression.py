@@ -16,12 +16,15 @@ import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import fdtrc, stdtr, stdtrit
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray, IndexArray
+
+L = TypeVar("L", bound=Hashable)
 
 FALSE_ALARMS = 0.01
 """How often `bad_points` names a point in data without a bad one."""
@@ -32,7 +35,7 @@ _ALIKE = 1e-6  # least eigenvalue of what two effects have in common, from which
 _EXACT = 1e-10  # residuals below this share of the data are rounding
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Components:
     """Variances estimated one by one: how a covariance grows with each, (k, p, p), and their own covariance, (k, k)."""
 
@@ -46,7 +49,7 @@ class Components:
         return 2.0 * variance**2 / spread if spread > 0.0 else math.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sandwich:
     """A covariance from the residuals.
 
@@ -81,7 +84,7 @@ class Sandwich:
         return float(shares @ (self.each + corrections)) ** 2 / float(squares) if squares > 0.0 else math.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearFit:
     """Result of `fitted`.
 
@@ -192,7 +195,7 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
 
 
 def bad_points(
-    fit: Callable[[NDArray[np.bool_]], LinearFit], points: int, most: int, false_alarms: float = FALSE_ALARMS
+    fit: Callable[[BoolArray], LinearFit], points: int, most: int, false_alarms: float = FALSE_ALARMS
 ) -> dict[int, float]:
     """Points that do not belong to the rest, each with its deletion residual t, the worst first.
 
@@ -244,7 +247,14 @@ def chance(p: float) -> str:
     return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
 
 
-def ranks(labels: Sequence[Hashable]) -> NDArray[np.intp]:
+def group_means(labels: Sequence[L], values: ArrayLike) -> dict[L, float]:
+    """Mean of the values of each label, in the order of first appearance."""
+    number = ranks(labels)
+    means = np.bincount(number, weights=np.asarray(values, float)) / np.bincount(number)
+    return dict(zip(dict.fromkeys(labels), means.tolist(), strict=True))
+
+
+def ranks(labels: Sequence[Hashable]) -> IndexArray:
     """Number of each label, from 0 on, in the order of first appearance."""
     seen: dict[Hashable, int] = {}
     return np.array([seen.setdefault(label, len(seen)) for label in labels], np.intp)

@@ -115,7 +115,7 @@ class Settings(Strict):
     def inside_mJ_per_cm2(self) -> float:
         """Mean dose far inside a part, where all layers are as wide."""
         many = math.ceil(20.0 * self.Dp_um / self.layer_um) + 1
-        return stack_dose(self.Dp_um, self.layer_um, np.full(many, self.dose_mJ_per_cm2)).interior_mean
+        return stack_dose(self.Dp_um, self.layer_um, np.full(many, self.dose_mJ_per_cm2)).interior_mean_mJ_per_cm2
 
     @property
     def edge_um(self) -> float:

@@ -1,19 +1,18 @@
 """Cure: how deep light hardens a resin, and what dose the parts of a print receive.
 
-`solen.material.cure.curve` fits the working curve, `solen.material.cure.layers` says what it means for a print in
-layers, `solen.material.cure.colour` finds the penetration depth from an absorbance, `solen.material.cure.stated` turns
-statements of the kind "200 µm at 39 mJ/cm²" into bounds, `solen.material.cure.exposure` looks at a layer's optics
-against its exposure.
+`curve` fits the working curve, `discs` finds the columns of a table for it and says what it means for a print, `layers`
+adds up the doses in a print, `colour` computes the penetration depth from an absorbance, `stated` turns statements of
+the kind "200 µm at 39 mJ/cm²" into bounds, `exposure` compares the optics of layers by their exposure.
 """
 
 from solen.material.cure.colour import Attenuation, attenuation, penetration_depth_um
 from solen.material.cure.curve import Disc, LackOfFit, LeftOut, WorkingCurve, working_curve
+from solen.material.cure.discs import CureOptions, MeasuredCurve, curve_of_discs
 from solen.material.cure.exposure import Sample, Trend, trend
 from solen.material.cure.layers import (
     StackDose,
     cure_depth_um,
     dose_below,
-    dose_for_depth,
     stack_dose,
     stack_print_through_um,
 )
@@ -22,9 +21,11 @@ from solen.material.cure.stated import PAPER, Statement, binding, largest_Ec
 __all__ = [
     "PAPER",
     "Attenuation",
+    "CureOptions",
     "Disc",
     "LackOfFit",
     "LeftOut",
+    "MeasuredCurve",
     "Sample",
     "StackDose",
     "Statement",
@@ -33,8 +34,8 @@ __all__ = [
     "attenuation",
     "binding",
     "cure_depth_um",
+    "curve_of_discs",
     "dose_below",
-    "dose_for_depth",
     "largest_Ec",
     "penetration_depth_um",
     "stack_dose",

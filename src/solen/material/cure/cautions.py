@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from solen.material.cure.curve import DOUBT, LeftOut, WorkingCurve, means_of
+from solen.material.cure.curve import SIGNIFICANCE, LeftOut, WorkingCurve, means_of
 from solen.material.regression import chance, fitted, t_quantile
 
 _FAR = 3.0  # times the critical dose from which on it is an extrapolation
@@ -51,10 +51,10 @@ def _of_shape(found: WorkingCurve) -> list[str]:
             "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the line "
             "alone; cure three discs at each dose"
         ]
-    if lack.p >= DOUBT:
+    if lack.p >= SIGNIFICANCE:
         return []
     return [
-        f"the doses' means are off the line by more than their discs scatter (F = {lack.ratio:.1f}, by chance "
+        f"the doses' means are off the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
         f"{chance(lack.p)}): {_bend(found)}; each dose counts as one point for the intervals"
     ]
 
@@ -82,7 +82,7 @@ def _of_intervals(found: WorkingCurve) -> list[str]:
             f"{found.fit.error_df} more points than numbers sought: intervals are "
             f"{t_quantile(0.95, found.fit.error_df):.1f} standard uncertainties or more to each side"
         )
-    if found.Dp_interval95[0] <= 0.0 or found.Ec_interval95 is None:
+    if found.interval95_Dp_um[0] <= 0.0 or found.interval95_Ec_mJ_per_cm2 is None:
         told.append("the slope is so uncertain that the critical dose has no interval: take doses further apart")
     return told
 

@@ -5,7 +5,7 @@ resin sets where the dose exceeds a threshold, so thickness is a straight line i
 Dp = b and ln Ec = −a/b. Discs scatter, thick ones often more and thin soft ones badly: with ``scatter="auto"`` the
 scatter is taken as growing with a power 0, ½ or 1 of thickness, whichever is likeliest, and the intervals come from the
 residuals, so that they hold where that guess is wrong (decision 0028). Ec is where the line crosses zero: its interval
-is Fieller's, which is not symmetric. Discs that do not belong to the rest are set aside by a stated rule and listed;
+is Fieller's, which is not symmetric. Outliers are set aside by a stated rule and listed;
 doses are left out whole, never disc by disc, where their mean thickness is below a stated limit.
 
 The model knows one wavelength, a resin that does not bleach, and a dose that counts the same however fast it comes; no
@@ -17,7 +17,7 @@ The interface: `working_curve` gives a `WorkingCurve`; its methods answer at a d
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -25,18 +25,20 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.regression import LinearFit, bad_points, f_tail, fitted, t_quantile
+from solen.material.regression import LinearFit, bad_points, f_tail, fitted, group_means, ranks, t_quantile
+from solen.results import HIDDEN, Result, reported
 
 Scatter = Literal["auto", "proportional", "constant"]
-SCATTERS: tuple[Scatter, ...] = ("auto", "proportional", "constant")
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
 """Powers of thickness that scatter may grow with."""
 THINNEST = 0.05
 """Share of the thickest disc below which scatter is taken as that of a disc of this thickness."""
-MOST_SET_ASIDE = 0.2
+MOST_OUTLIERS = 0.2
+"""Share of the discs, at least one disc, that may be set aside."""
 DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
-"""Doses and thicknesses that are taken for such."""
-DOUBT = 0.05
+"""Limits of doses and thicknesses."""
+SIGNIFICANCE = 0.05
+"""Chance below which the doses' means are off the line."""
 _ROUNDS, _SETTLED = 30, 1e-9
 
 
@@ -62,21 +64,23 @@ class LeftOut:
 class LackOfFit:
     """Doses' means about the line against discs about their mean: ratio of variances, and how likely by chance."""
 
-    ratio: float
+    F: float
     df: tuple[int, int]
     p: float
 
 
-@dataclass(frozen=True)
-class WorkingCurve:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class WorkingCurve(Result):
     """Result of `working_curve`.
 
     Attributes
     ----------
     fit
         Of thickness in µm against (1, ln E), E in mJ/cm².
-    scatter_exponent, scatter_um, scatter_at_um
-        Power of thickness that scatter grows with, and its standard deviation at the mean thickness.
+    scatter_exponent
+        Power of thickness that the scatter of discs grows with.
+    sd_thickness_um, mean_thickness_um
+        Standard deviation of discs of the mean thickness, and that.
     used, left_out
         Discs that the line is for, and the others.
     lack_of_fit
@@ -85,27 +89,27 @@ class WorkingCurve:
         Whether the doses' means were fitted in place of discs, because these scatter less than their means do.
     """
 
-    fit: LinearFit
+    fit: LinearFit = field(metadata=HIDDEN)
     scatter_exponent: float
-    scatter_um: float
-    scatter_at_um: float
+    sd_thickness_um: float
+    mean_thickness_um: float
     used: tuple[Disc, ...]
     left_out: tuple[LeftOut, ...]
     lack_of_fit: LackOfFit | None
     by_dose: bool
 
-    @property
+    @reported
     def Dp_um(self) -> float:
         """Penetration depth."""
         return float(self.fit.parameters[1])
 
-    @property
+    @reported
     def u_Dp_um(self) -> float:
         """Its standard uncertainty."""
         return self.fit.u((0.0, 1.0))
 
-    @property
-    def Dp_interval95(self) -> tuple[float, float]:
+    @reported
+    def interval95_Dp_um(self) -> tuple[float, float]:
         """Its 95 % interval."""
         return self.fit.interval((0.0, 1.0))
 
@@ -114,33 +118,49 @@ class WorkingCurve:
         """Logarithm of the critical dose in mJ/cm²."""
         return float(-self.fit.parameters[0] / self.fit.parameters[1])
 
-    @property
+    @reported
     def Ec_mJ_per_cm2(self) -> float:
         """Critical dose, at which the first resin sets."""
         return math.exp(self.ln_Ec)
 
-    @property
+    @reported
     def u_ln_Ec(self) -> float:
         """Standard uncertainty of its logarithm, to first order."""
         return math.sqrt(self.covariance_ln[1, 1])
 
-    @property
-    def Ec_interval95(self) -> tuple[float, float] | None:
+    @reported
+    def interval95_Ec_mJ_per_cm2(self) -> tuple[float, float] | None:
         """Its 95 % interval; None where the slope is too uncertain to have one."""
         return self.dose_interval95(0.0)
 
-    @property
+    @reported
     def covariance_ln(self) -> FloatArray:
         """Covariance of (Dp, ln Ec), shape (2, 2), to first order."""
         slope = self.Dp_um
         jacobian = np.array([[0.0, 1.0], [-1.0 / slope, -self.ln_Ec / slope]])
         return np.asarray(jacobian @ self.fit.covariance @ jacobian.T)
 
-    @property
+    @reported
     def covariance(self) -> FloatArray:
         """Covariance of (Dp, Ec), shape (2, 2), to first order."""
         scale = np.array([1.0, self.Ec_mJ_per_cm2])
         return self.covariance_ln * np.outer(scale, scale)
+
+    @reported
+    def discs(self) -> int:
+        """Number of discs that the line is for."""
+        return len(self.used)
+
+    @reported
+    def doses(self) -> int:
+        """Number of their doses."""
+        return len({disc.dose_mJ_per_cm2 for disc in self.used})
+
+    @reported
+    def dose_range_mJ_per_cm2(self) -> tuple[float, float]:
+        """Lowest and highest of them."""
+        doses = [disc.dose_mJ_per_cm2 for disc in self.used]
+        return min(doses), max(doses)
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:
         """Cure depth at a dose in mJ/cm²; negative below the critical dose, where nothing sets."""
@@ -159,7 +179,7 @@ class WorkingCurve:
     def disc_sigma_um(self, depth_um: float) -> float:
         """Standard deviation of discs of a thickness."""
         thick = max(depth_um, THINNEST * max(disc.thickness_um for disc in self.used))
-        return float(self.scatter_um * (thick / self.scatter_at_um) ** self.scatter_exponent)
+        return float(self.sd_thickness_um * (thick / self.mean_thickness_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
         """Dose that cures to a depth; infinite where it is no number."""
@@ -211,7 +231,7 @@ def working_curve(
     min_thickness_um
         Doses whose discs are thinner on average are left out.
     keep_all
-        Set no disc aside.
+        Keep outliers.
     rows
         What each disc's place is called; by default they count from 1.
 
@@ -230,7 +250,7 @@ def working_curve(
         used = _without(discs, out)
     fit, exponent = _fit(used, scatter)
     lack = _lack_of_fit(used, exponent, fit)
-    by_dose = lack is not None and lack.p < DOUBT
+    by_dose = lack is not None and lack.p < SIGNIFICANCE
     if by_dose:
         fit, exponent = _fit(means_of(used), scatter)
     a, b = fit.parameters
@@ -243,7 +263,16 @@ def working_curve(
             remedy="check which column is which, or take doses further apart",
         )
     at = float(np.mean([disc.thickness_um for disc in used]))
-    return WorkingCurve(fit, exponent, fit.sigma * at**exponent, at, used, tuple(out), lack, by_dose)
+    return WorkingCurve(
+        fit=fit,
+        scatter_exponent=exponent,
+        sd_thickness_um=fit.sigma * at**exponent,
+        mean_thickness_um=at,
+        used=used,
+        left_out=tuple(out),
+        lack_of_fit=lack,
+        by_dose=by_dose,
+    )
 
 
 def _discs(dose: ArrayLike, thickness_um: ArrayLike, rows: Sequence[int] | None) -> tuple[Disc, ...]:
@@ -299,12 +328,12 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
 
 def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
     """One disc for each dose, as thick as those there are on average."""
-    by_dose: dict[float, list[Disc]] = {}
+    doses = [disc.dose_mJ_per_cm2 for disc in discs]
+    rows: dict[float, int] = {}
     for disc in discs:
-        by_dose.setdefault(disc.dose_mJ_per_cm2, []).append(disc)
-    return tuple(
-        Disc(dose, sum(disc.thickness_um for disc in same) / len(same), same[0].row) for dose, same in by_dose.items()
-    )
+        rows.setdefault(disc.dose_mJ_per_cm2, disc.row)
+    means = group_means(doses, [disc.thickness_um for disc in discs])
+    return tuple(Disc(dose, mean, rows[dose]) for dose, mean in means.items())
 
 
 def _columns(discs: tuple[Disc, ...]) -> tuple[FloatArray, FloatArray]:
@@ -348,7 +377,7 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
 
 def _not_belonging(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
     """Discs to set aside. Where most discs of a dose are off together that is the line's matter, and they stay."""
-    most = min(max(1, int(MOST_SET_ASIDE * len(used))), len(used) - 4)
+    most = min(max(1, int(MOST_OUTLIERS * len(used))), len(used) - 4)
     if most < 1:
         return []
     x, y = _columns(used)
@@ -368,8 +397,7 @@ def _lack_of_fit(used: tuple[Disc, ...], exponent: float, fit: LinearFit) -> Lac
     """Whether doses' means are further off the line than their discs' scatter explains."""
     x, y = _columns(used)
     weights = _weights(x, y, exponent)
-    number = {value: rank for rank, value in enumerate(dict.fromkeys(x.tolist()))}
-    of = np.array([number[value] for value in x.tolist()], np.intp)
+    of = ranks(x.tolist())
     counts = np.bincount(of)
     means = np.bincount(of, weights=y) / counts
     between, within = len(counts) - 2, len(y) - len(counts)

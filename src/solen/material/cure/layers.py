@@ -11,7 +11,7 @@ This is light alone: doses are added up as if it did not matter how fast and in 
 taken to absorb as the liquid does, later exposures as lighting the same place, and neither the platform nor the window
 as sending light back.
 
-The interface: `cure_depth_um`, `dose_for_depth`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose`
+The interface: `cure_depth_um`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose`
 gives a `StackDose`.
 """
 
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.results import reported
 
 _NEARLY = 0.99
 
@@ -30,11 +31,6 @@ _NEARLY = 0.99
 def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
     """Depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative where nothing sets."""
     return np.asarray(Dp_um * np.log(np.asarray(dose, float) / Ec_mJ_per_cm2))
-
-
-def dose_for_depth(depth_um: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
-    """Dose in mJ/cm² that cures to a depth, Ec e^(d/Dp)."""
-    return np.asarray(Ec_mJ_per_cm2 * np.exp(np.asarray(depth_um, float) / Dp_um))
 
 
 def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray:
@@ -50,58 +46,58 @@ def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per
     return float(cure_depth_um(dose / -math.expm1(-layer_um / Dp_um), Dp_um, Ec_mJ_per_cm2)) - layer_um
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StackDose:
-    """Dose inside a stack of layers, as `stack_dose` finds it; all doses in mJ/cm².
+    """Dose inside a stack of layers, as `stack_dose` computes it.
 
     Attributes
     ----------
     layer_um, Dp_um
         Thickness of a layer, and penetration depth.
-    exposures
+    exposures_mJ_per_cm2
         Dose at the window of each layer, the first printed first, shape (n,).
-    window_side
+    window_side_mJ_per_cm2
         Dose on the window side of each layer after the last exposure, shape (n,): the highest in it.
     """
 
     layer_um: float
     Dp_um: float
-    exposures: FloatArray
-    window_side: FloatArray
+    exposures_mJ_per_cm2: FloatArray
+    window_side_mJ_per_cm2: FloatArray
 
     @property
     def q(self) -> float:
         """What a layer lets through."""
         return math.exp(-self.layer_um / self.Dp_um)
 
-    @property
-    def layer_mean(self) -> FloatArray:
+    @reported
+    def layer_mean_mJ_per_cm2(self) -> FloatArray:
         """Mean dose of each layer, shape (n,)."""
-        return self.window_side * self._mean_of_window_side
+        return self.window_side_mJ_per_cm2 * self._mean_of_window_side
 
-    @property
-    def interior_mean(self) -> float:
+    @reported
+    def interior_mean_mJ_per_cm2(self) -> float:
         """Mean dose of a layer far inside, E Dp/h, of the last layer's exposure E."""
-        return float(self.exposures[-1]) * self.Dp_um / self.layer_um
+        return float(self.exposures_mJ_per_cm2[-1]) * self.Dp_um / self.layer_um
 
-    @property
-    def interior_range(self) -> tuple[float, float]:
+    @reported
+    def interior_range_mJ_per_cm2(self) -> tuple[float, float]:
         """Lowest and highest dose far inside: the two sides of a layer."""
-        highest = float(self.exposures[-1]) / -math.expm1(-self.layer_um / self.Dp_um)
+        highest = float(self.exposures_mJ_per_cm2[-1]) / -math.expm1(-self.layer_um / self.Dp_um)
         return highest * self.q, highest
 
-    @property
-    def single_layer_mean(self) -> float:
+    @reported
+    def single_layer_mean_mJ_per_cm2(self) -> float:
         """Mean dose of one layer on its own, of the last layer's exposure: what a single layer is measured at."""
-        return float(self.exposures[-1]) * self._mean_of_window_side
+        return float(self.exposures_mJ_per_cm2[-1]) * self._mean_of_window_side
 
-    @property
-    def ratio(self) -> float:
+    @reported
+    def interior_over_single_layer(self) -> float:
         """Dose far inside in units of that of one layer on its own, 1/(1 - q)."""
-        return self.interior_mean / self.single_layer_mean
+        return self.interior_mean_mJ_per_cm2 / self.single_layer_mean_mJ_per_cm2
 
-    @property
-    def layers_to_settle(self) -> int:
+    @reported
+    def layers_to_99_percent(self) -> int:
         """Later layers after which a layer has 99 % of what it would have deep inside: so many, last, have less."""
         return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
 
@@ -115,9 +111,9 @@ class StackDose:
         Between two layers it is that of the later one's far side.
         """
         height = np.asarray(height_um, float)
-        number = np.clip((height / self.layer_um).astype(int), 0, len(self.exposures) - 1)
+        number = np.clip((height / self.layer_um).astype(int), 0, len(self.exposures_mJ_per_cm2) - 1)
         from_window = (number + 1) * self.layer_um - height
-        return np.asarray(self.window_side[number] * np.exp(-from_window / self.Dp_um))
+        return np.asarray(self.window_side_mJ_per_cm2[number] * np.exp(-from_window / self.Dp_um))
 
 
 def stack_dose(Dp_um: float, layer_um: float, exposures: ArrayLike) -> StackDose:

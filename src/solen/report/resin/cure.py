@@ -8,66 +8,58 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from solen.material.cure.curve import WorkingCurve
+from solen.material.cure.discs import MeasuredCurve
 from solen.material.cure.layers import StackDose
-from solen.recording import Provenance
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, STYLE
 
 _BAND, _DISCS = 0.18, 0.09
 _MARGIN = 1.15  # of the dose axis beyond what is shown
 
 
-def cure_figure(
-    found: WorkingCurve,
-    irradiance_mW_per_cm2: float | None,
-    layer_um: float | None,
-    exposure_s: float | None,
-    stack: StackDose | None,
-    source: Provenance,
-) -> Figure:
+def cure_figure(curve: MeasuredCurve) -> Figure:
     """Discs and curve; where a part's layers are known, the dose inside it in a second panel."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.4 if stack is None else 9.6, 3.9), layout="constrained")
-        ratios = (1,) if stack is None else (5, 4)
+        figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9), layout="constrained")
+        ratios = (1,) if curve.stack is None else (5, 4)
         panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
-        _curve(panels[0], found)
-        dose = None if exposure_s is None or irradiance_mW_per_cm2 is None else exposure_s * irradiance_mW_per_cm2
-        _window(panels[0], found, layer_um, dose, exposure_s)
-        if irradiance_mW_per_cm2 is not None:
-            rate = irradiance_mW_per_cm2
+        _curve(panels[0], curve)
+        _layer(panels[0], curve)
+        if (rate := curve.irradiance_mW_per_cm2) is not None:
             top = panels[0].secondary_xaxis("top", functions=(lambda e: e / rate, lambda s: s * rate))
             top.set_xlabel(f"exposure (s) at {rate:g} mW/cm²")
             _plain_ticks(top.xaxis)
         panels[0].legend(fontsize=8, loc="upper left")
-        if stack is not None:
-            _inside(panels[1], stack)
-        figure.suptitle(f"{'simulated: ' if source.simulated else ''}{source.file}: {_told(found)}", fontsize=9)
+        if curve.stack is not None:
+            _inside(panels[1], curve.stack)
+        where = f"{'simulated: ' if curve.simulated else ''}{curve.sources[0].file}"
+        figure.suptitle(f"{where}: {_title(curve)}", fontsize=9)
     return figure
 
 
-def _told(found: WorkingCurve) -> str:
-    low, high = found.Dp_interval95
-    ends = found.Ec_interval95
+def _title(curve: WorkingCurve) -> str:
+    low, high = curve.interval95_Dp_um
+    ends = curve.interval95_Ec_mJ_per_cm2
     ec = "no interval" if ends is None else f"{ends[0]:.3g} to {ends[1]:.3g}"
     return (
-        f"Dp {found.Dp_um:.3g} µm ({low:.3g} to {high:.3g}), Ec {found.Ec_mJ_per_cm2:.3g} mJ/cm² ({ec}), 95 % intervals"
+        f"Dp {curve.Dp_um:.3g} µm ({low:.3g} to {high:.3g}), Ec {curve.Ec_mJ_per_cm2:.3g} mJ/cm² ({ec}), 95 % intervals"
     )
 
 
-def _curve(axes: Axes, found: WorkingCurve) -> None:
-    doses = [disc.dose_mJ_per_cm2 for disc in found.used]
-    e = np.geomspace(min([*doses, found.Ec_mJ_per_cm2]) / _MARGIN, max(doses) * _MARGIN, 161)
-    depth, half, wide = found.depth_um(e), found.half_width_um(e), found.half_width_um(e, of_one_disc=True)
+def _curve(axes: Axes, curve: WorkingCurve) -> None:
+    doses = [disc.dose_mJ_per_cm2 for disc in curve.used]
+    e = np.geomspace(min([*doses, curve.Ec_mJ_per_cm2]) / _MARGIN, max(doses) * _MARGIN, 161)
+    depth, half, wide = curve.depth_um(e), curve.half_width_um(e), curve.half_width_um(e, of_one_disc=True)
     axes.fill_between(e, depth - wide, depth + wide, color=RIGHT, alpha=_DISCS, lw=0, label="95 % of discs")
     axes.fill_between(e, depth - half, depth + half, color=RIGHT, alpha=_BAND, lw=0, label="95 % of the curve")
     inside = e >= min(doses)
     axes.plot(e[inside], depth[inside], color=RIGHT, lw=1.6, label="Dp ln(E/Ec)")
     axes.plot(e[~inside], depth[~inside], "--", color=RIGHT, lw=1.0)
-    axes.plot(doses, [disc.thickness_um for disc in found.used], "o", ms=4, color=INK, label="discs")
-    out = [one.disc for one in found.left_out if np.isfinite(one.disc.thickness_um)]
+    axes.plot(doses, [disc.thickness_um for disc in curve.used], "o", ms=4, color=INK, label="discs")
+    out = [one.disc for one in curve.left_out if np.isfinite(one.disc.thickness_um)]
     if out:
         at = [disc.dose_mJ_per_cm2 for disc in out], [disc.thickness_um for disc in out]
         axes.plot(*at, "x", ms=6, mew=1.4, color=LEFT, label="left out")
-    highest = max(disc.thickness_um for disc in [*found.used, *out])
+    highest = max(disc.thickness_um for disc in [*curve.used, *out])
     axes.set(xscale="log", xlabel="dose (mJ/cm²)", ylabel="thickness (µm)", ylim=(0.0, 1.12 * highest))
     _plain_ticks(axes.xaxis)
 
@@ -79,25 +71,29 @@ def _plain_ticks(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _window(axes: Axes, found: WorkingCurve, layer_um: float | None, dose: float | None, seconds: float | None) -> None:
+def _layer(axes: Axes, curve: MeasuredCurve) -> None:
     """Thickness of a layer, and what its exposure cures."""
-    if layer_um is not None:
-        axes.axhline(layer_um, color=SPACE, lw=1.2, ls=":", label=f"layer of {layer_um:g} µm")
-    if dose is None:
-        return
-    depth = float(found.depth_um(dose))
-    axes.plot([dose, dose], [0.0, max(depth, 0.0)], color=SPACE, lw=1.4, label=f"{seconds:g} s: {depth:.3g} µm")
+    if curve.layer is not None:
+        um = curve.layer.layer_um
+        axes.axhline(um, color=SPACE, lw=1.2, ls=":", label=f"layer of {um:g} µm")
+    if (exposure := curve.exposure) is not None:
+        dose, depth = exposure.dose_mJ_per_cm2, exposure.cure_depth_um
+        label = f"{exposure.exposure_s:g} s: {depth:.3g} µm"
+        axes.plot([dose, dose], [0.0, max(depth, 0.0)], color=SPACE, lw=1.4, label=label)
 
 
 def _inside(axes: Axes, stack: StackDose) -> None:
     """Dose against height above the first layer, with that of one layer on its own."""
-    count, h = len(stack.exposures), stack.layer_um
+    count, h = len(stack.exposures_mJ_per_cm2), stack.layer_um
     edges = np.repeat(np.arange(count + 1) * h / 1e3, 2)[1:-1]
-    high = np.repeat(stack.window_side, 2)
+    high = np.repeat(stack.window_side_mJ_per_cm2, 2)
     axes.fill_betweenx(edges, high * stack.q, high, color=RIGHT, alpha=0.35, lw=0, label="within a layer")
-    axes.plot(stack.layer_mean, (np.arange(count) + 0.5) * h / 1e3, ".", ms=3, color=RIGHT, label="mean of a layer")
-    axes.axvline(stack.single_layer_mean, color=LEFT, lw=1.4, label="one layer on its own")
-    axes.axvline(float(stack.exposures[-1]), color=LOST, lw=1.2, ls="--", label="at the window")
+    axes.plot(
+        stack.layer_mean_mJ_per_cm2, (np.arange(count) + 0.5) * h / 1e3, ".", ms=3, color=RIGHT, label="mean of a layer"
+    )
+    axes.axvline(stack.single_layer_mean_mJ_per_cm2, color=LEFT, lw=1.4, label="one layer on its own")
+    axes.axvline(float(stack.exposures_mJ_per_cm2[-1]), color=LOST, lw=1.2, ls="--", label="at the window")
     axes.set(xlabel="dose (mJ/cm²)", ylabel="height in the part (mm)", xlim=(0.0, None))
-    axes.set_title(f"inside: {stack.interior_mean:.3g} mJ/cm², {stack.ratio:.2g} times one layer's", fontsize=9)
+    times = f"{stack.interior_over_single_layer:.2g} times one layer's"
+    axes.set_title(f"inside: {stack.interior_mean_mJ_per_cm2:.3g} mJ/cm², {times}", fontsize=9)
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2)

@@ -1,0 +1,340 @@
+"""The working curve of a table of discs, and what it means for a print.
+
+The interface: `curve_of_discs` takes a recording and `CureOptions`, and gives a `MeasuredCurve`; `discs` finds the
+columns of dose, time and thickness.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.cure.cautions import cautions
+from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
+from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
+from solen.material.regression import group_means
+from solen.recording import Channel, Provenance, Recording
+from solen.results import reported
+from solen.spec.strict import Finite, Options, Wavelength, refused
+from solen.units import factor
+
+THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured thickness")
+DOSES = ("dose", "energy", "exposure", "exposure dose", "fluence", "E")
+TIMES = ("time", "exposure time", "exposure", "cure time", "t")
+DISCS, REPLICATES = ("disc", "disk", "sample", "specimen", "id"), ("replicate", "repeat", "wiederholung")
+DOSE = "mJ/cm2"
+MOST_LAYERS = 100_000
+"""More than any printer prints: a metre of layers of 10 µm."""
+USUAL_DP_UM = (1.0, 1e4)
+"""Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
+
+
+class CureOptions(Options):
+    """How discs are evaluated, and how a part is printed."""
+
+    irradiance_mW_per_cm2: Finite | None = Field(None, gt=0.0)
+    """Irradiance at the window; converts exposure times to doses."""
+    layer_um: Finite | None = Field(None, gt=0.0)
+    """Thickness of a printed layer: gives the exposure that it needs, and with --exposure-s what that does."""
+    exposure_s: Finite | None = Field(None, gt=0.0)
+    """Exposure of a layer."""
+    overcure: Finite = Field(2.0, gt=0.0)
+    """Cure depth to find the exposure for, in thicknesses of a layer."""
+    layers: int | None = Field(None, gt=0, le=MOST_LAYERS)
+    """Number of layers of the part; default: enough for it to have an inside."""
+    burn_in_layers: int = Field(0, ge=0)
+    """Number of first layers that are exposed for --burn-in-s."""
+    burn_in_s: Finite | None = Field(None, gt=0.0)
+    """Exposure of these."""
+    min_thickness_um: Finite | None = Field(None, ge=0.0)
+    """Leave out doses whose discs are thinner on average."""
+    scatter: Scatter = "auto"
+    """How discs scatter: as a share of their thickness, by the same everywhere, or estimated."""
+    keep_all: bool = False
+    """Keep outliers."""
+    wavelength_nm: Wavelength | None = None
+    """Wavelength of the lamp, stated in the result."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.exposure_s is not None and self.layer_um is None:
+            raise refused("exposure_s", "needs the layer it cures", remedy="add --layer-um")
+        if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
+            raise refused("exposure_s", "is no dose without --irradiance-mW-per-cm2", remedy="add it")
+        if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
+            name = "layers" if self.layers is not None else "burn_in_layers"
+            raise refused(name, "needs --exposure-s", remedy="add it")
+        if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
+            raise refused("burn_in_layers", "goes with --burn-in-s, both above 0", value=self.burn_in_layers)
+        if self.layers is not None and self.burn_in_layers > self.layers:
+            raise refused("burn_in_layers", f"must be at most --layers, {self.layers}", value=self.burn_in_layers)
+        return self
+
+    @property
+    def dose_mJ_per_cm2(self) -> float | None:
+        """Dose of a layer's exposure."""
+        if self.exposure_s is None or self.irradiance_mW_per_cm2 is None:
+            return None
+        return self.exposure_s * self.irradiance_mW_per_cm2
+
+
+@dataclass(frozen=True)
+class LayerNeed:
+    """Exposure that cures a layer, several times over.
+
+    Attributes
+    ----------
+    layer_um, overcure
+        Thickness of the layer, and cure depth in such thicknesses.
+    needed_mJ_per_cm2, interval95_needed_mJ_per_cm2
+        Dose; None where it is beyond every number, or has no interval.
+    needed_s, interval95_needed_s
+        Exposure; None without an irradiance.
+    """
+
+    layer_um: float
+    overcure: float
+    needed_mJ_per_cm2: float | None
+    interval95_needed_mJ_per_cm2: tuple[float, float] | None
+    needed_s: float | None
+    interval95_needed_s: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class LayerExposure:
+    """What the exposure of a layer does.
+
+    Attributes
+    ----------
+    exposure_s, dose_mJ_per_cm2
+        Of the layer, at the window.
+    cure_depth_um, interval95_cure_depth_um, cure_depth_layers
+        How deep it cures, also in thicknesses of a layer.
+    dose_below_mJ_per_cm2, dose_below_over_Ec
+        What is left of it below the layer, also in critical doses.
+    print_through_um, print_through_many_layers_um
+        How far resin sets beyond one layer, and beyond many, that are exposed above a gap.
+    """
+
+    exposure_s: float
+    dose_mJ_per_cm2: float
+    cure_depth_um: float
+    interval95_cure_depth_um: tuple[float, float]
+    cure_depth_layers: float
+    dose_below_mJ_per_cm2: float
+    dose_below_over_Ec: float
+    print_through_um: float
+    print_through_many_layers_um: float
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MeasuredCurve(WorkingCurve):
+    """Working curve of a table of discs, and what it means for a print.
+
+    Attributes
+    ----------
+    irradiance_mW_per_cm2, wavelength_nm
+        Of the lamp, as stated.
+    layer, exposure, stack
+        Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
+    u_interior_mean_mJ_per_cm2
+        Standard uncertainty of the mean dose inside the part, from that of the penetration depth.
+    sources
+        The file.
+    warnings
+        What does not follow from the result, in sentences.
+    """
+
+    irradiance_mW_per_cm2: float | None
+    wavelength_nm: float | None
+    layer: LayerNeed | None
+    exposure: LayerExposure | None
+    stack: StackDose | None
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+    @reported
+    def u_interior_mean_mJ_per_cm2(self) -> float | None:
+        """Standard uncertainty of the mean dose inside the part, from that of the penetration depth."""
+        return None if self.stack is None else self.stack.interior_mean_mJ_per_cm2 * self.u_Dp_um / self.Dp_um
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether the discs were computed rather than measured."""
+        return any(source.simulated for source in self.sources)
+
+
+def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:
+    """Penetration depth and critical dose with their intervals; with a layer, what they mean for it.
+
+    Parameters
+    ----------
+    recording
+        With a column of thicknesses, and one of doses or times.
+    options
+        The irradiance there converts times to doses.
+
+    Raises
+    ------
+    DataError
+        Without such columns, or where no curve follows.
+    """
+    table = discs(recording, options.irradiance_mW_per_cm2)
+    curve = working_curve(
+        table.dose,
+        table.thickness_um,
+        scatter=options.scatter,
+        min_thickness_um=options.min_thickness_um,
+        keep_all=options.keep_all,
+        rows=table.rows,
+    )
+    exposure = _exposure(curve, options)
+    return MeasuredCurve(
+        **vars(curve),
+        irradiance_mW_per_cm2=options.irradiance_mW_per_cm2,
+        wavelength_nm=options.wavelength_nm,
+        layer=_need(curve, options),
+        exposure=exposure,
+        stack=None if exposure is None else _stack(curve.Dp_um, options),
+        sources=(recording.provenance,),
+        warnings=(
+            *recording.warnings,
+            *table.warnings,
+            *cautions(curve),
+            *_unusual(curve),
+            *_outside(curve, options.layer_um, exposure),
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, and warnings."""
+
+    dose: FloatArray
+    thickness_um: FloatArray
+    rows: list[int]
+    warnings: list[str]
+
+
+def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
+    """Discs of a table. Rows of one dose and one disc are readings of it, and averaged."""
+    thickness_um = recording.need(*THICKNESSES).to("um")
+    dose = _doses(recording, irradiance_mW_per_cm2)
+    columns = [texts for name in DISCS if (texts := recording.label(name)) is not None and len(set(texts)) > 1]
+    if not columns:
+        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), [])
+    columns += [texts for name in REPLICATES if (texts := recording.label(name)) is not None]
+    names = (" ".join(texts).strip() for texts in zip(*columns, strict=True))
+    keys = [(value, name or f"row {row}") for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))]
+    means = group_means(keys, thickness_um)
+    told = []
+    if len(means) < len(keys):
+        told = [f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
+    doses = np.array([value for value, _ in means])
+    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], told)
+
+
+def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> FloatArray:
+    """Doses in mJ/cm², as stated or from times."""
+    if (dose := _with_unit(recording, DOSES, DOSE)) is not None:
+        return dose.to(DOSE)
+    time = _with_unit(recording, TIMES, "s")
+    if time is None:
+        unknown = recording.find(*DOSES, *TIMES) or recording.need("dose", "energy", "time")
+        return unknown.to(DOSE)  # raises, with the remedy
+    if (rate := _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")) is not None:
+        return time.to("s") * rate.to("mW/cm2")
+    if irradiance_mW_per_cm2 is not None:
+        return time.to("s") * irradiance_mW_per_cm2
+    limit = "states exposure times, and the curve is of dose"
+    raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
+
+
+def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:
+    """First channel of these names that converts to a unit."""
+    for name in names:
+        channel = recording.find(name)
+        if channel is not None and channel.unit and factor(channel.unit, unit) is not None:
+            return channel
+    return None
+
+
+def _need(curve: WorkingCurve, options: CureOptions) -> LayerNeed | None:
+    if options.layer_um is None:
+        return None
+    depth_um, rate = options.overcure * options.layer_um, options.irradiance_mW_per_cm2
+    dose, interval = curve.dose_mJ_per_cm2(depth_um), curve.dose_interval95(depth_um)
+    timed = rate is not None and math.isfinite(dose)
+    return LayerNeed(
+        layer_um=options.layer_um,
+        overcure=options.overcure,
+        needed_mJ_per_cm2=dose if math.isfinite(dose) else None,
+        interval95_needed_mJ_per_cm2=interval,
+        needed_s=dose / rate if timed and rate else None,
+        interval95_needed_s=(interval[0] / rate, interval[1] / rate) if timed and rate and interval else None,
+    )
+
+
+def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None:
+    dose = options.dose_mJ_per_cm2
+    if dose is None or options.layer_um is None or options.exposure_s is None:
+        return None
+    depth, half = float(curve.depth_um(dose)), float(curve.half_width_um(dose))
+    below = float(dose_below(dose, options.layer_um, curve.Dp_um))
+    through = stack_print_through_um(dose, options.layer_um, curve.Dp_um, curve.Ec_mJ_per_cm2)
+    return LayerExposure(
+        exposure_s=options.exposure_s,
+        dose_mJ_per_cm2=dose,
+        cure_depth_um=depth,
+        interval95_cure_depth_um=(depth - half, depth + half),
+        cure_depth_layers=depth / options.layer_um,
+        dose_below_mJ_per_cm2=below,
+        dose_below_over_Ec=below / curve.Ec_mJ_per_cm2,
+        print_through_um=max(depth - options.layer_um, 0.0),
+        print_through_many_layers_um=max(through, 0.0),
+    )
+
+
+def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
+    """Dose inside a part of these layers; by default of enough of them to have an inside."""
+    if options.layer_um is None or options.exposure_s is None or options.irradiance_mW_per_cm2 is None:
+        return None
+    settled = stack_dose(Dp_um, options.layer_um, [1.0]).layers_to_99_percent
+    seconds = np.full(options.layers or options.burn_in_layers + max(3 * settled, 20), options.exposure_s)
+    seconds[: options.burn_in_layers] = options.burn_in_s or options.exposure_s
+    return stack_dose(Dp_um, options.layer_um, seconds * options.irradiance_mW_per_cm2)
+
+
+def _unusual(curve: WorkingCurve) -> list[str]:
+    """Warning of what a wrong unit looks like."""
+    low, high = USUAL_DP_UM
+    if low <= curve.Dp_um <= high:
+        return []
+    return [
+        f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
+        "thickness in the table's header"
+    ]
+
+
+def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[str]:
+    """Warnings of a layer's exposure outside the doses of the discs, or that does not cure the layer for certain."""
+    if exposure is None or layer_um is None:
+        return []
+    told, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
+    if not lowest <= dose <= highest:
+        told.append(
+            f"an exposure of {dose:.3g} mJ/cm² lies outside the discs' {lowest:.3g} to {highest:.3g} mJ/cm²: "
+            "its cure depth is an extrapolation"
+        )
+    low, _ = exposure.interval95_cure_depth_um
+    if low < layer_um:
+        told.append(
+            f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
+            f"a layer of {layer_um:g} µm may not reach the one before"
+        )
+    return told
