@@ -1,4 +1,4 @@
-"""`solen print layers`, `solen print printers` and `solen export --layers` from the command line to the files, and refusals."""
+"""`solen print layers`, `solen print printers` and `solen export --layers` from the command line to the files."""
 
 import json
 import os
@@ -75,11 +75,12 @@ def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
     names = {kind: Path(path).name for kind, path in found["files"].items()}
     assert names == {
         "layers": "my-sensor-layers.zip",
-        "stl": "my-sensor-placed.stl",
+        "placed": "my-sensor-placed.stl",
         "sheet": "my-sensor-settings.md",
         "settings": "my-sensor-settings.json",
+        "figure": "f.svg",
     }
-    assert {path.name for path in Path("out").iterdir()} == set(names.values())
+    assert {path.name for path in Path("out").iterdir()} == set(names.values()) - {"f.svg"}
     stack = pictures(found["files"]["layers"])
     assert len(stack) == found["layers"] == 40
     assert stack[0].shape == (450, 300)
@@ -117,7 +118,7 @@ def test_the_sheet_says_what_to_type_in(told: Run) -> None:
     assert settings["expected_layers"] == 1616
     assert settings["estimated_time_s"] == 6 * 3 + 1610 * 2 + 1616 * 6
     assert not any("13 mW/cm²" in line for line in found["warnings"])
-    placed = trimesh.load_mesh(found["files"]["stl"])
+    placed = trimesh.load_mesh(found["files"]["placed"])
     assert placed.is_watertight
     assert placed.bounds == pytest.approx(np.array([(0, 0, 0), (11.806, 4.0, 40.412)]), abs=1e-3)
 
@@ -125,7 +126,7 @@ def test_the_sheet_says_what_to_type_in(told: Run) -> None:
 def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
     """Round by way of the STL, which is flat as it stands: no more than a grey value or two of 32-bit rounding."""
     first = told("print", "layers", "my sensor.toml", "--out", "a", *QUICK, "--orientation", "on-edge")
-    second = told("print", "layers", first["files"]["stl"], "--out", "b", *QUICK)
+    second = told("print", "layers", first["files"]["placed"], "--out", "b", *QUICK)
     one, other = (pictures(found["files"]["layers"]) for found in (first, second))
     assert max(int(np.abs(a.astype(int) - b).max()) for a, b in zip(one, other, strict=True)) <= 2
     assert second["sources"][0]["format"] == "stl"
@@ -144,12 +145,12 @@ def test_a_cure_depth_from_a_resin_of_ones_own(told: Run) -> None:
 
 def test_export_writes_layers_beside_the_solid(told: Run) -> None:
     found = told("export", "my sensor.toml", "--out", "out", "--stl", "--layers", *QUICK, "--pockets")
-    assert set(found["files"]) == {"stl"}
+    assert set(found["files"]) == {"stl", "layers", "placed", "sheet", "settings"}
     assert found["layers"]["layers"] == 40
     assert abs(found["layers"]["volume_error"]) < 0.005
     assert len(list(Path("out").iterdir())) == 5
     alone = told("export", "my sensor.toml", "--out", "other", "--layers", *QUICK)
-    assert alone["files"] == {}
+    assert set(alone["files"]) == {"layers", "placed", "sheet", "settings"}
     assert len(list(Path("other").iterdir())) == 4
 
 
@@ -187,18 +188,18 @@ def test_printers_as_json(told: Run) -> None:
         (["--printer", "none.toml"], "no such file"),
         (["--layer-um", "5"], "makes layers of 10 to 200 µm"),
         (["--layer-um", "0"], "--layer-um = 0.0"),
-        (["--orientation", "sideways"], "must be one of flat, upright, on-edge"),
+        (["--orientation", "sideways"], "--orientation = 'sideways'"),
         (["--rotate-deg", "nan", "0", "0"], "--rotate-deg"),
         (["--rotate-deg", "1", "2"], "--rotate-deg"),
-        (["--copies", "300"], "at most"),
-        (["--exposure-s", "-2"], "--exposure-s = -2.0; must be above 0"),
-        (["--burn-in-s", "inf"], "--burn-in-s = inf"),
-        (["--irradiance-mW-per-cm2", "0"], "--irradiance-mW-per-cm2 = 0.0"),
-        (["--z-offset-um", "nan"], "--z-offset-um = nan"),
+        (["--copies", "300"], "--copies = 300"),
+        (["--exposure-s", "-2"], "--exposure-s = '-2'"),
+        (["--burn-in-s", "inf"], "--burn-in-s = 'inf'"),
+        (["--irradiance-mW-per-cm2", "0"], "--irradiance-mW-per-cm2 = '0'"),
+        (["--z-offset-um", "nan"], "--z-offset-um = 'nan'"),
         (["--mirror", "both"], "--mirror = 'both'"),
         (["--resin", "noa16"], "did you mean noa61?"),
         (["--set", "body.thickness_mm=0"], "body.thickness_mm = 0"),
-        (["--set", "body.thickness_mm=0.01"], "has no layer of 25 µm"),
+        (["--set", "body.thickness_mm=0.01"], "half a layer of 25 µm"),
         (["--figure", "f.jpg"], "a figure ends in"),
         (["--figure", "f.svg", "--sheet-only"], "draws layers"),
     ],
@@ -235,7 +236,7 @@ def test_level_faces_between_layers_are_told(told: Run) -> None:
     assert not any("level faces" in line for line in told(*arguments)["warnings"])
     line = "2 level faces lie within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
     assert line in told(*arguments, "--layer-um", "50")["warnings"]
-    first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["stl"]
+    first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["placed"]
     assert line in told("print", "layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]
 
 
@@ -259,12 +260,12 @@ JOB = """
 import resource, sys, time
 from pathlib import Path
 from solen.pipeline.print.layers import layers
-from solen.pipeline.print.slicing import Slicing
+from solen.fabricate.layers import Slicing
 begun = time.perf_counter()
 how = Slicing(printer="asiga-ultra-32", orientation="upright", copies=12)
 found = layers(Path("my sensor.toml"), Path("out"), how, ["body.stem_length_mm=25.9"])
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
-print(found["layers"], peak, time.perf_counter() - begun, found["volume_error"])
+print(found.result.layers, peak, time.perf_counter() - begun, found.result.volume_error)
 """
 
 

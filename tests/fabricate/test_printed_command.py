@@ -91,7 +91,7 @@ def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, dict[str
     assert sorted(face.name for face in body.all_faces) == sorted(face.name for face in wanted.all_faces)
     # walls some 32 um farther in, all of it 1 % larger
     assert body.area_mm2() == pytest.approx(wanted.area_mm2() * 1.0203 - 0.033 * 138.0, rel=0.01)
-    files = export(drawn, folder / "out", ("stl", "svg"))["files"]
+    files = export(drawn, folder / "out", ("stl", "svg")).files
     assert Path(files["stl"]).stat().st_size > 10_000
 
 

@@ -67,9 +67,9 @@ def test_a_table_is_a_profile_and_its_missing_uncertainty_is_told(folder: Path) 
 
 
 def test_it_is_exported_as_it_is_traced(folder: Path) -> None:
-    found = export(folder / "sensor.toml", folder / "solid", ("dxf", "stl"))
-    assert "the lens is as it was measured" in found["warnings"][0]
-    assert found["pieces"] == 1
+    found = export(folder / "sensor.toml", folder / "solid", ("dxf", "stl")).result
+    assert "the lens is as it was measured" in found.warnings[0]
+    assert found.pieces == 1
     assert {path.suffix for path in (folder / "solid").iterdir()} >= {".dxf", ".stl"}
 
 

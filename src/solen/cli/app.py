@@ -54,7 +54,7 @@ SHOWN = Shown()
 
 
 def option_name(field: str) -> str:
-    """Name of an option after its field: ``irradiance_mW_per_cm2`` is ``--irradiance-mW-per-cm2``, units as they are."""
+    """Name of an option after its field, units as they are: ``irradiance_mW_per_cm2``, ``--irradiance-mW-per-cm2``."""
     return field.strip("_").replace("_", "-")
 
 

@@ -12,6 +12,7 @@ import io
 import json
 import struct
 import zipfile
+from collections.abc import Callable
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
@@ -119,3 +120,7 @@ def as_glb(mesh: Mesh, label: Label) -> bytes:
 
 def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack("<I4s", len(data), kind) + data
+
+
+MESH_WRITERS: dict[str, Callable[[Mesh, Label], bytes]] = {"stl": as_stl, "3mf": as_threemf, "glb": as_glb}
+"""Formats of meshes, by the ending of their files."""

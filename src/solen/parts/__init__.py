@@ -19,7 +19,15 @@ from solen.parts.datasheet import (
     load_part,
 )
 from solen.parts.light import Light, light_of
-from solen.parts.printer import Printer, library_printer, load_printer, printer_of, printers
+from solen.parts.printer import (
+    Printer,
+    PrinterList,
+    PrinterSummary,
+    library_printer,
+    load_printer,
+    printer_of,
+    printers,
+)
 
 __all__ = [
     "AdcPart",
@@ -29,6 +37,8 @@ __all__ = [
     "Part",
     "PatternPart",
     "Printer",
+    "PrinterList",
+    "PrinterSummary",
     "Quantity",
     "ReceiverPart",
     "SpectrumPart",

@@ -8,6 +8,7 @@ The interface: `load_printer` reads a TOML file with ``schema = 1``, `printers` 
 opens one of it; each gives a `Printer`. `printer_of` takes either, as a user types it.
 """
 
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -17,6 +18,7 @@ from pydantic import Field
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sourced
+from solen.results import Result
 from solen.spec.shelf import Shelf
 from solen.spec.strict import Strict, Text, migrated, parse_toml, told_of
 
@@ -115,6 +117,40 @@ def printer_of(text: str) -> Printer:
     """Printer of the library by its name, or of a file: then ``text`` ends in .toml or holds a slash."""
     is_file = text.endswith(".toml") or "/" in text or "\\" in text
     return load_printer(text) if is_file else library_printer(text)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrinterSummary(Result):
+    """What layers need of a printer: its pixels, what it builds, and which of these numbers are estimates."""
+
+    printer: str
+    name: str
+    pitch_um: float
+    columns: int
+    rows: int
+    size_mm: tuple[float, float, float]
+    wavelength_nm: float | None
+    least_layer_um: float
+    most_layer_um: float
+    unconfirmed: tuple[str, ...]
+    file: Printer
+
+    @classmethod
+    def of(cls, text: str) -> "PrinterSummary":
+        """Summary of a printer of the library, or of a file."""
+        printer = printer_of(text)
+        rows, columns = printer.shape
+        x, y, z = (round(length, 9) for length in printer.size_mm)
+        wavelength_nm = None if printer.wavelength_nm is None else printer.wavelength_nm.usual
+        pixels = (printer.pitch_um.usual, columns, rows, (x, y, z), wavelength_nm)
+        return cls(text, printer.name, *pixels, *printer.layers_um, printer.unconfirmed, printer)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrinterList(Result):
+    """The printers of the library."""
+
+    printers: tuple[PrinterSummary, ...]
 
 
 def _printer(text: str, what: str) -> Printer:

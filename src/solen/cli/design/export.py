@@ -1,17 +1,16 @@
 """The command that takes a design to the workshop: solids and drawings."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Set, listing, progress_bar, show
-from solen.cli.print.layers import How
-from solen.cli.print.layers import told as layers_told
+from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
 from solen.errors import SpecError
-from solen.pipeline.print.slicing import Slicing
-
-Flag = Annotated[bool, Parameter(negative=())]
+from solen.fabricate import ExportedSolid
+from solen.fabricate.layers import Slicing
+from solen.results import Outcome
 
 
 def export(
@@ -19,23 +18,22 @@ def export(
     /,
     *,
     out: Path,
-    step: Flag = False,
-    stl: Flag = False,
-    threemf: Annotated[bool, Parameter(name="--3mf", negative=())] = False,
-    glb: Flag = False,
-    dxf: Flag = False,
-    comsol: Flag = False,
-    svg: Flag = False,
-    layers: Flag = False,
-    how: How = None,
-    pockets: Flag = False,
-    slots: Flag = False,
+    step: bool = False,
+    stl: bool = False,
+    threemf: Annotated[bool, Parameter(name="--3mf")] = False,
+    glb: bool = False,
+    dxf: bool = False,
+    comsol: bool = False,
+    svg: bool = False,
+    layers: bool = False,
+    slicing: Annotated[Slicing | None, FLAT] = None,
+    pockets: bool = False,
+    slots: bool = False,
     thickness_mm: str | None = None,
     tolerance_mm: float = 1e-3,
     set_: Set = None,
     figure: FigureFile = None,
-    as_json: Json = False,
-) -> None:
+) -> Outcome[ExportedSolid]:
     """Write the solid and the drawings of a sensor, in mm; without a format, STL and 3MF.
 
     Parameters
@@ -79,34 +77,28 @@ def export(
     }
     assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
     formats = tuple(kind for kind, wanted in asked.items() if wanted)
-    if how is not None and not layers:
+    if slicing is not None and not layers:
         raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")
-    slicing = (how or Slicing()) if layers else None
     with progress_bar("layers") as progress:
-        found = pipeline.export(
+        return pipeline.export(
             file,
             out,
             formats,
             assignments,
             tolerance_mm=tolerance_mm,
             figure=figure,
-            slicing=slicing,
+            slicing=(slicing or Slicing()) if layers else None,
             progress=progress,
         )
-    show(found, as_json, lambda: _lines(found))
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
-    lines = [found["name"], *listing({key: found[key] for key in ("thickness_mm", "area_mm2", "volume_mm3")})]
-    lines += [f"  {seat['name']} takes {seat['volume_mm3']:.4g} mm3" for seat in found["seats"]]
-    if found["mesh"] is not None:
-        mesh = found["mesh"]
-        lines.append(
-            f"mesh: {mesh['triangles']} triangles within {mesh['tolerance_mm']:g} mm, {mesh['volume_mm3']:.6g} mm3"
-        )
-    job = found.get("layers")
-    notes = [line for line in found["warnings"] if job is None or line not in job["warnings"]]
-    lines += [f"warning: {line}" for line in notes]
-    lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
-    lines += layers_told(job)[1:] if job is not None else []
-    return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
+@lines.register
+def _(solid: ExportedSolid) -> Iterator[str]:
+    yield solid.name
+    yield from listing({key: getattr(solid, key) for key in ("thickness_mm", "area_mm2", "volume_mm3")})
+    for seat in solid.seats:
+        yield f"  {seat.name} takes {seat.volume_mm3:.4g} mm3"
+    if (mesh := solid.mesh) is not None:
+        yield f"mesh: {mesh.triangles} triangles within {mesh.tolerance_mm:g} mm, {mesh.volume_mm3:.6g} mm3"
+    if solid.layers is not None:
+        yield from list(lines(solid.layers))[1:]

@@ -1,14 +1,14 @@
 """The commands of layers: cut a part for a printer, list the printers."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from cyclopts import Parameter
-
-from solen.cli.app import FigureFile, Json, Set, listing, progress_bar, show
-from solen.pipeline.print.slicing import Slicing
-
-How = Annotated[Slicing | None, Parameter(name="*")]
+from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
+from solen.fabricate.layers import LayeredPrint, Slicing
+from solen.parts import PrinterList, PrinterSummary
+from solen.parts import printers as library
+from solen.results import Outcome
 
 
 def layers(
@@ -16,72 +16,72 @@ def layers(
     /,
     *,
     out: Path,
-    how: How = None,
+    slicing: Annotated[Slicing, FLAT] = Slicing(),
     set_: Set = None,
     figure: FigureFile = None,
-    as_json: Json = False,
-) -> None:
+) -> Outcome[LayeredPrint]:
     """Cut a design or a mesh into anti-aliased layers for a printer, with STL and settings for its own program.
 
     Parameters
     ----------
     file
-        A design (.toml) or a closed mesh (.stl in mm, .3mf); what is written has its name.
+        A design (.toml) or a closed mesh (.stl in mm, .3mf); its name names the files.
     out
         Folder for the files; made if need be.
     """
     from solen.pipeline.print import layers as pipeline
 
     with progress_bar("layers") as progress:
-        found = pipeline.layers(file, out, how or Slicing(), set_ or (), figure=figure, progress=progress)
-    show(found, as_json, lambda: told(found))
+        return pipeline.layers(file, out, slicing, set_ or (), figure=figure, progress=progress)
 
 
-def printers(name: str | None = None, /, *, as_json: Json = False) -> None:
+def printers(name: str | None = None, /) -> Outcome[PrinterList] | Outcome[PrinterSummary]:
     """List the printers that layers can be made for, or show one with the sources of its numbers.
 
     Parameters
     ----------
     name
-        Printer of the library, or its file; all of the library without.
+        Printer of the library, or its file; default: list the library.
     """
-    from solen.pipeline.print import layers as pipeline
-
-    found = pipeline.list_printers() if name is None else pipeline.show_printer(name)
-    show(found, as_json, lambda: _table(found["printers"]) if name is None else _printer(found))
-
-
-def told(found: dict[str, Any]) -> list[str]:
-    """Lines of a job."""
-    size = " x ".join(f"{length:.4g}" for length in found["size_mm"])
-    plain = {key: found[key] for key in ("printer", "layers", "layer_um", "pitch_um", "copies")}
-    plain |= {"size_mm": size, "solid_volume_mm3": found["solid_volume_mm3"]}
-    if found["stack_volume_mm3"] is not None:
-        plain |= {"stack_volume_mm3": found["stack_volume_mm3"], "volume_error": f"{found['volume_error']:+.2e}"}
-    if found["settings"]["estimated_time_s"] is not None:
-        plain["estimated_time_min"] = found["settings"]["estimated_time_s"] / 60.0
-    lines = [found["name"], *listing(plain), *(f"warning: {line}" for line in found["warnings"])]
-    lines += [f"{kind}: {path}" for kind, path in found["files"].items()]
-    return lines + ([f"figure: {found['figure']}"] if "figure" in found else [])
+    if name is not None:
+        return Outcome(PrinterSummary.of(name))
+    return Outcome(PrinterList(tuple(PrinterSummary.of(known) for known in library())))
 
 
-def _table(rows: list[dict[str, Any]]) -> list[str]:
-    width = max(len(row["printer"]) for row in rows)
-    lines = [f"{'':{width}}  {'pixel um':>8}  {'pixels':>11}  {'builds mm':>21}  confirmed"]
-    for row in rows:
-        size = " x ".join(f"{length:.4g}" for length in row["size_mm"])
-        pixels = f"{row['columns']} x {row['rows']}"
-        sure = "no" if row["unconfirmed"] else "yes"
-        lines.append(f"{row['printer']:{width}}  {row['pitch_um']:8g}  {pixels:>11}  {size:>21}  {sure}")
-    return lines
+@lines.register
+def _(made: LayeredPrint) -> Iterator[str]:
+    values = {key: getattr(made, key) for key in ("printer", "layers", "layer_um", "pitch_um", "copies")}
+    values |= {"size_mm": _times(made.size_mm), "solid_volume_mm3": made.solid_volume_mm3}
+    if made.volume_error is not None:
+        values |= {"stack_volume_mm3": made.stack_volume_mm3, "volume_error": f"{made.volume_error:+.2e}"}
+    if made.settings.estimated_time_s is not None:
+        values["estimated_time_min"] = made.settings.estimated_time_s / 60.0
+    yield made.name
+    yield from listing(values)
 
 
-def _printer(found: dict[str, Any]) -> list[str]:
-    stated = found["file"]
-    lines = [found["name"], f"  document: {stated['document']}"]
-    lines += [f"  {stated['notes']}"] if stated.get("notes") else []
+@lines.register
+def _(library: PrinterList) -> Iterator[str]:
+    width = max(len(row.printer) for row in library.printers)
+    yield f"{'':{width}}  {'pixel um':>8}  {'pixels':>11}  {'builds mm':>21}  confirmed"
+    for row in library.printers:
+        sure = "no" if row.unconfirmed else "yes"
+        pixels = f"{row.columns} x {row.rows}"
+        yield f"{row.printer:{width}}  {row.pitch_um:8g}  {pixels:>11}  {_times(row.size_mm):>21}  {sure}"
+
+
+@lines.register
+def _(shown: PrinterSummary) -> Iterator[str]:
+    stated = shown.file.model_dump(mode="json", exclude_none=True)
+    yield shown.name
+    yield f"  document: {stated['document']}"
+    if shown.file.notes:
+        yield f"  {shown.file.notes}"
     for key, number in stated.items():
         if isinstance(number, dict):
             values = ", ".join(f"{name} {value:g}" for name, value in number.items() if not isinstance(value, str))
-            lines.append(f"  {key}: {values} ({number['basis']}: {number['source']})")
-    return lines
+            yield f"  {key}: {values} ({number['basis']}: {number['source']})"
+
+
+def _times(size_mm: tuple[float, float, float]) -> str:
+    return " x ".join(f"{length:.4g}" for length in size_mm)

@@ -6,32 +6,42 @@ is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of
 of a pixel is the share of it that the solid covers **at the middle of the layer's height**; a last layer that the solid
 fills by less than half is left out, by more is whole, so that the stack is on average as high as the solid.
 
-The interface: `solid_of` a part and `mesh_solid` of a mesh, in an `orientation`; `Job.layers`; `write_archive` for a
-ZIP of PNGs with a job.json; `settings` and `as_sheet` for the program of a printer that takes the STL.
+The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced by `Slicing`; `Job.layers`;
+`write_archive` for a ZIP of PNGs with a job.json; `layered_print` for the numbers, `as_sheet` for the program of a
+printer that takes the STL.
 """
 
-from solen.fabricate.layers.archive import Summary, write_archive
-from solen.fabricate.layers.exposure import Exposure
+from solen.fabricate.layers.archive import Stack, write_archive
 from solen.fabricate.layers.job import Job, Layer
-from solen.fabricate.layers.orientation import ORIENTATIONS, orientation, turned
+from solen.fabricate.layers.layered import LayeredPrint, layered_print
+from solen.fabricate.layers.orientation import orientation, turned
 from solen.fabricate.layers.png import as_png
-from solen.fabricate.layers.sheet import as_sheet, settings
+from solen.fabricate.layers.printable import MESH_READERS, Printable, printable_design, printable_mesh
+from solen.fabricate.layers.sheet import PrintSettings, as_sheet, print_settings
+from solen.fabricate.layers.slicing import Orientation, Slicing
 from solen.fabricate.layers.solid import Plan, Slices, Solid, mesh_solid, solid_of
 
 __all__ = [
-    "ORIENTATIONS",
-    "Exposure",
+    "MESH_READERS",
     "Job",
     "Layer",
+    "LayeredPrint",
+    "Orientation",
     "Plan",
+    "PrintSettings",
+    "Printable",
     "Slices",
+    "Slicing",
     "Solid",
-    "Summary",
+    "Stack",
     "as_png",
     "as_sheet",
+    "layered_print",
     "mesh_solid",
     "orientation",
-    "settings",
+    "print_settings",
+    "printable_design",
+    "printable_mesh",
     "solid_of",
     "turned",
     "write_archive",

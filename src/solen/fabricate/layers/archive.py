@@ -14,6 +14,7 @@ from typing import Any
 from solen.fabricate.label import WRITER
 from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.png import as_png
+from solen.fabricate.layers.printable import Printable
 from solen.fabricate.meshfiles import NO_DATE
 
 JOB_SCHEMA = 1
@@ -28,7 +29,7 @@ Watch = Callable[[Layer], object]
 
 
 @dataclass(frozen=True)
-class Summary:
+class Stack:
     """What a stack of layers came to: volume in mm³, areas in mm² of the first layer and of the largest, and islands.
 
     ``islands`` are (number of the layer, pieces in it) that begin with nothing below them.
@@ -41,8 +42,8 @@ class Summary:
     islands: tuple[tuple[int, int], ...]
 
 
-def write_archive(target: Path, job: Job, about: dict[str, Any], watch: Watch = lambda _: None) -> Summary:
-    """Write a job's layers; ``about`` is what job.json says beside them, ``watch`` sees each layer."""
+def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
+    """Write a job's layers; job.json names ``part`` and its source, ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
     islands = []
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
@@ -59,12 +60,12 @@ def write_archive(target: Path, job: Job, about: dict[str, Any], watch: Watch = 
             last = layer
             watch(layer)
         areas = [row["area_mm2"] for row in rows]
-        summary = Summary(len(rows), sum(areas) * job.layer_mm, areas[0], max(areas), tuple(islands))
+        stack = Stack(len(rows), sum(areas) * job.layer_mm, areas[0], max(areas), tuple(islands))
         entry = zipfile.ZipInfo(JOB_NAME, NO_DATE)
         entry.compress_type = zipfile.ZIP_DEFLATED
-        text = json.dumps(_described(job, summary, about) | {"layers": rows}, indent=1, allow_nan=False)
+        text = json.dumps(_described(job, stack, part) | {"layers": rows}, indent=1, allow_nan=False)
         archive.writestr(entry, f"{text}\n")
-    return summary
+    return stack
 
 
 def _row(layer: Layer) -> dict[str, Any]:
@@ -78,21 +79,29 @@ def _row(layer: Layer) -> dict[str, Any]:
     }
 
 
-def _described(job: Job, summary: Summary, about: dict[str, Any]) -> dict[str, Any]:
-    rows, columns = job.printer.shape
+def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]:
+    (rows, columns), slicing = job.printer.shape, job.slicing
+    about: dict[str, Any] = {}
+    if part is not None:
+        source = {"file": part.source.file, "sha256": part.source.sha256, "format": part.source.format}
+        about = {"name": part.label.name, "source": source}
     return {
         "solen_layers": JOB_SCHEMA,
         "writer": WRITER,
         **about,
+        "orientation": slicing.orientation,
+        "rotate_deg": slicing.rotate_deg,
+        "burn_in_layers": slicing.burn_in_layers,
+        "z_offset_mm": slicing.z_offset_um / 1000.0,
         "rule": RULE,
         "view": VIEW,
-        "mirror": job.mirror,
+        "mirror": slicing.mirror,
         "printer": job.printer.name,
         "pitch_mm": job.printer.pitch_mm,
         "pixels": {"columns": columns, "rows": rows},
         "layer_mm": job.layer_mm,
-        "copies_mm": [list(place) for place in job.places_mm],
-        "size_mm": list(job.solid.size_mm),
+        "copies_mm": job.places_mm,
+        "size_mm": job.solid.size_mm,
         "solid_volume_mm3": job.volume_mm3,
-        "stack_volume_mm3": summary.volume_mm3,
+        "stack_volume_mm3": stack.volume_mm3,
     }

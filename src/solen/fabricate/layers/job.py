@@ -14,20 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DesignError, SpecError
-from solen.fabricate.layers.exposure import Exposure
+from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import Rings, Solid
 from solen.fabricate.raster import FULL, coverage_bytes
 from solen.parts.printer import Printer, library_printer, printers
 
 Bytes = NDArray[np.uint8]
 
-MIRRORS = ("none", "x", "y")
-MOST_COPIES = 10_000
+PAPER_MW_PER_CM2 = 13.0
+"""Irradiance at which the paper's working curve was measured."""
 EXACT = 1e-6
 """Share of a layer or of a pixel by which rounding may be off."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layer:
     """One layer: number from 0, heights above the plate, exposure, dose at the window, and picture.
 
@@ -46,50 +46,37 @@ class Layer:
     islands: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Job:
     """Copies of a solid on a printer, checked as it is made.
-
-    ``layer_um`` is the thickness of a layer, ``gap_mm`` what is left between copies. ``mirror`` flips the pictures
-    along X or Y, for printers that show them so.
 
     Raises
     ------
     SpecError
-        Where the printer cannot make such layers, or an option is out of its range.
+        Where the printer cannot make layers of that thickness.
     DesignError
         Where the solid has no layer, or it and its copies do not fit on the printer.
     """
 
     solid: Solid
     printer: Printer
-    layer_um: float = 25.0
-    exposure: Exposure = Exposure()  # noqa: RUF009  frozen
-    copies: int = 1
-    gap_mm: float = 2.0
-    mirror: str = "none"
+    slicing: Slicing = Slicing()  # noqa: RUF009  frozen
 
     def __post_init__(self) -> None:
         least, most = self.printer.layers_um
-        if not least <= self.layer_um <= most:
+        if not least <= self.slicing.layer_um <= most:
             limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
-            raise SpecError("--layer-um", value=self.layer_um, limit=limit, remedy="choose one, or another printer")
-        if not 1 <= self.copies <= MOST_COPIES:
-            raise SpecError("--copies", value=self.copies, limit=f"must be from 1 to {MOST_COPIES}")
-        if not 0.0 <= self.gap_mm <= 1e3:
-            raise SpecError("--gap-mm", value=self.gap_mm, limit="must be from 0 to 1000 mm")
-        if self.mirror not in MIRRORS:
-            raise SpecError("--mirror", value=self.mirror, limit=f"must be one of {', '.join(MIRRORS)}")
+            raise SpecError("--layer-um", value=self.slicing.layer_um, limit=limit, remedy="choose another printer")
         if self.count < 1:
             height = f"{self.solid.size_mm[2] * 1e3:.4g} µm high"
-            limit = f"has no layer of {self.layer_um:g} µm: half of one at least"
+            limit = f"must be at least half a layer of {self.slicing.layer_um:g} µm"
             raise DesignError("part", value=height, limit=limit, remedy="make it thicker, or its layers thinner")
         self._check_size()
 
     @property
     def layer_mm(self) -> float:
         """Thickness of a layer."""
-        return self.layer_um / 1000.0
+        return self.slicing.layer_um / 1000.0
 
     @property
     def count(self) -> int:
@@ -104,13 +91,20 @@ class Job:
     @property
     def volume_mm3(self) -> float:
         """Volume of the solid's copies together."""
-        return self.copies * self.solid.volume_mm3
+        return self.slicing.copies * self.solid.volume_mm3
 
     @property
     def seconds(self) -> float | None:
         """Time of exposures and pauses together; None where the printer's pause is not known."""
         pause = self.printer.pause_s
-        return None if pause is None else self.exposure.total_s(self.count) + self.count * pause.usual
+        return None if pause is None else self.slicing.total_s(self.count) + self.count * pause.usual
+
+    @property
+    def irradiance_mW_per_cm2(self) -> float:
+        """Irradiance at the window: the one asked for, else the printer's, else the paper's."""
+        printer = self.printer.irradiance_mw_per_cm2
+        usual = PAPER_MW_PER_CM2 if printer is None else printer.usual
+        return self.slicing.irradiance_mW_per_cm2 or usual
 
     @property
     def tile(self) -> tuple[int, int]:
@@ -133,7 +127,7 @@ class Job:
         steps = tuple(size + self._gap for size in self.tile)
         used = (rows * steps[0] - self._gap, columns * steps[1] - self._gap)
         starts = tuple((whole - part) // 2 for whole, part in zip(self.printer.shape, used, strict=True))
-        places = [divmod(number, columns) for number in range(self.copies)]
+        places = [divmod(number, columns) for number in range(self.slicing.copies)]
         return tuple((starts[0] + row * steps[0], starts[1] + column * steps[1]) for row, column in places)
 
     @property
@@ -161,17 +155,19 @@ class Job:
                 if tile is None or not np.array_equal(drawn, tile):
                     tile, image, shares = drawn, self._placed(drawn), float(drawn.sum(dtype=np.int64)) / FULL
             known = number
-            yield self._layer(index, image, self.copies * shares * self.printer.pitch_mm**2, islands)
+            yield self._layer(index, image, self.slicing.copies * shares * self.printer.pitch_mm**2, islands)
 
     def first_copy(self, image: Bytes) -> Bytes:
         """The first copy in a layer's picture, rows upwards, as it was before it was mirrored."""
-        seen = {"none": image, "x": image[:, ::-1], "y": image[::-1]}[self.mirror][::-1]
+        seen = {"none": image, "x": image[:, ::-1], "y": image[::-1]}[self.slicing.mirror][::-1]
         (row, column), (rows, columns) = self.corners[0], self.tile
         return seen[row : row + rows, column : column + columns]
 
     def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:
-        heights = (index * self.layer_mm, (index + 1) * self.layer_mm)
-        return Layer(index, *heights, self.exposure.seconds(index), self.exposure.dose(index), image, area_mm2, islands)
+        seconds = self.slicing.seconds(index)
+        dose = self.irradiance_mW_per_cm2 * seconds
+        low, high = index * self.layer_mm, (index + 1) * self.layer_mm
+        return Layer(index, low, high, seconds, dose, image, area_mm2, islands)
 
     def _drawn(self, rings: Rings) -> Bytes:
         """Grey values of one copy's tile, rows upwards."""
@@ -184,14 +180,14 @@ class Job:
         for row, column in self.corners:
             plate[row : row + rows, column : column + columns] = tile
         seen = plate[::-1]
-        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.mirror]
+        seen = {"none": seen, "x": seen[:, ::-1], "y": seen[::-1]}[self.slicing.mirror]
         seen.flags.writeable = False
         return seen
 
     @property
     def _gap(self) -> int:
         """Pixels between copies."""
-        return math.ceil(self.gap_mm / self.printer.pitch_mm - EXACT)
+        return math.ceil(self.slicing.gap_mm / self.printer.pitch_mm - EXACT)
 
     @property
     def _most(self) -> tuple[int, int]:
@@ -204,19 +200,19 @@ class Job:
     def _grid(self) -> tuple[int, int]:
         """Rows and columns of the copies, as square as they fit."""
         (rows, columns), (tall, wide) = self._most, self.tile
-        wanted = math.ceil(math.sqrt(self.copies * (tall + self._gap) / (wide + self._gap)))
-        chosen = min(max(wanted, math.ceil(self.copies / rows)), columns, self.copies)
-        return math.ceil(self.copies / chosen), chosen
+        wanted = math.ceil(math.sqrt(self.slicing.copies * (tall + self._gap) / (wide + self._gap)))
+        chosen = min(max(wanted, math.ceil(self.slicing.copies / rows)), columns, self.slicing.copies)
+        return math.ceil(self.slicing.copies / chosen), chosen
 
     def _check_size(self) -> None:
         size, room = self.solid.size_mm, self.printer.size_mm
         rows, columns = self._most
-        if self.height_mm <= room[2] * (1.0 + EXACT) and rows * columns >= self.copies:
+        if self.height_mm <= room[2] * (1.0 + EXACT) and rows * columns >= self.slicing.copies:
             return
         builds = f"{self.printer.name} builds {_times(room)} mm"
-        if self.copies > 1 and rows * columns and self.height_mm <= room[2]:
-            limit = f"{builds}, at most {rows * columns} of them {self.gap_mm:g} mm apart"
-            raise DesignError("--copies", value=self.copies, limit=limit, remedy="print fewer, or nearer")
+        if self.slicing.copies > 1 and rows * columns and self.height_mm <= room[2]:
+            limit = f"{builds}, at most {rows * columns} of them {self.slicing.gap_mm:g} mm apart"
+            raise DesignError("--copies", value=self.slicing.copies, limit=limit, remedy="print fewer, or nearer")
         raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, room))
 
 

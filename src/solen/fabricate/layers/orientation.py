@@ -1,50 +1,46 @@
-"""How a part lies on the plate: rotations of its own axes X, Y, Z, of which Z counts away from the plate."""
+"""How a part lies on the plate: rotations of its own axes X, Y, Z, of which Z points away from the plate."""
 
 import math
 
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.errors import SpecError
+from solen.fabricate.layers.slicing import Degrees, Orientation
 
-ORIENTATIONS: dict[str, FloatArray] = {
+ORIENTATIONS: dict[Orientation, FloatArray] = {
     "flat": np.eye(3),
     "upright": np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)]),
     "on-edge": np.array([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]),
 }
 """Flat: as it is. Upright: −Y away from the plate, a sensor on the ends of its arms, lens last. On edge: X away."""
-IN_WORDS = {
+_IN_WORDS: dict[Orientation, str] = {
     "flat": "flat: the part's own Z points away from the plate, layers lie across its thickness",
     "upright": "upright: the part's own −Y points away from the plate; a sensor stands on its arms, the lens is last",
     "on-edge": "on edge: the part's own X points away from the plate; a sensor lies on its left side",
 }
 
 
-def orientation(name: str, rotate_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Rotation matrix (3, 3) of a named orientation and, after it, of turns in degrees about the plate's X, Y and Z.
-
-    Raises
-    ------
-    SpecError
-        Where there is no orientation of that name, or an angle is not finite.
-    """
-    if name not in ORIENTATIONS:
-        raise SpecError("--orientation", value=name, limit=f"must be one of {', '.join(ORIENTATIONS)}")
+def orientation(name: Orientation, rotate_deg: Degrees = (0.0, 0.0, 0.0)) -> FloatArray:
+    """Rotation matrix (3, 3) of a named orientation and, after it, of turns in degrees about the plate's X, Y and Z."""
     return turned(rotate_deg) @ ORIENTATIONS[name]
 
 
-def turned(rotate_deg: tuple[float, float, float]) -> FloatArray:
+def described(name: Orientation, rotate_deg: Degrees) -> str:
+    """An orientation in words, for the settings sheet."""
+    turns = ", then turned about X, Y, Z by " + ", ".join(f"{angle:g}" for angle in rotate_deg) + "°"
+    return _IN_WORDS[name] + (turns if any(rotate_deg) else "")
+
+
+def turned(rotate_deg: Degrees) -> FloatArray:
     """Rotation matrix (3, 3) of turns about X, then Y, then Z, counter-clockwise as seen from the axis' far end."""
-    if not all(map(math.isfinite, rotate_deg)):
-        raise SpecError("--rotate-deg", value=rotate_deg, limit="must be finite, in degrees")
-    found = np.eye(3)
+    matrix = np.eye(3)
     for axis, angle in enumerate(rotate_deg):
         cos, sin = _cos_sin(angle)
-        one, two = (axis + 1) % 3, (axis + 2) % 3
+        first, second = (axis + 1) % 3, (axis + 2) % 3
         turn = np.eye(3)
-        turn[[one, one, two, two], [one, two, one, two]] = cos, -sin, sin, cos
-        found = turn @ found
-    return found
+        turn[[first, first, second, second], [first, second, first, second]] = cos, -sin, sin, cos
+        matrix = turn @ matrix
+    return matrix
 
 
 def _cos_sin(angle_deg: float) -> tuple[float, float]:

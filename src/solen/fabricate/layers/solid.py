@@ -60,7 +60,7 @@ class Solid(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
 
@@ -80,7 +80,7 @@ class Plan:
         return number, self.rings[number]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Slices:
     """A closed mesh that is cut when asked; ``solid`` is manifold3d's."""
 

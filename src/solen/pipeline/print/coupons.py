@@ -16,7 +16,7 @@ from solen.parts import printer_of
 from solen.pipeline.outputs import check_figure
 from solen.spec.toml import parse_assignment
 
-MESHES = {"stl": fabricate.as_stl, "3mf": fabricate.as_threemf}
+MESHES = {kind: fabricate.MESH_WRITERS[kind] for kind in ("stl", "3mf")}
 
 
 def choices_of(assignments: Sequence[str] = (), **options: object) -> Choices:

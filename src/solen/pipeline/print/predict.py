@@ -22,7 +22,7 @@ from solen.lens.measured import MeasuredProfile, profile_of, profile_text
 from solen.material.resin import resin_of
 from solen.parts import printer_of
 from solen.pipeline.design.commands import open_design
-from solen.pipeline.design.export import MESHES
+from solen.fabricate import MESH_WRITERS as MESHES
 from solen.pipeline.outputs import check_choice, check_figure, check_out
 from solen.pipeline.print import redrawn
 from solen.pipeline.print import response as printedresponse

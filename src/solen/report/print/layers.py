@@ -39,8 +39,8 @@ def layers_figure(job: Job, shown: Sequence[Layer], name: str) -> Figure:
         _draw_plate(plate, job)
         _draw_side(side, job)
         size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
-        copies = "" if job.copies == 1 else f"{job.copies} copies, "
-        layers = f"{copies}{job.count} layers of {job.layer_um:g} µm on {job.printer.name}"
+        copies = "" if job.slicing.copies == 1 else f"{job.slicing.copies} copies, "
+        layers = f"{copies}{job.count} layers of {job.slicing.layer_um:g} µm on {job.printer.name}"
         figure.suptitle(f"{name}: {size} mm, {layers}", fontsize=10)
     return figure
 
@@ -106,7 +106,7 @@ def _draw_side(axes: Axes, job: Job) -> None:
     middles = (numbers + 0.5) * job.layer_mm
     sections = [job.solid.section(z)[1] for z in middles.tolist()]
     sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]
-    burn_in = min(job.count, job.exposure.burn_in_layers) * job.layer_mm
+    burn_in = min(job.count, job.slicing.burn_in_layers) * job.layer_mm
     axes.axhspan(0.0, burn_in, color=LOST, alpha=0.35, lw=0, label="burn-in")
     for axis, (colour, label) in enumerate(((RIGHT, "along X"), (LEFT, "along Y"))):
         axes.plot([size[axis] for size in sizes], middles, color=colour, lw=1.2, label=label)

@@ -1,0 +1,177 @@
+"""Export of a design's body: the file formats, and the numbers of what is written.
+
+The idea: an `Export` holds everything that a format may need, the mesh made when one asks for it; `FORMATS` is the
+registry, in which adding a format is adding a line.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from solen.fabricate.comsol import as_comsol
+from solen.fabricate.dxf import as_dxf, check_writer
+from solen.fabricate.label import Label, label_of
+from solen.fabricate.layers import LayeredPrint
+from solen.fabricate.measures import area_mm2
+from solen.fabricate.mesh import Mesh, mesh_of
+from solen.fabricate.meshfiles import MESH_WRITERS
+from solen.fabricate.part import Part
+from solen.fabricate.seats import sensor_part
+from solen.fabricate.step import as_step, check_kernel
+from solen.fabricate.svg import as_svg
+from solen.geometry import Body
+from solen.results import Result
+from solen.spec import Design
+
+
+@dataclass(frozen=True, eq=False)
+class Export:
+    """A design's body to be written: the part that is printed of it, the label, and the tolerance of meshes."""
+
+    design: Design
+    body: Body
+    tolerance_mm: float = 1e-3
+
+    @cached_property
+    def part(self) -> Part:
+        """What is printed: the body drawn up by its thickness, with its seats."""
+        return sensor_part(self.design, self.body)
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """The part as triangles."""
+        return mesh_of(self.part, self.tolerance_mm)
+
+    @cached_property
+    def label(self) -> Label:
+        """What the files say of themselves."""
+        seats = ", ".join(cut.name for cut in self.part.cuts)
+        about = f"thickness {self.design.body.thickness_mm:g} mm" + (f", with {seats}" if seats else "")
+        return label_of(self.design, about)
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: the ending of its files, how they are written, and what must be installed for it."""
+
+    ending: str
+    write: Callable[[Export], bytes]
+    needs: Callable[[], None] = lambda: None
+    flat: bool = False
+    """Whether it holds the outlines alone, without height."""
+
+
+def _of_mesh(kind: str) -> Format:
+    return Format(f".{kind}", lambda export: MESH_WRITERS[kind](export.mesh, export.label))
+
+
+FORMATS: dict[str, Format] = {
+    "step": Format(".step", lambda export: as_step(export.part, export.label), check_kernel),
+    **{kind: _of_mesh(kind) for kind in MESH_WRITERS},
+    "dxf": Format(".dxf", lambda export: as_dxf(export.body, export.label), check_writer, flat=True),
+    "comsol": Format("-comsol.txt", lambda export: as_comsol(export.body, export.label), flat=True),
+    "svg": Format(".svg", lambda export: as_svg(export.body, export.label), flat=True),
+}
+USUAL = ("stl", "3mf")
+"""Formats where none is asked for: what a printer's program takes."""
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A pocket or slot, and the volume that it takes away."""
+
+    name: str
+    volume_mm3: float
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Triangles of a mesh, its extent and volume, and how far the volume may be from the exact solid's."""
+
+    tolerance_mm: float
+    size_mm: tuple[float, float, float]
+    triangles: int
+    volume_mm3: float
+    volume_bound_mm3: float
+
+    @classmethod
+    def of(cls, mesh: Mesh, part: Part) -> "MeshSize":
+        """Size of a part's mesh."""
+        bound = part.wall_mm2 * mesh.tolerance_mm
+        return cls(mesh.tolerance_mm, mesh.size_mm, len(mesh.triangles), mesh.volume_mm3, bound)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExportedSolid(Result):
+    """The numbers of an export.
+
+    Attributes
+    ----------
+    name, sha256
+        Of the design.
+    thickness_mm, area_mm2, volume_mm3
+        Of the exact curves.
+    pieces, faces
+        Number of separate pieces, and names of the faces.
+    seats
+        Pockets and slots.
+    mesh
+        Size of the mesh; None where no format needs one.
+    layers
+        Layers for a printer; None where they are not asked for.
+    warnings
+        What the files do not hold though the design says it.
+    """
+
+    name: str
+    sha256: str
+    thickness_mm: float
+    area_mm2: float
+    volume_mm3: float
+    pieces: int
+    faces: tuple[str, ...]
+    seats: tuple[Seat, ...]
+    mesh: MeshSize | None
+    layers: LayeredPrint | None
+    warnings: tuple[str, ...]
+
+
+def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint | None = None) -> ExportedSolid:
+    """The numbers of an export in some formats, perhaps with layers."""
+    part = export.part
+    meshed = "mesh" in vars(export)
+    return ExportedSolid(
+        name=export.design.name,
+        sha256=export.label.sha256,
+        thickness_mm=export.design.body.thickness_mm,
+        area_mm2=sum(prism.area_mm2 for prism in part.prisms),
+        volume_mm3=part.volume_mm3,
+        pieces=_pieces(part),
+        faces=tuple(face.name for face in export.body.all_faces),
+        seats=tuple(Seat(cut.name, cut.volume_mm3) for cut in part.cuts),
+        mesh=MeshSize.of(export.mesh, part) if meshed else None,
+        layers=layers,
+        warnings=(*_warnings(export, formats), *(layers.warnings if layers else ())),
+    )
+
+
+def _pieces(part: Part) -> int:
+    """Number of outlines that are not holes."""
+    return sum(area_mm2([outline]) > 0.0 for prism in part.prisms for outline in prism.outlines)
+
+
+def _warnings(export: Export, formats: Sequence[str]) -> list[str]:
+    found = []
+    if export.design.lens.shape == "measured":
+        found.append('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
+    if (pieces := _pieces(export.part)) > 1:
+        found.append(f"the outlines make {pieces} pieces, and nothing holds them together")
+    if export.body.apart:
+        names = ", ".join(face.name for face in export.body.apart)
+        found.append(f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid")
+    if export.part.cuts:
+        found.append("light is traced without pockets and slots")
+        flat = [kind for kind in formats if FORMATS[kind].flat]
+        if flat:
+            found.append(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})")
+    return found

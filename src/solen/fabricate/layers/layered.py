@@ -1,0 +1,161 @@
+"""What is known of a print in layers: its numbers, its settings, and what to mind before printing it."""
+
+import math
+from dataclasses import dataclass
+
+from solen.fabricate.layers.archive import Stack
+from solen.fabricate.layers.job import PAPER_MW_PER_CM2, Job
+from solen.fabricate.layers.printable import Printable
+from solen.fabricate.layers.sheet import PrintSettings, print_settings
+from solen.material.resin import Cure
+from solen.parts import Printer
+from solen.recording import Provenance
+from solen.results import Result
+
+SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
+"""A part beyond these was drawn in another unit."""
+NARROW = 0.1
+"""A part that stands on less than this share of its largest layer needs something to stand on."""
+HEIGHT_UM = 1.0
+"""Difference of height between stack and part that is not worth a warning."""
+APART_NM = 10.0
+"""How far a working curve's wavelength may be from the printer's."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LayeredPrint(Result):
+    """A part cut into layers for a printer.
+
+    Attributes
+    ----------
+    name, printer
+        Of the part, and of the printer.
+    pitch_um, columns, rows
+        Side of a pixel, and number of pixels along X and Y.
+    layer_um, layers, height_mm
+        Thickness and number of the layers, and their height.
+    size_mm
+        Extent of one part along X, Y and Z.
+    copies, places_mm
+        Number of parts, and where their middles lie from the middle of the plate.
+    solid_volume_mm3, stack_volume_mm3, volume_error
+        Volume of the parts, of their layers, and the relative difference; None without pictures.
+    islands
+        Layers in which something begins in the air, each with the number of such pieces.
+    settings
+        What to type into the printer's program.
+    sources, warnings
+        The file that was sliced, and what to mind.
+    """
+
+    name: str
+    printer: str
+    pitch_um: float
+    columns: int
+    rows: int
+    layer_um: float
+    layers: int
+    size_mm: tuple[float, float, float]
+    height_mm: float
+    copies: int
+    places_mm: tuple[tuple[float, float], ...]
+    solid_volume_mm3: float
+    stack_volume_mm3: float | None
+    volume_error: float | None
+    islands: tuple[tuple[int, int], ...]
+    settings: PrintSettings
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+
+def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> LayeredPrint:
+    """What is known of a job; ``stl`` names its STL file, ``stack`` is None where no pictures are made."""
+    settings = print_settings(job, name=part.label.name, stl=stl, material=part.material, cure=part.cure)
+    rows, columns = job.printer.shape
+    volume_mm3 = None if stack is None else stack.volume_mm3
+    return LayeredPrint(
+        name=part.label.name,
+        printer=job.printer.name,
+        pitch_um=job.printer.pitch_um.usual,
+        columns=columns,
+        rows=rows,
+        layer_um=job.slicing.layer_um,
+        layers=job.count,
+        size_mm=job.solid.size_mm,
+        height_mm=job.height_mm,
+        copies=job.slicing.copies,
+        places_mm=job.places_mm,
+        solid_volume_mm3=job.volume_mm3,
+        stack_volume_mm3=volume_mm3,
+        volume_error=None if volume_mm3 is None else volume_mm3 / job.volume_mm3 - 1.0,
+        islands=() if stack is None else stack.islands,
+        settings=settings,
+        sources=(part.source,),
+        warnings=(*part.warnings, *_warnings(job, settings, part.cure, stack)),
+    )
+
+
+def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[str]:
+    found = [*_of_printer(job), *_of_size(job), *_of_level_faces(job), *_of_cure(settings, cure, job.printer)]
+    return found if stack is None else found + _of_stack(job, stack)
+
+
+def _of_printer(job: Job) -> list[str]:
+    found = []
+    if job.printer.unconfirmed:
+        *others, last = job.printer.unconfirmed
+        numbers = f"{', '.join(others)} and {last}" if others else last
+        found.append(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures")
+    if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
+        found.append(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours")
+    return found
+
+
+def _of_size(job: Job) -> list[str]:
+    found, longest_mm = [], max(job.solid.size_mm)
+    if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
+        found.append(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
+    off_um = (job.height_mm - job.solid.size_mm[2]) * 1000.0
+    if abs(off_um) > HEIGHT_UM:
+        way = "higher" if off_um > 0.0 else "lower"
+        found.append(f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part")
+    return found
+
+
+def _of_level_faces(job: Job) -> list[str]:
+    """Faces between the heights of two layers, which are printed at one of them."""
+    faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
+    moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
+    between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
+    if not between:
+        return []
+    first = f"the first at {between[0]:.4g} mm"
+    return [f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm"]
+
+
+def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[str]:
+    if cure is None or settings.cure_depth_um is None:
+        return []
+    found = []
+    if settings.cure_depth_um <= settings.layer_um:
+        depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
+        found.append(f"one exposure cures {depth}: layers would not hold together")
+    light = printer.wavelength_nm
+    if light is not None and cure.wavelength_nm is not None and abs(light.usual - cure.wavelength_nm) > APART_NM:
+        apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
+        found.append(f"the working curve was measured at {apart}: its depths do not hold")
+    return found
+
+
+def _of_stack(job: Job, stack: Stack) -> list[str]:
+    found = []
+    if stack.islands:
+        index, pieces = stack.islands[0]
+        where = f"{pieces} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
+        total = sum(count for _, count in stack.islands)
+        found.append(f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make")
+    if stack.first_mm2 < NARROW * stack.largest_mm2:
+        first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
+        areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
+        found.append(f"the part stands on {areas}: give it a base or supports, or turn it")
+    return found

@@ -1,0 +1,110 @@
+"""A part ready for the printer: turned as it is printed, with its STL, its label and its resin.
+
+The idea: a design gives exact outlines, a mesh file gives triangles; after this both are a `Printable`, of which a
+`Job` makes layers.
+
+The interface: `printable_design`, `printable_mesh`.
+"""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.fabricate.label import Label, label_of
+from solen.fabricate.layers.orientation import orientation
+from solen.fabricate.layers.slicing import Slicing
+from solen.fabricate.layers.solid import MESH_MM, Solid, mesh_solid, solid_of
+from solen.fabricate.mesh import Mesh, mesh_of
+from solen.fabricate.meshfiles import as_stl
+from solen.fabricate.part import Part
+from solen.fabricate.stl import read_stl
+from solen.fabricate.threemf import read_threemf
+from solen.material.resin import Cure, resin_of
+from solen.recording import Provenance
+from solen.spec import Design
+
+MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
+
+
+@dataclass(frozen=True, eq=False)
+class Printable:
+    """A part ready for the printer.
+
+    Attributes
+    ----------
+    solid
+        The part as it lies on the plate.
+    stl
+        The same as STL, its lowest corner at the origin.
+    label
+        What its files say of it.
+    source
+        The file that it comes from.
+    material, cure
+        The resin in words, and its working curve where it has one.
+    warnings
+        About the file.
+    """
+
+    solid: Solid
+    stl: bytes
+    label: Label
+    source: Provenance
+    material: str
+    cure: Cure | None
+    warnings: tuple[str, ...] = ()
+
+
+def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -> Printable:
+    """A design's part; ``path`` is the design's file."""
+    rotation = orientation(slicing.orientation, slicing.rotate_deg)
+    label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
+    if slicing.resin is not None:
+        material, cure = _resin(slicing.resin)
+    elif design.material.resin is not None:
+        resin = resin_of(design.material.resin, design.files.get("material.resin"))
+        material, cure = resin.name, resin.cure
+    else:
+        material, cure = f"not named (n = {design.material.index:g} in the design): give --resin", None
+    source = Provenance(path.name, label.sha256, "design")
+    stl = _placed(mesh_of(part, MESH_MM), rotation, label)
+    return Printable(solid_of(part, rotation), stl, label, source, material, cure)
+
+
+def printable_mesh(path: Path, slicing: Slicing) -> Printable:
+    """A closed mesh of a file.
+
+    Raises
+    ------
+    DataError
+        Where the file is not a mesh that solen reads, is damaged, or its surface is not closed.
+    """
+    kind = path.suffix.lower()
+    if kind not in MESH_READERS:
+        raise DataError(str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export it as STL")
+    mesh = MESH_READERS[kind](path)
+    warnings: tuple[str, ...] = ()
+    if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
+        mesh = Mesh(mesh.vertices, mesh.triangles[:, ::-1].copy(), mesh.tolerance_mm)
+        warnings = ("the mesh was inside out; its triangles are turned",)
+    rotation = orientation(slicing.orientation, slicing.rotate_deg)
+    solid = mesh_solid(mesh, rotation, str(path))
+    label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
+    material, cure = ("not named: give --resin", None) if slicing.resin is None else _resin(slicing.resin)
+    source = Provenance(path.name, label.sha256, kind[1:])
+    return Printable(solid, _placed(mesh, rotation, label), label, source, material, cure, warnings)
+
+
+def _placed(mesh: Mesh, rotation: FloatArray, label: Label) -> bytes:
+    turned = mesh.vertices @ rotation.T
+    return as_stl(Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm), label)
+
+
+def _resin(name: str) -> tuple[str, Cure | None]:
+    """Name and working curve of a resin of the library, or of a file."""
+    is_file = name.endswith(".toml") or "/" in name or "\\" in name
+    resin = resin_of(name, Path(name) if is_file else None)
+    return resin.name, resin.cure

@@ -1,0 +1,53 @@
+"""Options of a print in layers: how the part lies, how often it is repeated, how it is cut and exposed."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from solen.spec.strict import Finite, Options
+
+Orientation = Literal["flat", "upright", "on-edge"]
+Degrees = tuple[Finite, Finite, Finite]
+Seconds = Annotated[float, Field(gt=0, le=3600)]
+
+
+class Slicing(Options):
+    """How a part is cut into layers and exposed; the default exposures are the paper's."""
+
+    printer: str = "generic"
+    """Printer of the library (solen print printers), or its file."""
+    layer_um: Finite = 25.0
+    """Thickness of a layer."""
+    orientation: Orientation = "flat"
+    """How the part lies; upright is a sensor on its arms, lens last."""
+    rotate_deg: Degrees = (0.0, 0.0, 0.0)
+    """Then rotate it about the plate's X, Y and Z by these degrees."""
+    copies: Annotated[int, Field(ge=1, le=10_000)] = 1
+    """Number of copies, in a grid on the plate."""
+    gap_mm: Annotated[float, Field(ge=0, le=1000)] = 2.0
+    """Least distance between copies."""
+    burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
+    """Number of first layers that are exposed for longer."""
+    burn_in_s: Seconds = 3.0
+    """Exposure of the first layers."""
+    exposure_s: Seconds = 2.0
+    """Exposure of all other layers."""
+    irradiance_mW_per_cm2: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = None
+    """Irradiance at the window; default: the printer's, or 13 as in the paper."""
+    z_offset_um: Annotated[float, Field(ge=-1e5, le=1e5)] = 0.0
+    """Thickness of a film or base under the part, for the settings sheet."""
+    mirror: Literal["none", "x", "y"] = "none"
+    """Flip the pictures along x or y."""
+    resin: str | None = None
+    """Resin of the library, or its file: its name and working curve for the settings sheet."""
+    sheet_only: bool = False
+    """Write STL and settings, no pictures."""
+
+    def seconds(self, index: int) -> float:
+        """Exposure of a layer in s; the first is number 0."""
+        return self.burn_in_s if index < self.burn_in_layers else self.exposure_s
+
+    def total_s(self, layers: int) -> float:
+        """Exposure of a number of layers together in s."""
+        burn_in = min(layers, self.burn_in_layers)
+        return burn_in * self.burn_in_s + (layers - burn_in) * self.exposure_s
