@@ -6,6 +6,7 @@ from solen.trace.dataset import save_netcdf, to_dataset
 from solen.trace.derivative import Derivative, Slope, derivative
 from solen.trace.engine import trace
 from solen.trace.many import trace_many
+from solen.trace.options import TraceOptions, trace_with
 from solen.trace.reference import trace_reference
 from solen.trace.result import Crossed, Detected, Ledger, Limits, Mode, Path, Trace
 from solen.trace.turns import Turns, trace_in_turns
@@ -22,6 +23,7 @@ __all__ = [
     "Series",
     "Slope",
     "Trace",
+    "TraceOptions",
     "Turns",
     "convergence",
     "derivative",
@@ -33,4 +35,5 @@ __all__ = [
     "trace_in_turns",
     "trace_many",
     "trace_reference",
+    "trace_with",
 ]

@@ -39,7 +39,9 @@ CHANGE_SHARE = 0.5
 COARSE_TOLERANCE = 1e-5
 """Tolerance from which on the smaller rule serves for places: by the sharp bends it comes along with fewer points."""
 LEAST_SHARE = 0.01
-LEAST_TOLERANCE = 1e-12
+LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
+POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
+"""Of powers where none is asked for: for a point in one wavelength, and for any other source."""
 
 # Kronrod's rule of 7 nodes, with the Gauss rule of 3.
 _NODES = (0.96049126870802028342, 0.77459666924148337704, 0.43424374934680255800)
@@ -101,8 +103,9 @@ def integrate_many(
 ) -> list[Trace]:
     """`integrate` for many scenes, the positions of a motion or the variants of a design, on several threads."""
     check_mode(mode)
-    if not LEAST_TOLERANCE <= tolerance <= 0.1:
-        raise DesignError("tolerance", value=tolerance, limit=f"must be from {LEAST_TOLERANCE:g} to 0.1")
+    if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
+        limit = f"must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}"
+        raise DesignError("tolerance", value=tolerance, limit=limit)
     if mode == "roulette":
         raise DesignError("mode", value=mode, limit="adaptive integration knows count and power")
     threads = (os.cpu_count() or 1) if threads is None else threads
@@ -224,6 +227,11 @@ def is_extended(scene: Scene) -> bool:
         emission is None or emission.panels > 0 or len(source.spectrum) > 1
         for emission, source in zip(emissions, scene.sources, strict=True)
     )
+
+
+def usual_tolerance(scene: Scene) -> float:
+    """Tolerance of a scene's powers where none is asked for."""
+    return EXTENDED_TOLERANCE if is_extended(scene) else POINT_TOLERANCE
 
 
 class Panel(NamedTuple):

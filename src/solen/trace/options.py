@@ -1,0 +1,105 @@
+"""Options of a trace as one declaration: for `solen trace`, for scenes and designs alike."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.errors import SpecError
+from solen.scene import Scene
+from solen.spec.strict import Finite, Options, refused
+from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, integrate, usual_tolerance
+from solen.trace.chunks import Digits
+from solen.trace.engine import trace
+from solen.trace.result import Mode, Trace
+
+MOST_PATHS = 100_000
+"""Rays whose paths are kept at most."""
+
+
+class TraceOptions(Options):
+    """How rays are chosen and followed."""
+
+    mode: Mode | None = None
+    """Physics: count (refraction or total reflection), power (Fresnel, both branches) or roulette (Fresnel, one branch
+    drawn); default: trace.mode of a design, power for a scene."""
+    sampling: Literal["fan", "sobol", "adaptive"] = "fan"
+    """Rays: fan (evenly spaced), sobol (independent samples) or adaptive (integration over the launch angle)."""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
+    """Seed of sobol and of roulette: the same one gives the same result."""
+    tolerance: Annotated[Finite, Field(ge=LEAST_TOLERANCE, le=MOST_TOLERANCE)] | None = None
+    """With adaptive: largest uncertainty of a power, as a fraction of the emitted power; default: 1e-6 for a point of
+    one wavelength, 1e-4 for other sources."""
+    precision: Digits = "double"
+    """Floating-point precision; single states its error."""
+    histogram: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """Number of bins of the power at each receiver, by position and by angle of incidence."""
+
+    @model_validator(mode="after")
+    def _fit_together(self) -> Self:
+        if self.sampling != "adaptive":
+            if self.tolerance is not None:
+                raise refused("tolerance", "needs sampling adaptive", value=self.tolerance, remedy="add that")
+            return self
+        single = "single" if self.precision == "single" else None
+        for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
+            if value is not None:
+                limit = "has no meaning with sampling adaptive"
+                raise refused(name, limit, value=value, remedy="leave one of them out")
+        return self
+
+
+def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", *, paths: bool = False) -> Trace:
+    """Trace or integrate a scene as the options say.
+
+    Parameters
+    ----------
+    scene
+        What is traced.
+    options
+        How; ``usual_mode`` is the mode where they name none.
+    paths
+        Keep every straight stretch, so that ``paths()`` has the paths of all rays.
+
+    Raises
+    ------
+    SpecError
+        For an option that has no effect on this scene, or that its sources or monitors do not allow.
+    DesignError
+        As `trace` and `integrate`.
+    """
+    mode = options.mode or usual_mode
+    if options.sampling == "adaptive":
+        _check_adaptive(scene, paths)
+        return integrate(scene, mode, options.tolerance or usual_tolerance(scene))
+    draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
+    if options.seed is not None and not draws:
+        limit = f"nothing is drawn in mode {mode} with a fan"
+        raise SpecError("seed", value=options.seed, limit=limit, remedy="set sampling to sobol or mode to roulette")
+    bins = options.histogram or 0
+    return trace(
+        scene,
+        mode,
+        sampling=options.sampling,
+        seed=options.seed or 0,
+        precision=options.precision,
+        position_bins=bins,
+        angle_bins=bins,
+        legs=paths,
+    )
+
+
+def _check_adaptive(scene: Scene, paths: bool) -> None:
+    if paths:
+        raise SpecError("sampling", value="adaptive", limit="keeps no paths of rays", remedy="use fan for pictures")
+    if scene.monitors:
+        limit = "reads receivers alone, and this scene has monitors"
+        raise SpecError("sampling", value="adaptive", limit=limit, remedy="use fan or sobol")
+
+
+def check_paths(scene: Scene) -> None:
+    """`SpecError` where the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
+    if scene.rays > MOST_PATHS:
+        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"at most {MOST_PATHS} are written")
+    if scene.extrusion is not None:
+        limit = "are of the plane, and these rays are in space"
+        raise SpecError("paths", limit=limit, remedy="leave it out, or trace the plane")
