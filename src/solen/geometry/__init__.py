@@ -2,18 +2,22 @@
 
 from solen.geometry.bend import BEND_TOLERANCE_MM, Bend, bend_of, bent
 from solen.geometry.body import Body, Face, Pose, material
+from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of
 from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
 __all__ = [
     "BEND_TOLERANCE_MM",
+    "BODY_KINDS",
     "Bend",
     "Body",
+    "BodyKind",
     "Face",
     "Pose",
     "arm_angle_deg",
     "bend_of",
     "bent",
+    "body_of",
     "material",
     "outline_body",
     "y_body",

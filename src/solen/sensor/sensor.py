@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
-from solen.geometry import Body, arm_angle_deg, outline_body, y_body
+from solen.geometry import BODY_KINDS, Body, arm_angle_deg, body_of
 from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
@@ -82,7 +82,7 @@ class Sensor:
     def of(cls, design: Design) -> "Sensor":
         """Sensor of a design; `DesignError` or `DataError` where its lens or its resin cannot be."""
         material = optical(design)
-        drawn = design.body.kind == "outline"
+        drawn = BODY_KINDS[design.body.kind].lens_is_drawn
         return cls(design, material, None if drawn else lens_of(design, material.index))
 
     @property
@@ -90,7 +90,7 @@ class Sensor:
         """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
         if self.cut is None:
             limit = "the lens of an outline is drawn: solen knows no formula for it"
-            raise DesignError("body.kind", value="outline", limit=limit, remedy="use solen check")
+            raise DesignError("body.kind", value=self.design.body.kind, limit=limit, remedy="use solen check")
         return self.cut
 
     @property
@@ -125,9 +125,7 @@ class Sensor:
 
     def body(self, angle_deg: float = 0.0) -> Body:
         """Body with its moving parts turned by ``angle_deg``; `DesignError` where it cannot be."""
-        if self.is_drawn:
-            return outline_body(self.design, angle_deg)
-        return y_body(self.design, self.lens, angle_deg)
+        return body_of(self.design, self.cut, angle_deg)
 
     def check_pair(self) -> None:
         """`DesignError` where the receivers are not the two, ``right`` and ``left``, whose contrast is the response."""

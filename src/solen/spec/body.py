@@ -2,10 +2,29 @@
 
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
 from solen.spec.quantities import Index, Length
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
+
+Keys = dict[str, tuple[str, ...]]
+"""Keys by table."""
+
+UNUSED_KEYS: dict[str, Keys] = {
+    "y": {"body": ("file", "units", "join_mm"), "emitter": ("point_mm", "axis_deg"), "motion": ("bend_mm",)},
+    "outline": {
+        "body": ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
+        "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
+        "emitter": ("distance_mm",),
+    },
+}
+"""Known kinds of bodies, and the keys that have no meaning for each; `solen.geometry.kinds` builds them."""
+
+
+def _known_kind(kind: str) -> str:
+    if kind not in UNUSED_KEYS:
+        raise refused("", f"must be {' or '.join(map(repr, UNUSED_KEYS))}", value=kind)
+    return kind
 
 
 class Material(Strict):
@@ -79,7 +98,11 @@ class Body(Strict):
 
     table: ClassVar[str] = "body"
 
-    kind: Literal["y", "outline"] = Field("y", description="Shape of the body: a Y, or an outline read from file.")
+    kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
+        "y",
+        description="Shape of the body: a Y, or an outline read from file.",
+        json_schema_extra=lambda schema: schema.update(enum=list(UNUSED_KEYS)),
+    )
     file: Text | None = Field(
         None,
         description='Drawing of the outline, .dxf, .svg or .json, relative to the design file; with kind="outline".',

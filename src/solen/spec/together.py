@@ -2,20 +2,13 @@
 
 from typing import TYPE_CHECKING
 
+from solen.spec.body import UNUSED_KEYS, Keys
 from solen.spec.strict import refused
 
 if TYPE_CHECKING:  # the design calls this module
     from solen.spec.design import Design
     from solen.spec.strict import Strict
 
-Keys = dict[str, tuple[str, ...]]
-
-OF_OUTLINES: Keys = {"body": ("file", "units", "join_mm"), "emitter": ("point_mm", "axis_deg"), "motion": ("bend_mm",)}
-OF_THE_Y: Keys = {
-    "body": ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
-    "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
-    "emitter": ("distance_mm",),
-}
 OF_ROTATIONS: Keys = {"motion": ("pivot",)}
 OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
 
@@ -23,7 +16,7 @@ OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
 def check_together(design: "Design") -> None:
     """Refuse keys that do not fit one another."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
-    _refuse_stated(design, OF_THE_Y if outline else OF_OUTLINES, f'body.kind = "{design.body.kind}"')
+    _refuse_stated(design, UNUSED_KEYS[design.body.kind], f'body.kind = "{design.body.kind}"')
     _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')
@@ -32,7 +25,7 @@ def check_together(design: "Design") -> None:
         raise refused("fabricate.pockets", limit, value=True, remedy="leave one of them out")
     if bends:
         _check_bend(design)
-    elif not outline:
+    elif design.body.kind == "y":
         _check_moves(design)
 
 

@@ -105,7 +105,7 @@ def ideal_of(design: Design, name: str | None = None) -> Ideal:
     """Front that a design asks for, with the walls beside it; `DataError` where it has no lens of a known front."""
     sensor = Sensor.of(design)
     name = name or design.name
-    if design.body.kind == "outline":
+    if sensor.is_drawn:
         return _drawn(name, sensor.body())
     if not sensor.has_lens:
         raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")
