@@ -9,7 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from solen.errors import SpecError
-from solen.geometry.coupons import COUPONS, Choices, Coupon, Feature, Slab, group_a, group_b, group_c, holes, layout
+from solen.geometry.coupons import (
+    COUPONS,
+    Coupon,
+    CouponOptions,
+    Feature,
+    Slab,
+    group_a,
+    group_b,
+    group_c,
+    holes,
+    layout,
+)
 from solen.geometry.coupons.raised import heights_mm
 
 every_coupon = pytest.mark.parametrize("name", COUPONS)
@@ -25,7 +36,7 @@ def test_group_a_is_the_sources() -> None:
 @pytest.mark.parametrize("reading", ["pairs", "row"])
 @pytest.mark.parametrize("pitch_um", [None, 62.0])
 def test_group_b_has_the_sources_gaps(reading: str, pitch_um: float | None) -> None:
-    coupon = group_b(Choices(gap_reading=reading, pitch_um=pitch_um))  # type: ignore[arg-type]
+    coupon = group_b(CouponOptions(gap_reading=reading, pitch_um=pitch_um))
     stated = [0.50, 0.30, 0.20, 0.15, 0.12, 0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.02]
     assert [gap.gap_mm for gap in coupon.gaps] == stated
     assert len(coupon.of_kind("pillar")) == (24 if reading == "pairs" else 13)
@@ -50,7 +61,7 @@ def test_group_c_has_a_row_for_each_step() -> None:
 
 
 def test_steps_as_printed_leave_one_height_and_two() -> None:
-    names = [one.name for one in group_c(Choices(step_reading="literal")).of_kind("pillar")]
+    names = [one.name for one in group_c(CouponOptions(step_reading="literal")).of_kind("pillar")]
     assert [sum(name.startswith(f"row-{k}-") for name in names) for k in (1, 2, 3)] == [10, 1, 2]
 
 
@@ -61,7 +72,7 @@ def test_steps_as_printed_leave_one_height_and_two() -> None:
 def test_every_reading_of_the_holes_has_eight_on_the_slab(
     reading: str, smallest: float, largest: float, step: float
 ) -> None:
-    coupon = holes(Choices(hole_reading=reading))  # type: ignore[arg-type]
+    coupon = holes(CouponOptions(hole_reading=reading))
     sizes = [one.diameter_mm for one in coupon.of_kind("hole")]
     assert len(sizes) == 8
     assert sizes == sorted(sizes, reverse=True), "decreasing"
@@ -75,14 +86,14 @@ def test_every_reading_of_the_holes_has_eight_on_the_slab(
 
 
 def test_the_reference_stands_on_its_slab() -> None:
-    literal, stairs = (layout("z-reference", Choices(reference_reading=r)) for r in ("literal", "staircase"))
+    literal, stairs = (layout("z-reference", CouponOptions(reference_reading=r)) for r in ("literal", "staircase"))
     assert [one.height_mm for one in literal.features] == pytest.approx([1.0, 1.025, 0.025])
     assert [one.height_mm for one in stairs.features] == pytest.approx([1.0, 1.025, 1.05])
     assert literal.slab == Slab(10.0, 3.2, 0.8)
 
 
 def test_the_film_layer_tells_the_offset_of_the_printer() -> None:
-    coupon = layout("film-layer", Choices(film_mm=0.125, layer_um=50.0))
+    coupon = layout("film-layer", CouponOptions(film_mm=0.125, layer_um=50.0))
     base, layer = coupon.stages
     assert (base.z_offset_mm, layer.z_offset_mm) == pytest.approx((0.0, 0.625))
     assert "0.125 mm higher than where the base alone would go on" in layer.note
@@ -93,7 +104,7 @@ def test_the_film_layer_tells_the_offset_of_the_printer() -> None:
 @every_coupon
 @pytest.mark.parametrize("pitch_um", [None, 27.0, 62.0])
 def test_features_stand_apart_and_on_their_slab(name: str, pitch_um: float | None) -> None:
-    coupon = layout(name, Choices(pitch_um=pitch_um))
+    coupon = layout(name, CouponOptions(pitch_um=pitch_um))
     for one, other in combinations(coupon.features, 2):
         assert one.stage != other.stage or one.distance_mm(other) > 0.0
     width, depth, _ = coupon.size_mm
@@ -112,7 +123,7 @@ def test_no_turn_or_mirror_image_maps_the_marks_onto_themselves(name: str) -> No
 
 @pytest.mark.parametrize("name", ["group-a", "group-c"])
 def test_pillars_stand_on_corners_of_pixels(name: str) -> None:
-    for one in layout(name, Choices(pitch_um=62.0)).features:
+    for one in layout(name, CouponOptions(pitch_um=62.0)).features:
         for place in (one.x_mm, one.y_mm):
             assert math.remainder(place, 0.062) == pytest.approx(0.0, abs=1e-9)
 
@@ -120,18 +131,18 @@ def test_pillars_stand_on_corners_of_pixels(name: str) -> None:
 @pytest.mark.parametrize(
     ("values", "part"),
     [
-        ({"spacing_mm": 0.0}, "spacing_mm = 0.0; must be above 0"),
+        ({"spacing_mm": 0.0}, "spacing_mm = 0.0"),
         ({"layer_um": math.nan}, "layer_um"),
         ({"layer_um": math.inf}, "layer_um"),
-        ({"hole_reading": "fifths"}, "must be one of repeats, even, tenths"),
-        ({"guide_lengths_mm": ()}, "needs one number at least"),
-        ({"guide_lengths_mm": (5.0, -1.0)}, "guide_lengths_mm = -1.0"),
+        ({"hole_reading": "fifths"}, "hole_reading = 'fifths'"),
+        ({"guide_lengths_mm": ()}, "guide_lengths_mm"),
+        ({"guide_lengths_mm": (5.0, -1.0)}, "guide_lengths_mm.1 = -1.0"),
         ({"cubes": 0}, "cubes = 0"),
     ],
 )
 def test_choices_that_cannot_be_are_refused(values: dict[str, object], part: str) -> None:
     with pytest.raises(SpecError) as told:
-        Choices(**values)  # type: ignore[arg-type]
+        CouponOptions(**values)
     assert part in str(told.value)
     assert "\n" not in str(told.value)
 
@@ -145,7 +156,7 @@ def test_choices_that_cannot_be_are_refused(values: dict[str, object], part: str
         (lambda: holes(diameters_mm=(9.0, 9.0)), "do not fit side by side"),
         (lambda: holes(diameters_mm=(3.0,)), "does not fit on the slab"),
         (lambda: layout("group-x"), "must be one of group-a"),
-        (lambda: layout("group-a", Choices(bevel_mm=9.0)), "must be less than the slab"),
+        (lambda: layout("group-a", CouponOptions(bevel_mm=9.0)), "must be less than the slab"),
         (lambda: Coupon("empty", "", ()), "needs one"),
     ],
 )

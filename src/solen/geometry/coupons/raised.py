@@ -9,8 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from solen.geometry.coupons.choices import Choices
 from solen.geometry.coupons.model import Coupon, Feature, Gap, Reading, Slab, Step
+from solen.geometry.coupons.options import CouponOptions
 
 BASE_MM, TALL_MM, MARGIN_MM = 0.8, 3.0, 1.0
 MARK_MM = 1.0
@@ -25,24 +25,24 @@ PAIRS_A_ROW = 4
 Row = list[Feature]
 
 
-def group_a(choices: Choices | None = None, diameters_mm: Sequence[float] = GROUP_A_MM) -> Coupon:
+def group_a(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float] = GROUP_A_MM) -> Coupon:
     """Cylinders of 3 mm height and falling diameter: the smallest that stands."""
-    choices = choices or Choices()
     sizes = [(f"d-{size:g}", size, TALL_MM) for size in diameters_mm]
-    row = _row(sizes, [choices.spacing_mm] * (len(sizes) - 1), 0.0)
+    row = _row(sizes, [options.spacing_mm] * (len(sizes) - 1), 0.0)
     readings = (
-        Reading("arrangement", "arrays of raised cylindrical features", f"one row, {choices.spacing_mm:g} mm apart"),
+        Reading("arrangement", "arrays of raised cylindrical features", f"one row, {options.spacing_mm:g} mm apart"),
     )
-    return _on_slab("group-a", "pillars of falling diameter", [row], choices, readings=readings)
+    return _on_slab("group-a", "pillars of falling diameter", [row], options, readings=readings)
 
 
 def group_b(
-    choices: Choices | None = None, gaps_mm: Sequence[float] = GROUP_B_MM, diameter_mm: float = GROUP_B_DIAMETER_MM
+    options: CouponOptions = CouponOptions(),
+    gaps_mm: Sequence[float] = GROUP_B_MM,
+    diameter_mm: float = GROUP_B_DIAMETER_MM,
 ) -> Coupon:
     """Cylinders of one diameter at falling gaps: the smallest gap that stays open."""
-    choices = choices or Choices()
-    pairs = choices.gap_reading == "pairs"
-    rows, gaps = (_pairs if pairs else _chain)(gaps_mm, diameter_mm, choices)
+    pairs = options.gap_reading == "pairs"
+    rows, gaps = (_pairs if pairs else _chain)(gaps_mm, diameter_mm, options)
     taken = "pairs, each gap alone, so that a merged pair leaves the others as they are"
     readings = (
         Reading(
@@ -51,24 +51,23 @@ def group_b(
             taken if pairs else "one row of thirteen cylinders with the gaps between neighbours",
         ),
     )
-    return _on_slab("group-b", "pillars at falling gaps", rows, choices, gaps=gaps, readings=readings)
+    return _on_slab("group-b", "pillars at falling gaps", rows, options, gaps=gaps, readings=readings)
 
 
 def group_c(
-    choices: Choices | None = None,
+    options: CouponOptions = CouponOptions(),
     rows_mm: Sequence[tuple[float, float, float]] | None = None,
     diameter_mm: float = GROUP_C_DIAMETER_MM,
 ) -> Coupon:
     """Cylinders of rising height, a row for each step (lowest, highest, step): the smallest step that is reproduced."""
-    choices = choices or Choices()
-    literal = choices.step_reading == "literal"
+    literal = options.step_reading == "literal"
     chosen = rows_mm if rows_mm is not None else GROUP_C_LITERAL_MM if literal else GROUP_C_MM
-    pitch = diameter_mm + choices.spacing_mm
+    pitch = diameter_mm + options.spacing_mm
     rows, steps = [], []
     for number, (low, high, step) in enumerate(chosen, 1):
         heights = heights_mm(low, high, step)
         sizes = [(f"row-{number}-h-{height:g}", diameter_mm, height) for height in heights]
-        row = _row(sizes, [choices.spacing_mm] * (len(sizes) - 1), -pitch * (number - 1))
+        row = _row(sizes, [options.spacing_mm] * (len(sizes) - 1), -pitch * (number - 1))
         rows.append(row)
         steps += [Step(f"{b.name}-step", (a.name, b.name), step) for a, b in pairwise(row)]
     readings = (
@@ -80,29 +79,28 @@ def group_c(
             else "0.05 and 0.025 mm: each step half of the one before, as the range and the resolved 25 µm ask for",
         ),
     )
-    return _on_slab("group-c", "pillars of rising height", rows, choices, steps=tuple(steps), readings=readings)
+    return _on_slab("group-c", "pillars of rising height", rows, options, steps=tuple(steps), readings=readings)
 
 
-def z_reference(choices: Choices | None = None) -> Coupon:
+def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
     """Three square pillars on a slab of 10 x 3.2 x 0.8 mm: offsets of one layer under the microscope."""
-    choices = choices or Choices()
     side, width, depth = 3.0, 10.0, 3.2
     pitch = side + (width - 3 * side) / 4
-    heights = REFERENCE_MM[choices.reference_reading]
+    heights = REFERENCE_MM[options.reference_reading]
     pillars = tuple(
         _block(f"h-{height:.3f}", (number - 1) * pitch, side, BASE_MM, BASE_MM + height)
         for number, height in enumerate(heights)
     )
     first, second, third = (pillar.name for pillar in pillars)
     steps: tuple[Step, ...] = (Step("first-step", (first, second), heights[1] - heights[0]),)
-    if choices.reference_reading == "staircase":
+    if options.reference_reading == "staircase":
         steps += (Step("second-step", (second, third), heights[2] - heights[1]),)
     printed = "heights of 1.000 mm, 1.025 mm, and 0.025 mm"
     taken = {
         "literal": "as printed: one step of 25 µm between pillars, and one of 25 µm between the third and the slab",
         "staircase": "the third is 1.050 mm: two steps of 25 µm between pillars",
     }
-    readings = (Reading("third pillar", printed, taken[choices.reference_reading]),)
+    readings = (Reading("third pillar", printed, taken[options.reference_reading]),)
     slab = Slab(width, depth, BASE_MM)
     cautions = ("the pillars leave no room for a mark: they stand in the order in which they are named, along +x",)
     return Coupon(
@@ -116,11 +114,11 @@ def heights_mm(low: float, high: float, step: float) -> list[float]:
     return [round(low + number * step, 9) for number in range(count)]
 
 
-def snapped(value_mm: float, choices: Choices) -> float:
+def snapped(value_mm: float, options: CouponOptions) -> float:
     """A place on the corners of the printer's pixels, where their size is given."""
-    if choices.pitch_um is None:
+    if options.pitch_um is None:
         return value_mm
-    pitch_mm = 1e-3 * choices.pitch_um
+    pitch_mm = 1e-3 * options.pitch_um
     return round(round(value_mm / pitch_mm) * pitch_mm, 9)
 
 
@@ -141,20 +139,20 @@ def _block(name: str, x: float, side: float, low: float, high: float) -> Feature
     return Feature(name, "pillar", x, 0.0, side, side, low, high, round=False)
 
 
-def _pairs(gaps_mm: Sequence[float], diameter: float, choices: Choices) -> tuple[list[Row], tuple[Gap, ...]]:
+def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
     """Pairs in rows of `PAIRS_A_ROW`; each pair's gap alone is critical."""
     rows: list[Row] = []
     gaps = []
     for start in range(0, len(gaps_mm), PAIRS_A_ROW):
         some = gaps_mm[start : start + PAIRS_A_ROW]
         sizes = [(f"g-{gap:g}-{side}", diameter, TALL_MM) for gap in some for side in ("left", "right")]
-        between = [value for gap in some for value in (gap, choices.spacing_mm)][:-1]
-        rows.append(_row(sizes, between, -len(rows) * (diameter + choices.spacing_mm)))
+        between = [value for gap in some for value in (gap, options.spacing_mm)][:-1]
+        rows.append(_row(sizes, between, -len(rows) * (diameter + options.spacing_mm)))
         gaps += [Gap(f"g-{gap:g}", (f"g-{gap:g}-left", f"g-{gap:g}-right"), gap) for gap in some]
     return rows, tuple(gaps)
 
 
-def _chain(gaps_mm: Sequence[float], diameter: float, _: Choices) -> tuple[list[Row], tuple[Gap, ...]]:
+def _chain(gaps_mm: Sequence[float], diameter: float, _: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
     """One row of one cylinder more than there are gaps."""
     names = [f"c-{number}" for number in range(1, len(gaps_mm) + 2)]
     row = _row([(name, diameter, TALL_MM) for name in names], gaps_mm, 0.0)
@@ -166,7 +164,7 @@ def _on_slab(
     name: str,
     title: str,
     rows: Iterable[Row],
-    choices: Choices,
+    options: CouponOptions,
     *,
     gaps: tuple[Gap, ...] = (),
     steps: tuple[Step, ...] = (),
@@ -179,26 +177,26 @@ def _on_slab(
     low = min(one.y_mm - 0.5 * one.depth_mm for one in features)
     high = max(one.y_mm + 0.5 * one.depth_mm for one in features)
     middle = (0.5 * (left + right), 0.5 * (low + high))
-    placed = _placed(features, middle, gaps, choices)
+    placed = _placed(features, middle, gaps, options)
     tallest = max(one.to_mm for one in features)
     half_width, half_depth = 0.5 * (right - left), 0.5 * (high - low)
-    if choices.marks:
-        placed += _marks(half_width, half_depth, tallest, choices)
-        half_width += choices.spacing_mm + MARK_MM
+    if options.marks:
+        placed += _marks(half_width, half_depth, tallest, options)
+        half_width += options.spacing_mm + MARK_MM
         half_depth = max(half_depth, _mark_y(half_depth) + 0.5 * MARK_MM)
-    slab = Slab(2.0 * (half_width + MARGIN_MM), 2.0 * (half_depth + MARGIN_MM), BASE_MM, choices.bevel_mm)
-    return Coupon(name, title, tuple(placed), slab, gaps, steps, readings=(*readings, *_own(choices)))
+    slab = Slab(2.0 * (half_width + MARGIN_MM), 2.0 * (half_depth + MARGIN_MM), BASE_MM, options.bevel_mm)
+    return Coupon(name, title, tuple(placed), slab, gaps, steps, readings=(*readings, *_own(options)))
 
 
-def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], choices: Choices) -> Row:
+def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], options: CouponOptions) -> Row:
     """Features counted from the middle and snapped; what stands at a stated gap moves with its neighbour."""
     leads = {gap.between[1]: gap.between[0] for gap in gaps}
     by: dict[str, float] = {}
     placed = []
     for one in features:
         x, y = one.x_mm - middle[0], one.y_mm - middle[1]
-        by[one.name] = by[leads[one.name]] if one.name in leads else snapped(x, choices) - x
-        placed.append(replace(one, x_mm=x + by[one.name], y_mm=snapped(y, choices)))
+        by[one.name] = by[leads[one.name]] if one.name in leads else snapped(x, options) - x
+        placed.append(replace(one, x_mm=x + by[one.name], y_mm=snapped(y, options)))
     return placed
 
 
@@ -206,18 +204,18 @@ def _mark_y(half_depth: float) -> float:
     return max(half_depth - 0.5 * MARK_MM, MARK_MM)
 
 
-def _marks(half_width: float, half_depth: float, top_mm: float, choices: Choices) -> list[Feature]:
+def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponOptions) -> list[Feature]:
     """Three discs as tall as the tallest feature, so that they are in focus together."""
-    x, y = half_width + choices.spacing_mm + 0.5 * MARK_MM, _mark_y(half_depth)
+    x, y = half_width + options.spacing_mm + 0.5 * MARK_MM, _mark_y(half_depth)
     places = (("mark-1", -x, y), ("mark-2", -x, -y), ("mark-3", x, -y))
     return [
-        Feature(name, "mark", snapped(x, choices), snapped(y, choices), MARK_MM, MARK_MM, BASE_MM, top_mm)
+        Feature(name, "mark", snapped(x, options), snapped(y, options), MARK_MM, MARK_MM, BASE_MM, top_mm)
         for name, x, y in places
     ]
 
 
-def _own(choices: Choices) -> tuple[Reading, ...]:
+def _own(options: CouponOptions) -> tuple[Reading, ...]:
     """What solen adds to the source's coupon."""
-    added = ["three round marks of 1 mm"] if choices.marks else []
-    added += [f"a corner bevelled by {choices.bevel_mm:g} mm"] if choices.bevel_mm else []
+    added = ["three round marks of 1 mm"] if options.marks else []
+    added += [f"a corner bevelled by {options.bevel_mm:g} mm"] if options.bevel_mm else []
     return (Reading("marks", "none", f"{' and '.join(added)}, to orient an image"),) if added else ()

@@ -3,12 +3,11 @@
 The walls between holes, and those at both ends, are all of one thickness. A bevelled corner orients an image.
 """
 
-from collections import Counter
 from collections.abc import Sequence
 
 from solen.errors import SpecError
-from solen.geometry.coupons.choices import Choices
-from solen.geometry.coupons.model import Coupon, Feature, Reading, Slab
+from solen.geometry.coupons.model import Coupon, Feature, Reading, Slab, distinct
+from solen.geometry.coupons.options import CouponOptions
 
 SLAB_MM = (16.0, 3.0, 1.0)
 HOLES = 8
@@ -30,10 +29,9 @@ READINGS: dict[str, tuple[tuple[float, ...], str]] = {
 }
 
 
-def holes(choices: Choices | None = None, diameters_mm: Sequence[float] | None = None) -> Coupon:
+def holes(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float] | None = None) -> Coupon:
     """Through-holes of falling diameter: the smallest variation of diameter that is resolved."""
-    choices = choices or Choices()
-    read, taken = READINGS[choices.hole_reading]
+    read, taken = READINGS[options.hole_reading]
     sizes = tuple(diameters_mm) if diameters_mm is not None else read
     width, depth, thickness = SLAB_MM
     wall = (width - sum(sizes)) / (len(sizes) + 1)
@@ -41,17 +39,16 @@ def holes(choices: Choices | None = None, diameters_mm: Sequence[float] | None =
         limit = f"do not fit side by side into a slab of {width:g} mm"
         raise SpecError("holes diameters_mm", value=list(sizes), limit=limit, remedy="make them fewer or smaller")
     printed = "eight circular through-holes … 1.40–1.65 mm (steps of 0.1 mm)"
-    reading = Reading("diameters", printed, taken if diameters_mm is None else "diameters that the caller gave")
-    slab = Slab(width, depth, thickness, choices.bevel_mm)
+    reading = Reading("diameters", printed, taken if diameters_mm is None else "diameters of the caller")
+    slab = Slab(width, depth, thickness, options.bevel_mm)
     return Coupon("holes", "holes of falling diameter", _row(sizes, wall, thickness), slab, readings=(reading,))
 
 
 def _row(sizes: Sequence[float], wall: float, thickness: float) -> tuple[Feature, ...]:
-    """Holes along x with equal walls; a size that is there again gets a letter."""
-    found, edge, seen = [], -0.5 * SLAB_MM[0] + wall, Counter[float]()
-    for size in sizes:
-        seen[size] += 1
-        letter = "" if seen[size] == 1 else f"-{chr(ord('a') + seen[size] - 1)}"
-        found.append(Feature(f"hole-{size:g}{letter}", "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))
+    """Holes along x with equal walls; a size that is repeated gets a letter."""
+    names = distinct((f"hole-{size:g}" for size in sizes), lambda number: chr(ord("a") + number - 1))
+    found, edge = [], -0.5 * SLAB_MM[0] + wall
+    for name, size in zip(names, sizes, strict=True):
+        found.append(Feature(name, "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))
         edge += size + wall
     return tuple(found)

@@ -1,4 +1,4 @@
-"""What `solen print fidelity` does: a picture or z map of a coupon in; sizes, the smallest resolved ones and a figure out."""
+"""Fidelity of a printed coupon: a picture or z map in; sizes, the smallest resolved ones and a figure out."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -7,12 +7,12 @@ from typing import Any
 
 from solen.errors import SpecError
 from solen.fabricate.coupons import read_job
-from solen.geometry.coupons import Coupon, layout
+from solen.geometry.coupons import Coupon, CouponOptions, layout
 from solen.metrology import read_image
 from solen.metrology.coupons import Fidelity, Limit, Measured, measure
 from solen.metrology.zmap import is_text, read_z_map
 from solen.pipeline.outputs import check_figure, check_out, leave
-from solen.pipeline.print.coupons import choices_of
+from solen.spec.toml import parse_assignment
 
 CALIBRATES = ("pillar", "hole", "gap", "step")
 
@@ -101,7 +101,7 @@ def _chosen(name: str | None, job: Path | None, assignments: Sequence[str]) -> C
     if job is None:
         if name is None:
             raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or give its --job")
-        return layout(name, choices_of(assignments))
+        return layout(name, CouponOptions(**dict(map(parse_assignment, assignments))))
     if assignments:
         raise SpecError("--set", limit="has no effect beside --job, which holds the layout", remedy="leave one out")
     coupon, _ = read_job(job)

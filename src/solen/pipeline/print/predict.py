@@ -16,13 +16,13 @@ import numpy as np
 from solen import fabricate, files
 from solen.arrays import FloatArray, Progress
 from solen.errors import DataError, OutputError, SpecError
+from solen.fabricate import MESH_WRITERS as MESHES
 from solen.fabricate import process as printing
 from solen.fabricate.process import Calibration, Compensation, Deviation, Orientation, Prediction, Process, Target
 from solen.lens.measured import MeasuredProfile, profile_of, profile_text
 from solen.material.resin import resin_of
 from solen.parts import printer_of
 from solen.pipeline.design.commands import open_design
-from solen.fabricate import MESH_WRITERS as MESHES
 from solen.pipeline.outputs import check_choice, check_figure, check_out
 from solen.pipeline.print import redrawn
 from solen.pipeline.print import response as printedresponse

@@ -1,0 +1,148 @@
+"""Coupons as files: solids, job and plan of each, and the numbers of what is written.
+
+The interface: `coupon_set` says what coupons are, `written_coupons` makes their files as well; `CouponOutput` says how.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from solen.errors import SpecError
+from solen.fabricate.coupons.job import as_job, cautions, job_sha256
+from solen.fabricate.coupons.plan import as_plan
+from solen.fabricate.coupons.solid import coupon_parts
+from solen.fabricate.export import MeshSize
+from solen.fabricate.label import Label
+from solen.fabricate.mesh import mesh_of
+from solen.fabricate.meshfiles import as_stl, as_threemf
+from solen.fabricate.step import as_step, check_kernel
+from solen.geometry.coupons import Coupon, CouponOptions, Reading, layouts
+from solen.parts import printer_of
+from solen.results import Result
+from solen.spec.strict import Options
+
+Side = Annotated[float, Field(gt=0, lt=math.inf)]
+
+
+class CouponOutput(Options):
+    """How coupons are written."""
+
+    printer: str | None = None
+    """Printer of the library, or its file: gives the plate and the pixel."""
+    plate_mm: tuple[Side, Side] | None = None
+    """Width and depth of the build plate, which each coupon must fit on."""
+    step: bool = False
+    """Write exact solids for CAD programs, too (needs the extra cad)."""
+    tolerance_mm: float = 1e-3
+    """How far a mesh may leave the exact walls, 1e-4 to 1."""
+
+
+@dataclass(frozen=True)
+class CouponPart:
+    """A part that is printed in one run, its volume by the exact curves, and its mesh."""
+
+    name: str
+    volume_mm3: float
+    mesh: MeshSize
+
+
+@dataclass(frozen=True)
+class CouponSummary:
+    """A coupon in numbers: its size, how many features, gaps and steps it has, and what was read into its source.
+
+    ``parts`` are those that were written; ``warnings`` what the printer cannot make of it.
+    """
+
+    name: str
+    title: str
+    sha256: str
+    size_mm: tuple[float, float, float]
+    features: int
+    gaps: int
+    steps: int
+    readings: tuple[Reading, ...]
+    parts: tuple[CouponPart, ...]
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, coupon: Coupon, options: CouponOptions, parts: Sequence[CouponPart] = ()) -> "CouponSummary":
+        """Summary of a coupon that was laid out by some options."""
+        return cls(
+            name=coupon.name,
+            title=coupon.title,
+            sha256=job_sha256(coupon, options),
+            size_mm=coupon.size_mm,
+            features=len(coupon.features),
+            gaps=len(coupon.gaps),
+            steps=len(coupon.steps),
+            readings=coupon.readings,
+            parts=tuple(parts),
+            warnings=tuple(cautions(coupon, options)),
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CouponSet(Result):
+    """Coupons, and the options that they were laid out by."""
+
+    coupons: tuple[CouponSummary, ...]
+    options: CouponOptions
+
+
+def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
+    """Coupons of some names with commas between them, or all, without files."""
+    return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in layouts(only, options)), options)
+
+
+def written_coupons(
+    only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
+) -> tuple[CouponSet, list[Coupon], dict[str, bytes]]:
+    """Coupons of some names or all, their layouts, and their files by name: STL, 3MF, job and plan.
+
+    Raises
+    ------
+    SolenError
+        Where a coupon cannot be made, does not fit on the plate, or an extra is missing.
+    """
+    if output.step:
+        check_kernel()
+    plate_mm = output.plate_mm
+    if output.printer is not None:
+        printer = printer_of(output.printer)
+        plate_mm = plate_mm or printer.size_mm[:2]
+        options = options.model_copy(update={"pitch_um": options.pitch_um or printer.pitch_um.usual})
+    coupons = layouts(only, options)
+    for coupon in coupons:
+        _check_plate(coupon, plate_mm or (math.inf, math.inf))
+    files: dict[str, bytes] = {}
+    summaries = [_written(coupon, options, output, files) for coupon in coupons]
+    return CouponSet(tuple(summaries), options), coupons, files
+
+
+def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files: dict[str, bytes]) -> CouponSummary:
+    """Put the files of one coupon into ``files``."""
+    label = Label(coupon.name, job_sha256(coupon, options), f"coupon: {coupon.title}")
+    stages, parts = {}, []
+    for stage, part in coupon_parts(coupon).items():
+        mesh = mesh_of(part, output.tolerance_mm)
+        solids = {"stl": as_stl(mesh, label), "3mf": as_threemf(mesh, label)}
+        if output.step:
+            solids["step"] = as_step(part, label)
+        files |= {f"{part.name}.{kind}": content for kind, content in solids.items()}
+        stages[stage] = {kind: f"{part.name}.{kind}" for kind in solids}
+        parts.append(CouponPart(part.name, part.volume_mm3, MeshSize.of(mesh, part)))
+    files[f"{coupon.name}.json"] = as_job(coupon, options, stages)
+    files[f"{coupon.name}.svg"] = as_plan(coupon, label)
+    return CouponSummary.of(coupon, options, parts)
+
+
+def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
+    """`SpecError` where a coupon is larger than the build plate, also when it is turned by 90 degrees."""
+    width, depth, _ = coupon.size_mm
+    if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
+        size = f"{width:g} x {depth:g} mm"
+        limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
+        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="leave it out, or shorten its rows")

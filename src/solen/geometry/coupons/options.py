@@ -1,0 +1,63 @@
+"""Parameters of the coupons, and the readings of what their source leaves open or prints in two ways.
+
+The source is the Methods section of the paper on 3D-printed soft optical sensors with a lens. Four of its statements
+cannot be printed as they stand; each is an option here, and the default is explained in the coupon's `Reading`.
+"""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from solen.spec.strict import Options
+
+Size = Annotated[float, Field(gt=0, le=1e6)]
+Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
+
+
+class CouponOptions(Options):
+    """Parameters of all coupons; quotations are the paper's."""
+
+    hole_reading: Literal["repeats", "even", "tenths"] = "repeats"
+    """Eight holes "1.40–1.65 mm (steps of 0.1 mm)": repeats: steps of 0.05 mm, the first and the last size twice; even:
+    eight even steps over the span; tenths: steps of 0.1 mm from 1.40 mm on."""
+    step_reading: Literal["halving", "literal"] = "halving"
+    """Group C "heights 0.2 mm - 0.5 mm (0.5 mm steps) … (0.25 steps)": halving: steps of 0.05 and 0.025 mm; literal:
+    the printed ones, of which the range holds one height and two."""
+    reference_reading: Literal["literal", "staircase"] = "literal"
+    """Pillars of "1.000 mm, 1.025 mm, and 0.025 mm": literal, or a staircase with 1.050 mm as the third."""
+    gap_reading: Literal["pairs", "row"] = "pairs"
+    """Twelve gaps between cylinders of group B: as separate pairs, or in one row of thirteen."""
+    spacing_mm: Size = 1.0
+    """Free distance of features that stand alone."""
+    bevel_mm: Annotated[float, Field(ge=0, le=1e6)] = 0.6
+    """Legs of the bevelled corner that orients a slab; 0 leaves it out."""
+    marks: bool = True
+    """Three round marks on slabs with pillars, by which an image is oriented; --marks=false leaves them out."""
+    layer_um: Size = 25.0
+    """Layer thickness, for heights in layers and for the single layer."""
+    pitch_um: Size | None = None
+    """Pixel of the printer; with it, the middles of all features lie on its corners, so that all are drawn alike."""
+    exposure_s: Size = 2.0
+    """Exposure of a layer."""
+    burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
+    """Number of first layers that are exposed for longer."""
+    burn_in_s: Size = 3.0
+    """Exposure of the first layers."""
+    irradiance_mW_per_cm2: Size = 13.0
+    """Irradiance at the window."""
+    disc_exposures_s: Sizes = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
+    """Exposures of the cure discs, in the order of printing."""
+    film_mm: Size = 0.1
+    """Thickness of the film under the single layer."""
+    film_side_mm: Size = 20.0
+    """Side of the single layer."""
+    cubes: Annotated[int, Field(ge=1, le=100)] = 5
+    """Number of compression cubes."""
+    cube_mm: Size = 10.0
+    """Side of the compression cubes."""
+    guide_lengths_mm: Sizes = (5.0, 10.0, 15.0, 20.0, 30.0, 40.0)
+    """Lengths of the guides for the cut-back."""
+    guide_width_mm: Size = 3.0
+    """Width of the guides."""
+    guide_height_mm: Size = 3.0
+    """Height of the guides."""
