@@ -46,7 +46,7 @@ class Registry(Mapping[str, T], Generic[T]):
     """
 
     group: str
-    own: Mapping[str, T]
+    own: dict[str, T]
     kind: type = object
     _loaded: dict[str, T] = field(default_factory=dict, init=False, repr=False)
 

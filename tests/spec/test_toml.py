@@ -304,8 +304,10 @@ def test_the_json_schema_lists_every_key_of_every_table() -> None:
     assert set(schema["properties"]) == {"schema", *Design.model_fields}
     assert set(schema["$defs"]) == {
         *("Material", "Emitter", "Ambient", "Lens", "Body", "Receivers", "Motion", "Trace"),
-        *("Wall", "Layer", "Fabricate", "Readout"),
+        *("Wall", "Layer", "Fabricate", "Readout", "Parameters"),
     }
+    parameters = schema["$defs"].pop("Parameters")
+    assert parameters["additionalProperties"] == {"type": "number"}
     for table in (schema, *schema["$defs"].values()):
         assert table["additionalProperties"] is False
     for table in schema["$defs"].values():

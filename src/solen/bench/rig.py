@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from solen.bench.daq import MODELS, Setup
+from solen.bench.drivers import DRIVERS
 from solen.bench.gcs2 import STAGES
 from solen.errors import BenchError
 from solen.files import read_text
@@ -23,13 +24,24 @@ SCHEMA = 1
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
+def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
+    """Refuse a driver that there is not for this role, and a ``key`` that says where a real instrument is found."""
+    known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
+    if table.driver != "simulated" and table.driver not in known:
+        raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)
+    stated = getattr(table, key) is not None
+    if stated if table.driver == "simulated" else not stated and DRIVERS[table.driver].needs == key:
+        what = "instrument" if table.table == "daq" else table.table
+        raise refused(key, f"is for a real {what}, and a real {what} needs it", value=getattr(table, key))
+
+
 class StageOf(Strict):
     """What moves."""
 
     table: ClassVar[str] = "stage"
     error: ClassVar[type[BenchError]] = BenchError
 
-    driver: Literal["simulated", "gcs2"] = Field("simulated", description="simulated, or gcs2 for a controller of PI.")
+    driver: Text = Field("simulated", description="simulated, gcs2 for a controller of PI, or that of another package.")
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
     port: Text | None = Field(None, description="Line to the controller: COM3, /dev/ttyUSB0, socket://host:port.")
     baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(115_200, description="Baud rate.")
@@ -44,10 +56,11 @@ class StageOf(Strict):
 
     @model_validator(mode="after")
     def _is_there(self) -> Self:
+        _check_driver(self, "port")
+        if self.driver not in {"simulated", "gcs2"}:
+            return self
         if self.model not in STAGES:
             raise refused("model", f"must be one of {', '.join(STAGES)}", value=self.model)
-        if (self.driver != "simulated") != (self.port is not None):
-            raise refused("port", "is for a real stage, and a real stage needs it", value=self.port)
         if (STAGES[self.model].unit == "mm") != (self.lever_mm is not None):
             raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
         return self
@@ -59,7 +72,7 @@ class BoardOf(Strict):
     table: ClassVar[str] = "board"
     error: ClassVar[type[BenchError]] = BenchError
 
-    driver: Literal["simulated", "serial"] = Field("simulated", description="simulated, or serial for a real board.")
+    driver: Text = Field("simulated", description="simulated, serial for a real board, or that of another package.")
     port: Text | None = Field(None, description="Line to the board.")
     baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(1_000_000, description="Baud rate.")
     rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
@@ -74,8 +87,7 @@ class BoardOf(Strict):
 
     @model_validator(mode="after")
     def _is_there(self) -> Self:
-        if (self.driver != "simulated") != (self.port is not None):
-            raise refused("port", "is for a real board, and a real board needs it", value=self.port)
+        _check_driver(self, "port")
         return self
 
 
@@ -85,8 +97,9 @@ class DaqOf(Strict):
     table: ClassVar[str] = "daq"
     error: ClassVar[type[BenchError]] = BenchError
 
-    driver: Literal["simulated", "nidaqmx"] = Field(
-        "simulated", description="simulated, or nidaqmx for an instrument of National Instruments."
+    driver: Text = Field(
+        "simulated",
+        description="simulated, nidaqmx for an instrument of National Instruments, or that of another package.",
     )
     device: Text | None = Field(None, description="Name of a real one, as NI-DAQmx calls it: Dev1.")
     model: Text = Field("USB-6218", description=f"Kind of the instrument: {', '.join(MODELS)}.")
@@ -117,8 +130,7 @@ class DaqOf(Strict):
     def _is_there(self) -> Self:
         if self.model not in MODELS:
             raise refused("model", f"must be one of {', '.join(MODELS)}", value=self.model)
-        if (self.driver != "simulated") != (self.device is not None):
-            raise refused("device", "is for a real instrument, and a real instrument needs it", value=self.device)
+        _check_driver(self, "device")
         if self.switching == "counter" and self.sync is not None:
             raise refused("sync", "has no use beside counters, which run by the clock of the samples", value=self.sync)
         return self

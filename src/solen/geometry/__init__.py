@@ -2,7 +2,7 @@
 
 from solen.geometry.bend import BEND_TOLERANCE_MM, Bend, bend_of, bent
 from solen.geometry.body import Body, Face, Pose, material
-from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of
+from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
@@ -18,6 +18,7 @@ __all__ = [
     "bend_of",
     "bent",
     "body_of",
+    "drawn_kind",
     "material",
     "outline_body",
     "y_body",

@@ -18,6 +18,7 @@ from pydantic import Field
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sourced
+from solen.registry import PRINTERS
 from solen.results import Result
 from solen.spec.shelf import Shelf
 from solen.spec.strict import Strict, Text, migrated, parse_toml, told_of
@@ -30,7 +31,7 @@ GENERIC = "generic"
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 
-_SHELF = Shelf(files("solen.parts") / "printers", "printer")
+_SHELF = Shelf(files("solen.parts") / "printers", "printer", PRINTERS)
 
 
 class Pixels(Sourced):
@@ -92,7 +93,7 @@ class Printer(Strict):
 
 
 def printers() -> tuple[str, ...]:
-    """Names of the printers that solen ships, sorted."""
+    """Names of the printers that solen and other packages ship, sorted."""
     return _SHELF.names()
 
 

@@ -1,12 +1,23 @@
 """Recordings: what instruments export, read into one type with units and provenance.
 
 `read` takes a file; `solen.recording.model` holds the type; `spectra` gives its traces with their wavelengths, `stated`
-a parameter of a test machine's export as a number.
+a parameter of a test machine's export as a number. `FORMATS` are the formats; another package can add to them.
 """
 
 from solen.recording.model import Channel, Provenance, Recording
-from solen.recording.reader import read, read_parts
+from solen.recording.reader import FORMATS, Format, read, read_parts
 from solen.recording.spectrum import Spectrum, spectra
 from solen.recording.testxpert import stated
 
-__all__ = ["Channel", "Provenance", "Recording", "Spectrum", "read", "read_parts", "spectra", "stated"]
+__all__ = [
+    "FORMATS",
+    "Channel",
+    "Format",
+    "Provenance",
+    "Recording",
+    "Spectrum",
+    "read",
+    "read_parts",
+    "spectra",
+    "stated",
+]

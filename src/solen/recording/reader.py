@@ -4,19 +4,60 @@ The interface: `read`, and `read_parts` for files that hold several recordings.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
+from solen import registry
 from solen.recording import cary, hdf5, layout, matlab, table, tdms, testxpert, workbook
 from solen.recording.bulk import bulk
-from solen.recording.grid import of_text
+from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
+from solen.recording.words import plain
 
-_BINARY: tuple[tuple[Callable[[Source], bool], Callable[[Source], Recording]], ...] = (
-    (matlab.is_matlab, matlab.read),
-    (tdms.is_tdms, tdms.read),
-    (hdf5.is_netcdf3, hdf5.read_netcdf3),
+_HEAD = 200  # rows in which a program's header stands
+
+
+@dataclass(frozen=True)
+class Format:
+    """How files of a format are recognised by their content, and read; each function returns None for other files.
+
+    Attributes
+    ----------
+    from_bytes
+        Reads the file as it lies on the disk; asked before any table is looked for.
+    from_cells
+        Reads the cells of a text or a workbook's sheet.
+    """
+
+    from_bytes: Callable[[Source], Recording | None] = lambda _: None
+    from_cells: Callable[[Grid], Recording | None] = lambda _: None
+
+
+def _cary(grid: Grid) -> Recording | None:
+    start = cary.is_cary(grid)
+    return None if start is None else cary.read(grid, start)
+
+
+def _testxpert(grid: Grid) -> Recording | None:
+    if not any(plain(cell) in testxpert.WORDS for cells in grid.rows[:_HEAD] for cell in cells):
+        return None  # most tables: their layout is sought once only
+    place = layout.find(grid)
+    return testxpert.read(grid, place) if testxpert.is_testxpert(place) else None
+
+
+FORMATS = registry.Registry(
+    registry.FORMATS,
+    {
+        "matlab": Format(from_bytes=lambda source: matlab.read(source) if matlab.is_matlab(source) else None),
+        "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
+        "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
+        "cary": Format(from_cells=_cary),
+        "testxpert": Format(from_cells=_testxpert),
+    },
+    Format,
 )
+"""Formats by name; those of other packages are tried first, and whatever is of no format is read as a table."""
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
@@ -47,10 +88,11 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         _check_arrays(large, sheet, columns)
         return hdf5.read(large)
     source = load(Path(path))
-    reader = next((read for told, read in _BINARY if told(source)), None)
-    if reader is not None:
+    formats = (*FORMATS.added().values(), *FORMATS.own.values())
+    arrays = next(filter(None, (one.from_bytes(source) for one in formats)), None)
+    if arrays is not None:
         _check_arrays(source, sheet, columns)
-        return reader(source)
+        return arrays
     quick = bulk(source, columns) if sheet is None else None
     if quick is not None:
         return quick
@@ -60,12 +102,9 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         if sheet is not None:
             raise source.refused("", "is no workbook, so it has no sheets", "leave out the sheet", sheet)
         grid = of_text(source)
-    if columns is None:
-        start = cary.is_cary(grid)
-        if start is not None:
-            return cary.read(grid, start)
-    place = layout.find(grid, columns)
-    return testxpert.read(grid, place) if testxpert.is_testxpert(place) else table.read(grid, place)
+    known = (one.from_cells(grid) for one in formats) if columns is None else ()
+    found = next(filter(None, known), None)
+    return found if found is not None else table.read(grid, layout.find(grid, columns))
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:

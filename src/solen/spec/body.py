@@ -1,9 +1,10 @@
 """Tables of what is printed: the material, the lens, the body, and the receivers on its arms."""
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, model_validator
 
+from solen.registry import BODY_KINDS, Registry, offered
 from solen.spec.quantities import Index, Length
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
@@ -11,9 +12,13 @@ Keys = dict[str, tuple[str, ...]]
 """Keys by table."""
 
 UNUSED_KEYS: dict[str, Keys] = {
-    "y": {"body": ("file", "units", "join_mm"), "emitter": ("point_mm", "axis_deg"), "motion": ("bend_mm",)},
+    "y": {
+        "body": ("parameters", "file", "units", "join_mm"),
+        "emitter": ("point_mm", "axis_deg"),
+        "motion": ("bend_mm",),
+    },
     "outline": {
-        "body": ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
+        "body": ("parameters", "stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
         "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
         "emitter": ("distance_mm",),
     },
@@ -21,10 +26,32 @@ UNUSED_KEYS: dict[str, Keys] = {
 """Known kinds of bodies, and the keys that have no meaning for each; `solen.geometry.kinds` builds them."""
 
 
+def unused_keys(kind: str) -> Keys:
+    """Keys that have no meaning for a kind of body, by table."""
+    if kind in UNUSED_KEYS:
+        return UNUSED_KEYS[kind]
+    added: Keys = Registry[Any](BODY_KINDS, {})[kind].unused_keys
+    return added
+
+
 def _known_kind(kind: str) -> str:
-    if kind not in UNUSED_KEYS:
-        raise refused("", f"must be {' or '.join(map(repr, UNUSED_KEYS))}", value=kind)
+    if kind not in UNUSED_KEYS and kind not in offered(BODY_KINDS):
+        known = dict.fromkeys([*UNUSED_KEYS, *offered(BODY_KINDS)])
+        raise refused("", f"must be {' or '.join(map(repr, known))}", value=kind)
     return kind
+
+
+class Parameters(Strict):
+    """Numbers of a kind of body that another package adds, by the names that it gives them."""
+
+    model_config = ConfigDict(extra="allow")
+    table: ClassVar[str] = "body.parameters"
+    __pydantic_extra__: dict[str, Number]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The numbers by name."""
+        return dict(self.__pydantic_extra__)
 
 
 class Material(Strict):
@@ -100,8 +127,11 @@ class Body(Strict):
 
     kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
         "y",
-        description="Shape of the body: a Y, or an outline read from file.",
-        json_schema_extra=lambda schema: schema.update(enum=list(UNUSED_KEYS)),
+        description="Shape of the body: a Y, an outline read from file, or what another package adds.",
+        json_schema_extra=lambda schema: schema.update(examples=list(UNUSED_KEYS)),
+    )
+    parameters: Parameters | None = Field(
+        None, description="Numbers of a kind that another package adds, by its own names: [body.parameters]."
     )
     file: Text | None = Field(
         None,

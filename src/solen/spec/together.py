@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from solen.spec.body import UNUSED_KEYS, Keys
+from solen.spec.body import Keys, unused_keys
 from solen.spec.strict import refused
 
 if TYPE_CHECKING:  # the design calls this module
@@ -16,7 +16,7 @@ OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
 def check_together(design: "Design") -> None:
     """Refuse keys that do not fit one another."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
-    _refuse_stated(design, UNUSED_KEYS[design.body.kind], f'body.kind = "{design.body.kind}"')
+    _refuse_stated(design, unused_keys(design.body.kind), f'body.kind = "{design.body.kind}"')
     _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')
     if outline and design.body.file is None:
         raise refused("body.file", 'missing: kind = "outline" needs it', remedy='add file = "sensor.dxf"')

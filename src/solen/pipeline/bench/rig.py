@@ -1,7 +1,6 @@
 """What the commands of the bench do: files to start from, a run from protocol to recording, runs that were left."""
 
 import datetime as dt
-import math
 import platform
 import shutil
 import zlib
@@ -19,6 +18,7 @@ from solen import __version__, files
 from solen.bench.catalogue import NAME, Catalogue, header_of
 from solen.bench.clock import Clock, Still, Wall
 from solen.bench.close import Closed, check_installed, closed
+from solen.bench.drivers import open_instruments
 from solen.bench.frames import Layout
 from solen.bench.journal import SUFFIX, Journal, Journaled, read_journal
 from solen.bench.lock import Lock
@@ -301,7 +301,7 @@ def instruments(
     if rig.simulated:
         stage, board, more = _simulated(rig, protocol, asked, clock, before, say)
     else:
-        stage, board = _real(rig, clock)
+        stage, board = open_instruments(rig, clock)
     try:
         yield Instruments(stage, board, clock, _read_every_s(rig, protocol, asked)), more
     finally:
@@ -345,39 +345,3 @@ def _simulated(
         sampler = SimulatedBoard(clock, prints, angles, rig.ambient, layout, period_s, noise)
     drawn = [one.model_dump(mode="json") | {"drawn": made.drawn} for one, made in zip(rig.sensor, prints, strict=True)]
     return stage, sampler, {"sensors": drawn}
-
-
-def _real(rig: Rig, clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
-    from solen.bench.gcs2 import Gcs2Stage
-    from solen.bench.link import open_link
-
-    on = rig.stage
-    link = open_link(str(on.port), baud=on.baud)
-    try:
-        stage = Gcs2Stage(link, clock, stage=on.model, axis=on.axis, address=on.address)
-    except BaseException:
-        link.close()
-        raise
-    try:
-        return stage, _real_sampler(rig, clock)
-    except BaseException:
-        stage.close()
-        raise
-
-
-def _real_sampler(rig: Rig, clock: Clock) -> EmitterBoard | Daq:
-    from solen.bench.board import SerialBoard
-    from solen.bench.link import open_link
-    from solen.bench.nidaq import NiDaq
-
-    if rig.daq is not None and (setup := rig.setup) is not None:
-        return NiDaq(clock, str(rig.daq.device), setup)
-    board = rig.board
-    line = open_link(str(board.port), baud=board.baud)
-    try:
-        per_count = board.range_v / math.ldexp(1.0, board.bits)
-        layout = Layout(rig.emitters, rig.inputs)
-        return SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
-    except BaseException:
-        line.close()
-        raise

@@ -1,0 +1,103 @@
+"""Drivers of real instruments, by the name that a rig file gives them.
+
+The idea: a driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which says what it is
+connected to, and the clock of the run. Another package adds a `Driver` by an entry point of ``solen.instruments``.
+
+The interface: `Driver`; `DRIVERS`; `open_instruments` of a rig.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from solen import registry
+from solen.bench.clock import Clock
+from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.errors import BenchError
+
+if TYPE_CHECKING:  # the rig's tables name drivers of this module
+    from solen.bench.link import Link
+    from solen.bench.rig import Rig
+
+
+@dataclass(frozen=True)
+class Driver:
+    """How an instrument of a rig is opened.
+
+    Attributes
+    ----------
+    role
+        The table of the rig file that may name it.
+    open
+        Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` where it cannot.
+    needs
+        Key of that table which the driver cannot do without: ``port``, ``device``, or none.
+    """
+
+    role: Literal["stage", "board", "daq"]
+    open: "Callable[[Rig, Clock], Stage | EmitterBoard | Daq]"
+    needs: str = ""
+
+
+@contextmanager
+def _line(port: str | None, baud: int) -> "Iterator[Link]":
+    """A line that is closed again where opening what is on it fails."""
+    from solen.bench.link import open_link
+
+    link = open_link(str(port), baud=baud)
+    try:
+        yield link
+    except BaseException:
+        link.close()
+        raise
+
+
+def _gcs2(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.gcs2 import Gcs2Stage
+
+    on = rig.stage
+    with _line(on.port, on.baud) as link:
+        return Gcs2Stage(link, clock, stage=on.model, axis=on.axis, address=on.address)
+
+
+def _serial(rig: "Rig", clock: Clock) -> EmitterBoard:
+    from solen.bench.board import SerialBoard
+    from solen.bench.frames import Layout
+
+    board = rig.board
+    per_count = board.range_v / math.ldexp(1.0, board.bits)
+    layout = Layout(rig.emitters, rig.inputs)
+    with _line(board.port, board.baud) as line:
+        return SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
+
+
+def _nidaqmx(rig: "Rig", clock: Clock) -> Daq:
+    from solen.bench.nidaq import NiDaq
+
+    if rig.daq is None or (setup := rig.setup) is None:
+        raise BenchError("daq", limit="missing", remedy="add [daq] to the rig file")
+    return NiDaq(clock, str(rig.daq.device), setup)
+
+
+DRIVERS: registry.Registry[Driver] = registry.Registry(
+    registry.INSTRUMENTS,
+    {
+        "gcs2": Driver("stage", _gcs2, needs="port"),
+        "serial": Driver("board", _serial, needs="port"),
+        "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
+    },
+    Driver,
+)
+"""Drivers by name; ``simulated`` is none of them, as a simulated rig is made as a whole."""
+
+
+def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
+    """Stage and sampler of a real rig; where the second cannot be opened, the first is closed."""
+    stage: Stage = DRIVERS[rig.stage.driver].open(rig, clock)  # type: ignore[assignment]  its role was checked
+    try:
+        return stage, DRIVERS[rig.sampler.driver].open(rig, clock)  # type: ignore[return-value]
+    except BaseException:
+        stage.close()
+        raise
