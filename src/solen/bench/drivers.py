@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 from solen import registry
 from solen.bench.clock import Clock
@@ -95,9 +95,9 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
 
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
     """Stage and sampler of a real rig; where the second cannot be opened, the first is closed."""
-    stage: Stage = DRIVERS[rig.stage.driver].open(rig, clock)  # type: ignore[assignment]  its role was checked
+    stage = cast("Stage", DRIVERS[rig.stage.driver].open(rig, clock))  # the rig has checked the roles
     try:
-        return stage, DRIVERS[rig.sampler.driver].open(rig, clock)  # type: ignore[return-value]
+        return stage, cast("EmitterBoard | Daq", DRIVERS[rig.sampler.driver].open(rig, clock))
     except BaseException:
         stage.close()
         raise

@@ -42,10 +42,14 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
     DesignError
         Where its outlines are open or cross, there is no emitter, or the motion would tear them.
     """
-    check_numbers("angle_deg", angle_deg)
     if design.outline_file is None:
         raise DesignError("body.file", limit="missing")
-    drawing = read_drawing(design.outline_file, design.body.units)
+    return drawn_body(design, read_drawing(design.outline_file, design.body.units), angle_deg)
+
+
+def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
+    """As `outline_body`, of a drawing that is at hand instead of the design's file."""
+    check_numbers("angle_deg", angle_deg)
     rest = _rest(design, drawing)
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _turned(design, rest, angle_deg)
     return moved.check()
