@@ -28,7 +28,7 @@ def twin() -> Iterator[None]:
 
     register("twin", BodyKind(build, {"body": ("file",)}))
     yield
-    del BODY_KINDS["twin"], UNUSED_KEYS["twin"]
+    del BODY_KINDS.own["twin"], UNUSED_KEYS["twin"]
 
 
 @pytest.mark.usefixtures("twin")

@@ -121,7 +121,7 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
     """Outlines of the emitter's slot: of the tool, and of what it takes, bounded by the lens."""
     lens = [face for face in body.faces if face.part == "lens"]
-    if design.body.kind != "y" or not lens:
+    if design.body.lens_is_drawn or not lens:
         raise DesignError("fabricate.slots", value="emitter", limit="is cut into a Y alone", remedy="leave it out")
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:

@@ -103,8 +103,8 @@ class Lens(Strict):
     )
     profile: Text | None = Field(
         None,
-        description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a table of '
-        "x_mm, z_mm and u_mm, relative to the design file.",
+        description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a table '
+        "of x_mm, z_mm and u_mm, relative to the design file.",
     )
     focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
@@ -121,14 +121,14 @@ class Lens(Strict):
 
 
 class Body(Strict):
-    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of one's own."""
+    """The printed guide: a stem that widens as a parabola and forks into two arms, or an outline of your own."""
 
     table: ClassVar[str] = "body"
 
     kind: Annotated[Text, AfterValidator(_known_kind)] = Field(
         "y",
         description="Shape of the body: a Y, an outline read from file, or what another package adds.",
-        json_schema_extra=lambda schema: schema.update(examples=list(UNUSED_KEYS)),
+        json_schema_extra=lambda schema: schema.update(enum=[*UNUSED_KEYS, *offered(BODY_KINDS)]),
     )
     parameters: Parameters | None = Field(
         None, description="Numbers of a kind that another package adds, by its own names: [body.parameters]."
@@ -154,6 +154,11 @@ class Body(Strict):
         description="Angle of an arm from the axis in degrees; default: tangent to the stem's edge at the fork.",
     )
     thickness_mm: Length = Field(4.0, description="Thickness in mm, along y.")
+
+    @property
+    def lens_is_drawn(self) -> bool:
+        """Whether its lens is part of its drawing, rather than what ``[lens]`` states."""
+        return "shape" in unused_keys(self.kind).get("lens", ())
 
 
 class Receivers(Strict):

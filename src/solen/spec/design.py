@@ -74,7 +74,7 @@ class Design(Strict):
 
     @model_validator(mode="after")
     def _tables_fit_together(self) -> Self:
-        if self.body.kind == "outline" and "moves" not in self.motion.model_fields_set:
+        if self.body.lens_is_drawn and "moves" not in self.motion.model_fields_set:
             # of an outline nothing but the emitter can be known to move without tearing it
             self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
         check_together(self)

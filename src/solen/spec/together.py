@@ -41,10 +41,10 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 def _check_bend(design: "Design") -> None:
     """A bend carries along whatever stands before the stem."""
     motion = design.motion
-    if motion.moves != (("emitter",) if design.body.kind == "outline" else ("lens", "emitter")):
+    if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
         limit = 'has no meaning with motion.kind = "bend": lens and emitter are carried along'
         raise refused("motion.moves", limit, value=list(motion.moves), remedy="leave it out")
-    if design.body.kind != "outline":
+    if not design.body.lens_is_drawn:
         return
     if motion.bend_mm is None:
         remedy = "add bend_mm = [z_from_mm, z_to_mm], the heights between which it bends"

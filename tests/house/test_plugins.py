@@ -1,0 +1,245 @@
+"""A laboratory's own package adds a printer, a file format, a body and an instrument, each by one file and one line.
+
+The package of this test is a folder on the path with the metadata that pip would write; solen is run on it as a user
+would, in an interpreter of its own.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from solen.spec import template
+
+ENTRY_POINTS = """
+[solen.printers]
+lab-dlp = mylab.printers
+
+[solen.formats]
+lab-spectrum = mylab.spectrum:SPECTRUM
+
+[solen.body_kinds]
+lab-bar = mylab.bar:BAR
+
+[solen.instruments]
+lab-stage = mylab.stage:STAGE
+lab-board = mylab.stage:BOARD
+"""
+
+SPECTRUM = """
+from dataclasses import replace
+
+from solen.recording import Format
+from solen.recording.grid import of_text
+from solen.recording.layout import find
+from solen.recording.table import read
+
+
+def from_bytes(source):
+    if not source.data.startswith(b"LABSPEC"):
+        return None
+    rows = source.text().replace("|", ",").splitlines()[1:]
+    grid = of_text(replace(source, data="\\n".join(["wavelength_nm,T,R", *rows, ""]).encode()))
+    return read(grid, find(grid))
+
+
+SPECTRUM = Format(from_bytes=from_bytes)
+"""
+
+BAR = """
+from solen.curve import Segment
+from solen.geometry import drawn_kind
+from solen.geometry.drawing import Drawing, Lamp, Stroke
+
+def draw(numbers):
+    half, length = numbers["width_mm"] / 2, numbers["length_mm"]
+    corners = [(-half, 0.0), (half, 0.0), (half, length), (0.0, length), (-half, length)]
+    names = ["lens", "wall", "receiver-right", "receiver-left", "wall"]
+    ends = corners[1:] + corners[:1]
+    strokes = tuple(Stroke(n, Segment(a, b), n) for n, a, b in zip(names, corners, ends, strict=True))
+    return Drawing(strokes, (Lamp((0.0, -1.0)),), (("pivot", (0.0, 0.0)),))
+
+BAR = drawn_kind(draw, {"width_mm": 4.0, "length_mm": 20.0})
+"""
+
+STAGE = """
+import numpy as np
+
+from solen.bench.drivers import Driver
+from solen.bench.frames import Layout, Losses, Periods
+from solen.bench.simulated.stage import SimulatedStage
+
+
+class Stage(SimulatedStage):
+    last = None
+
+    def __init__(self, clock, port):
+        super().__init__(clock, "deg", name=f"lab stage at {port}")
+        Stage.last = self
+
+
+class Board:
+    volts_per_count = 1e-4
+    name = "lab board"
+
+    def __init__(self, clock, layout, period_s):
+        self.clock, self.layout, self.period_s, self.losses = clock, layout, period_s, Losses()
+        self.next = 0
+
+    def start(self):
+        self.begun_s = self.clock.now_s()
+
+    def read(self):
+        due = int((self.clock.now_s() - self.begun_s) / self.period_s)
+        number = np.arange(self.next, due)
+        self.next = due
+        angle = Stage.last.axis.positions(self.begun_s + number * self.period_s)
+        counts = np.full((len(number), self.layout.emitters, 2, self.layout.receivers), 30_000, np.uint16)
+        counts[:, 0, 0, 0] = 20_000 + 1_000 * angle
+        counts[:, 0, 0, 1] = 20_000 - 1_000 * angle
+        start_us = np.rint(number * self.period_s * 1e6).astype(np.int64)
+        return Periods(number, start_us, np.zeros(len(number), np.uint8), counts)
+
+    def stop(self):
+        pass
+
+    close = stop
+
+
+STAGE = Driver("stage", lambda rig, clock: Stage(clock, rig.stage.port), needs="port")
+BOARD = Driver("board", lambda rig, clock: Board(clock, Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz))
+"""
+
+RIG = """
+schema = 1
+name = "lab"
+[stage]
+driver = "lab-stage"
+port = "COM9"
+[board]
+driver = "lab-board"
+[[sensor]]
+name = "A"
+design = "sensor.toml"
+emitter = 1
+right = 1
+left = 2
+"""
+PROTOCOL = """
+schema = 1
+name = "short"
+cycles = 1
+rest_s = 0.2
+[[step]]
+to_deg = -3.0
+velocity_deg_per_s = 15.0
+[[step]]
+to_deg = 3.0
+velocity_deg_per_s = 15.0
+[[step]]
+to_deg = 0.0
+velocity_deg_per_s = 15.0
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    """Folder with the distribution `mylab`, as pip would install it."""
+    package, info = tmp_path / "site" / "mylab", tmp_path / "site" / "mylab-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: mylab\nVersion: 1.0\n", encoding="utf-8")
+    (info / "entry_points.txt").write_text(ENTRY_POINTS, encoding="utf-8")
+    (package / "printers").mkdir(parents=True)
+    for folder in (package, package / "printers"):
+        (folder / "__init__.py").write_text("", encoding="utf-8")
+    for name, text in (("spectrum", SPECTRUM), ("bar", BAR), ("stage", STAGE)):
+        (package / f"{name}.py").write_text(text, encoding="utf-8")
+    shipped = (files("solen.parts") / "printers" / "asiga-max-x27.toml").read_text(encoding="utf-8")
+    printer = re.sub(r'(?m)^name = ".*"$', 'name = "Lab DLP"', shipped)
+    (package / "printers" / "lab-dlp.toml").write_text(printer, encoding="utf-8")
+    (tmp_path / "sensor.toml").write_text(template(), encoding="utf-8")
+    return tmp_path
+
+
+def ran(lab: Path, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(filter(None, [str(lab / "site"), os.environ.get("PYTHONPATH", "")]))
+    done = subprocess.run(
+        [sys.executable, "-m", "solen", *arguments],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        check=False,
+        cwd=lab,
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def answer(lab: Path, *arguments: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(ran(lab, *arguments, "--json").stdout)
+    return found
+
+
+def test_the_doctor_lists_what_was_added(lab: Path) -> None:
+    assert answer(lab, "doctor")["plugins"] == {
+        "solen.instruments": ["lab-board", "lab-stage"],
+        "solen.formats": ["lab-spectrum"],
+        "solen.body_kinds": ["lab-bar"],
+        "solen.printers": ["lab-dlp"],
+    }
+
+
+def test_a_printer_is_listed_and_used(lab: Path) -> None:
+    assert "lab-dlp" in ran(lab, "print", "printers").stdout
+    assert "Lab DLP" in ran(lab, "print", "printers", "lab-dlp").stdout
+
+
+def test_a_file_of_the_format_is_read_by_a_command(lab: Path) -> None:
+    rows = "".join(f"{nm}|0.9|0.04\n" for nm in range(800, 900, 10))
+    (lab / "layer.lab").write_text(f"LABSPEC 1\n{rows}", encoding="utf-8")
+    said = ran(lab, "resin", "spectra", "layer.lab").stdout
+    assert "800" in said
+    assert "890" in said
+
+
+def test_a_body_is_checked_and_its_parameters_are_refused_by_name(lab: Path) -> None:
+    (lab / "bar.toml").write_text(DESIGN, encoding="utf-8")
+    assert "bar" in ran(lab, "check", "bar.toml").stdout
+    traced = answer(lab, "trace", "bar.toml")
+    assert "right" in json.dumps(traced)
+    line = ran(lab, "check", "bar.toml", "--set", "body.parameters.lenght_mm=3", code=2).stderr
+    assert "body.parameters.lenght_mm" in line
+    assert "length_mm" in line.partition(";")[2]
+    assert "focus_mm" in ran(lab, "check", "bar.toml", "--set", "lens.focus_mm=25", code=2).stderr
+    assert "lab-bar" in ran(lab, "check", "bar.toml", "--set", "body.kind=lab-bra", code=2).stderr
+
+
+def test_a_rig_runs_on_the_instruments(lab: Path) -> None:
+    (lab / "rig.toml").write_text(RIG, encoding="utf-8")
+    (lab / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
+    found = answer(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "out")
+    assert (found["outcome"], found["simulated"]) == ("done", False)
+    assert found["periods"] > 100
+    (lab / "rig.toml").write_text(RIG.replace('port = "COM9"', ""), encoding="utf-8")
+    line = ran(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "two", code=2).stderr
+    assert "stage.port" in line
+    (lab / "rig.toml").write_text(RIG.replace('"lab-stage"', '"lab-board"'), encoding="utf-8")
+    line = ran(lab, "bench", "run", "protocol.toml", "--rig", "rig.toml", "--out", "two", code=2).stderr
+    assert "stage.driver" in line
+    assert "lab-stage" in line
+
+
+def test_a_broken_package_is_named_when_it_is_used_and_not_before(lab: Path) -> None:
+    (lab / "site" / "mylab" / "bar.py").write_text("import no_such_module\n", encoding="utf-8")
+    assert ran(lab, "check", "sensor.toml").returncode == 0
+    line = ran(lab, "check", "sensor.toml", "--set", "body.kind=lab-bar", code=2).stderr
+    assert "lab-bar" in line
+    assert "no_such_module" in line
+    assert "mylab" in line
