@@ -131,6 +131,16 @@ emitter = 1
 right = 1
 left = 2
 """
+DESIGN = """
+schema = 1
+name = "bar"
+[material]
+index = 1.5
+[body]
+kind = "lab-bar"
+[body.parameters]
+length_mm = 9.0
+"""
 PROTOCOL = """
 schema = 1
 name = "short"

@@ -103,8 +103,8 @@ class Lens(Strict):
     )
     profile: Text | None = Field(
         None,
-        description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a table '
-        "of x_mm, z_mm and u_mm, relative to the design file.",
+        description='Profile of the lens as it is, with shape = "measured": what solen print inspect writes, or a '
+        "table of x_mm, z_mm and u_mm, relative to the design file.",
     )
     focus_mm: Length = Field(20.0, description="Distance in mm from the vertex into the body where it focuses.")
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
