@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from solen.material.stiffness import StiffnessOptions
 from solen.pipeline.resin import cure, cutback, index, stiffness
 from solen.pipeline.resin import library as resin
 from solen.pipeline.resin.indexroute import IndexOptions
@@ -39,7 +40,7 @@ def results(folder: Path) -> dict[str, Path]:
     strain = np.linspace(0, 0.3, 61)
     stress_mpa = 0.4 * ((1 - strain) ** -2 - 1 + strain) + NOISE(0, 1e-3, 61)
     cube = table(folder / "cube.csv", "strain,stress_MPa", strain, stress_mpa)
-    stiffness.stiffness(stiffness.Request((cube,), mode="compression"), out=out["stiffness"])
+    stiffness.stiffness([cube], StiffnessOptions(mode="compression"), out=out["stiffness"])
     return out
 
 

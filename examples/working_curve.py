@@ -32,9 +32,8 @@ def main() -> dict[str, float]:
     seconds = np.where(np.arange(100) < 6, 3.0, EXPOSURE_S)
     stack = stack_dose(curve.Dp_um, LAYER_UM, seconds * IRRADIANCE_MW_PER_CM2)
     print(f"one layer on its own receives {stack.single_layer_mean_mJ_per_cm2:.1f} mJ/cm² on average,")
-    print(
-        f"a layer inside the part {stack.layer_mean_mJ_per_cm2[50]:.1f}: {stack.interior_over_single_layer:.2f} times as much"
-    )
+    times = f"{stack.interior_over_single_layer:.2f} times as much"
+    print(f"a layer inside the part {stack.layer_mean_mJ_per_cm2[50]:.1f}: {times}")
 
     for depth_um in (50.0, 100.0, 200.0):
         print(f"with Dp = {depth_um:.0f} µm the paper's statements allow Ec up to {largest_Ec(depth_um):.2f} mJ/cm²")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -14,12 +15,13 @@ from solen.material.stiffness import (
     Curve,
     Dimensions,
     Fit,
+    StiffnessOptions,
     fit,
     model,
     read_test,
     specimen_of,
 )
-from solen.pipeline.resin.stiffness import Request, stiffness
+from solen.pipeline.resin.stiffness import stiffness
 from solen.recording import read
 
 BARE = ("stress_MPa", "stretch")
@@ -45,18 +47,19 @@ def test_the_machines_own_four_results_to_all_printed_digits(mechanics: Path) ->
     strength: the largest force over b0·a0; its strain; strain at break: the last row.
     """
     file = mechanics / "zwick_TRA_ETFE" / "ETFE_specimen17.TRA.csv"
-    found = stiffness(Request((file,)))
-    specimen = found["specimens"][0]
-    stated = found["sources"][0]["metadata"]
-    assert f"{six_digits(found['modulus_MPa'])} N/mm²" == stated["E-Modul"] == "1127.12 N/mm²"
-    assert f"{six_digits(specimen['strength_MPa'])} N/mm²" == stated["Kraftmaximum"] == "37.9483 N/mm²"
-    assert f"{six_digits(100 * specimen['strain_at_strength'])} %" == stated["Dehnung bei Fmax"] == "306.402 %"
-    assert f"{six_digits(100 * specimen['strain_at_break'])} %" == stated["Dehnung bei Bruch"] == "309.236 %"
-    assert found["mode"] == "tension"
-    assert found["strain_range"] == [0.0005, 0.0025]
-    assert specimen["points"] == 150
-    assert specimen["effective_points"] < 10  # 150 points a tenth of a second apart are no 150 measurements
-    assert "over 80 mm, the file states a length of 832.756 mm" in " ".join(found["warnings"])
+    found = stiffness([file]).result
+    specimen, ends = found.specimens[0], found.specimens[0].extremes
+    assert ends.strain_at_break is not None
+    stated = found.sources[0].metadata
+    assert f"{six_digits(found.modulus_MPa)} N/mm²" == stated["E-Modul"] == "1127.12 N/mm²"
+    assert f"{six_digits(ends.strength_MPa)} N/mm²" == stated["Kraftmaximum"] == "37.9483 N/mm²"
+    assert f"{six_digits(100 * ends.strain_at_strength)} %" == stated["Dehnung bei Fmax"] == "306.402 %"
+    assert f"{six_digits(100 * ends.strain_at_break)} %" == stated["Dehnung bei Bruch"] == "309.236 %"
+    assert found.mode == "tension"
+    assert found.strain_range == (0.0005, 0.0025)
+    assert specimen.young.points == 150
+    assert specimen.young.effective_points < 10  # 150 points a tenth of a second apart are no 150 measurements
+    assert "over 80 mm, the file states a length of 832.756 mm" in " ".join(found.warnings)
 
 
 def curves(mechanics: Path, name: str) -> list[Curve]:
@@ -67,7 +70,7 @@ def curves(mechanics: Path, name: str) -> list[Curve]:
     return found
 
 
-def fits(data: list[Curve], weighting: str = "absolute") -> dict[str, Fit]:
+def fits(data: list[Curve], weighting: Literal["absolute", "relative"] = "absolute") -> dict[str, Fit]:
     return {kind: fit(kind, data, weighting) for kind in KINDS}
 
 
@@ -105,12 +108,12 @@ def test_treloars_rubber(mechanics: Path) -> None:
 def test_treloars_rubber_by_relative_error(mechanics: Path) -> None:
     """Weighted so, small strains count, and the parameters come close to those that Ogden found by hand."""
     three = fit("ogden-3", curves(mechanics, "Treloar_1944"), "relative")
-    assert three.parameters == pytest.approx([0.00106, 0.639, -0.00747, 5.12, 1.254, -2.14], rel=0.01)
+    assert three.values == pytest.approx([0.00106, 0.639, -0.00747, 5.12, 1.254, -2.14], rel=0.01)
     assert [q.rms_relative for q in three.quality] == pytest.approx([0.049, 0.090, 0.088], abs=0.002)
     assert three.initial_modulus_MPa == pytest.approx(1.235, rel=0.005)  # Ogden 1972: 3/2 Σ μα = 1.268 MPa
     assert three.scatter.covariance is not None
     spread = np.sqrt(np.diag(three.scatter.covariance))
-    assert (np.abs(three.parameters - [0.0012, 0.63, -0.01, 5.0, 1.3, -2.0]) < 2 * spread).all()
+    assert (np.abs(three.values - [0.0012, 0.63, -0.01, 5.0, 1.3, -2.0]) < 2 * spread).all()
 
 
 def test_meuniers_silicone(mechanics: Path) -> None:
@@ -130,18 +133,18 @@ def test_meuniers_silicone(mechanics: Path) -> None:
 
 def test_the_command_on_three_modes(mechanics: Path) -> None:
     folder = mechanics / "hyperelastic"
-    asked = Request(
-        (folder / "Meunier_2008_UT.txt",),
-        planar=(folder / "Meunier_2008_PS.txt",),
-        equibiaxial=(folder / "Meunier_2008_ET.txt",),
+    found = stiffness(
+        [folder / "Meunier_2008_UT.txt"],
+        planar=[folder / "Meunier_2008_PS.txt"],
+        biaxial=[folder / "Meunier_2008_ET.txt"],
         columns=BARE,
-    )
-    found = stiffness(asked)
-    assert found["model"]["kind"] == "ogden-3"
-    assert found["mode"] == "uniaxial"
-    assert found["specimens"][0]["loading"] == "both"
-    assert found["modulus_MPa"] == pytest.approx(1.15, abs=0.05)
-    assert "mu3_MPa of ogden-3: uncertainty beyond the value itself" in " ".join(found["warnings"])
+    ).result
+    assert found.model is not None
+    assert found.model.kind == "ogden-3"
+    assert found.mode == "uniaxial"
+    assert found.specimens[0].test.loading == "both"
+    assert found.modulus_MPa == pytest.approx(1.15, abs=0.05)
+    assert "mu3_MPa of ogden-3: uncertainty beyond the value itself" in " ".join(found.warnings)
 
 
 @pytest.mark.parametrize(
@@ -166,12 +169,12 @@ def test_true_and_engineering_columns_of_silicones(mechanics: Path, name: str, o
 def test_the_command_on_a_silicone(mechanics: Path) -> None:
     """Its secants are the file's own stress over its own strain, and a fit of one mode says what it leaves open."""
     file = mechanics / "SoftRoboticsMaterialsDB" / "Dragon Skin 20.csv"
-    found = stiffness(Request((file,), secant_percent=(100, 300), fit=("yeoh",)))
+    found = stiffness([file], StiffnessOptions(secant_percent=(100, 300), fit=("yeoh",))).result
     strain, stress = (read(file).need(name).values for name in ("strain", "stress"))
-    for secant in found["specimens"][0]["secants"]:
-        wanted = np.interp(secant["strain"], strain, stress) / secant["strain"]
-        assert secant["secant_MPa"] == pytest.approx(wanted, rel=1e-9)
-    assert found["strain_range"] == [0.05, 0.25]  # sampled every 2 % of strain: narrower ranges hold too few points
-    told = " ".join(found["warnings"])
+    for secant in found.specimens[0].secants:
+        wanted = np.interp(secant.strain, strain, stress) / secant.strain
+        assert secant.secant_MPa == pytest.approx(wanted, rel=1e-9)
+    assert found.strain_range == (0.05, 0.25)  # sampled every 2 % of strain: narrower ranges hold too few points
+    told = " ".join(found.warnings)
     assert "planar and equibiaxial deformation was not measured" in told
     assert "unstable (Drucker) within the stretches of the other modes: equibiaxial" in told

@@ -7,8 +7,6 @@ of it. A result is read strictly: what a resin needs must be there and be what i
 The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`, and the files it was `found_from`.
 """
 
-# ruff: noqa: N815  units keep their case
-
 import math
 from itertools import pairwise
 from typing import Any, ClassVar, Self
@@ -290,7 +288,7 @@ class _Modulus(_Result):
     label: str | None = None
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = None
-    interval95_MPa: Interval | None = None
+    interval95_modulus_MPa: Interval | None = None
     strain_range: Interval | None = None
     mode: str = ""
     model: _Model | None = None
@@ -308,7 +306,7 @@ class StiffnessResult(_Modulus):
         return Stiffness(
             modulus_MPa=one.modulus_MPa,
             u_modulus_MPa=one.u_modulus_MPa,
-            interval95_MPa=one.interval95_MPa,
+            interval95_MPa=one.interval95_modulus_MPa,
             strain_range=one.strain_range,
             test=one.mode,
             model=one.model.kind if one.model else "",

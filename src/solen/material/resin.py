@@ -10,7 +10,6 @@ The interface: `load_resin`, `library`, `library_resin`; `dumps_resin` writes a 
 design's material.
 """
 
-# ruff: noqa: N815  units keep their case
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path

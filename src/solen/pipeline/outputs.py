@@ -28,7 +28,7 @@ def write(
     result: R,
     kind: str,
     out: Path | None = None,
-    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure]]] | None" = None,
+    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure | bytes]]] | None" = None,
 ) -> Outcome[R]:
     """Write a result and its figures where they are asked for, all or none.
 
@@ -41,7 +41,8 @@ def write(
     out
         File of the result, or None.
     figures
-        By the name that the outcome gives it: the file of a figure or None, and the function that draws it.
+        By the name that the outcome gives it: the file of a figure or None, and the function that draws it; of another
+        file, the function that gives its bytes.
     """
     drawn = {name: (path, draw) for name, (path, draw) in (figures or {}).items() if path is not None}
     contents: dict[Path, files.Content] = {}
@@ -49,9 +50,12 @@ def write(
         data = {"kind": kind, "solen": __version__} | result.to_dict()
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
     for path, draw in drawn.values():
-        from solen.report import canvas
+        content = draw()
+        if not isinstance(content, bytes):
+            from solen.report import canvas
 
-        contents[path] = canvas.encoded(draw(), path.suffix.lower(), kind)
+            content = canvas.encoded(content, path.suffix.lower(), kind)
+        contents[path] = content
     files.write_all(contents)
     places = {name: path for name, (path, _) in drawn.items()}
     return Outcome(result, places if out is None else places | {"out": out})

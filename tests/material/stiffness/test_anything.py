@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from solen.errors import SolenError
 from solen.material.stiffness import (
     Dimensions,
-    Settings,
+    StiffnessOptions,
     as_test,
     cautions,
     choose,
@@ -20,7 +20,9 @@ from solen.material.stiffness import (
     mean_modulus,
     specimen_of,
 )
-from solen.pipeline.resin.stiffness_data import fit_data, specimen_data
+from solen.material.stiffness.hyperelastic import Weighting
+from solen.material.stiffness.modes import TestMode
+from solen.results import plain
 
 WILD = st.one_of(
     st.floats(-1.5, 20),
@@ -59,15 +61,18 @@ def records(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray]:
 )
 @pytest.mark.filterwarnings("error")
 def test_any_record_gives_finite_numbers_or_one_line(
-    record: tuple[np.ndarray, np.ndarray], mode: str | None, toe: str, cycle: str, kind: str, weighting: str
+    record: tuple[np.ndarray, np.ndarray], mode: TestMode | None, toe: str, cycle: str, kind: str, weighting: Weighting
 ) -> None:
     try:
         test = as_test(*record, specimen_of(Dimensions(cube_mm=10)), mode)
-        found = evaluate(test, Settings(toe=toe, cycle=cycle))
+        found = evaluate(test, StiffnessOptions(toe=toe, cycle=cycle))
         mean = mean_modulus([found.young, found.young])
-        models = [fit(kind, [found.curve], weighting)]
+        models = [fit(kind, [found.fitted], weighting)]
     except SolenError:
         return
-    json.dumps([specimen_data("a", "b", found), vars(mean), *(fit_data(m, models) for m in models)], allow_nan=False)
+    values = plain([found, mean, *models])
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
+    numbers = [found.young.modulus_MPa, mean.u_modulus_MPa, *(value for m in models for value in m.values)]
+    assert np.isfinite(numbers).all()
     choose(models)
     assert all("\n" not in told for m in models for told in cautions(m))

@@ -6,7 +6,7 @@ import pytest
 from solen.material.stiffness import (
     UNIAXIAL,
     Dimensions,
-    Settings,
+    StiffnessOptions,
     StressStrain,
     as_test,
     evaluate,
@@ -90,9 +90,9 @@ def test_few_points_are_no_toe() -> None:
 
 def test_the_modulus_after_compensation_is_the_materials() -> None:
     """Slack shifts a range of strain; compensated, it is the same range again."""
-    clean = evaluate(pressed(0), Settings(strain_range=(0.05, 0.15), toe="none"))
-    slacked = evaluate(pressed(0.03, noise=0.0005), Settings(strain_range=(0.05, 0.15), toe="always"))
-    left = evaluate(pressed(0.03, noise=0.0005), Settings(strain_range=(0.05, 0.15), toe="none"))
+    clean = evaluate(pressed(0), StiffnessOptions(strain_range_percent=(5, 15), toe="none"))
+    slacked = evaluate(pressed(0.03, noise=0.0005), StiffnessOptions(strain_range_percent=(5, 15), toe="always"))
+    left = evaluate(pressed(0.03, noise=0.0005), StiffnessOptions(strain_range_percent=(5, 15), toe="none"))
     assert slacked.young.modulus_MPa == pytest.approx(clean.young.modulus_MPa, rel=0.01)
     assert left.young.modulus_MPa < 0.96 * clean.young.modulus_MPa
-    assert float(np.min(1 - slacked.curve.stretch)) >= slacked.toe.end  # the toe itself is not fitted
+    assert float(np.min(1 - slacked.fitted.stretch)) >= slacked.toe.end  # the toe itself is not fitted

@@ -4,17 +4,25 @@ The idea: a force and a displacement become engineering stress and strain by the
 compensated or said not to be; a line over a stated range is the modulus, and a model of all tests of a material
 together is what a finite-element program needs. What the numbers rest on, and what they cannot say, goes with them.
 
-The interface: `specimen_of` and `read_test` make a test; `evaluate` does what `find_toe`, `young`, `cycles_of` and
-`extremes` do each; `mean_modulus` is that of several specimens; `fit` and `choose` find a model, `cautions` what it
-cannot say.
+The interface: `stiffness_of` does all of it to some recordings. `specimen_of` and `read_test` make a test; `evaluate`
+does what `find_toe`, `young`, `cycles_of` and `extremes` do each; `mean_modulus` is that of several specimens; `fit`
+and `choose` find a model, `cautions` what it cannot say.
 """
 
 from solen.material.stiffness.caution import cautions
 from solen.material.stiffness.columns import read_test
-from solen.material.stiffness.cycles import Cycle, Softening, cycles_of, loading_branch, softening
-from solen.material.stiffness.evaluation import Evaluated, MeanModulus, Settings, evaluate, mean_modulus, with_range
+from solen.material.stiffness.cycles import (
+    Cycle,
+    Softening,
+    cycles_of,
+    loading_branch,
+    loading_curve,
+    rereferenced,
+    softening,
+)
+from solen.material.stiffness.evaluation import Evaluated, MeanModulus, Secant, StiffnessOptions, evaluate, mean_modulus
 from solen.material.stiffness.hyperelastic import Curve, Fit, choose, fit
-from solen.material.stiffness.loading import loading_curve, rereferenced
+from solen.material.stiffness.material import MaterialStiffness, MeasuredStiffness, MechanicalTest, stiffness_of
 from solen.material.stiffness.models import KINDS, Model, Ogden, Polynomial, model
 from solen.material.stiffness.modes import EQUIBIAXIAL, MODES, PLANAR, UNIAXIAL, Mode
 from solen.material.stiffness.modulus import Extremes, Young, default_range, extremes, ideal_ratio, secant, young
@@ -35,15 +43,19 @@ __all__ = [
     "Evaluated",
     "Extremes",
     "Fit",
+    "MaterialStiffness",
     "MeanModulus",
+    "MeasuredStiffness",
+    "MechanicalTest",
     "Mode",
     "Model",
     "Ogden",
     "Polynomial",
-    "Settings",
+    "Secant",
     "Softening",
     "Specimen",
     "StableRange",
+    "StiffnessOptions",
     "StressStrain",
     "Toe",
     "Young",
@@ -69,6 +81,6 @@ __all__ = [
     "softening",
     "specimen_of",
     "stable_range",
-    "with_range",
+    "stiffness_of",
     "young",
 ]

@@ -24,7 +24,7 @@ def _range(found: Fit) -> str:
 
 def _unmeasured(found: Fit) -> str:
     missing = [name for name in MODES if name not in {q.mode for q in found.quality}]
-    if not missing or len(found.parameters) == 1:
+    if not missing or len(found.values) == 1:
         return ""
     told = " and ".join(missing)
     return f"{told} deformation was not measured: models that agree on these data may differ there"
@@ -49,7 +49,7 @@ def _undetermined(found: Fit) -> str:
     if found.scatter.covariance is None:
         return f"the parameters of {found.model.kind} are not determined one by one: their covariance does not exist"
     spread = np.sqrt(np.diag(found.scatter.covariance))
-    loose = [n for n, p, u in zip(found.model.names, found.parameters, spread, strict=True) if u > abs(p)]
+    loose = [n for n, p, u in zip(found.model.names, found.values, spread, strict=True) if u > abs(p)]
     if not loose:
         return ""
     names = ", ".join(loose)

@@ -7,8 +7,6 @@ and named; what it does not say is asked for.
 The interface: `read_test` makes a `StressStrain` of a recording.
 """
 
-# ruff: noqa: N803  units keep their case
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,6 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.specimen import Specimen
 from solen.material.stiffness.test import StressStrain, as_test, sense
 from solen.recording import Channel, Recording
@@ -55,7 +54,7 @@ class _Column:
 def read_test(
     recording: Recording,
     specimen: Specimen,
-    mode: str | None = None,
+    mode: TestMode | None = None,
     compliance_mm_per_N: float = 0.0,
 ) -> StressStrain:
     """Test of a recording.
@@ -67,7 +66,7 @@ def read_test(
     specimen
         Its dimensions, as far as they are known.
     mode
-        One of `CHOICES`; None to take it from the signs and words of the file.
+        None to take it from the signs and words of the file.
     compliance_mm_per_N
         Of machine and fixture: force times it is taken off the displacement.
 
@@ -86,7 +85,7 @@ def read_test(
         strain.values,
         stress.values,
         specimen,
-        mode or _told_mode(recording, specimen),
+        mode or _stated_mode(recording, specimen),
         name=name,
         assumed=mode is None,
     )
@@ -194,7 +193,7 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
     )
 
 
-def _told_mode(recording: Recording, specimen: Specimen) -> str | None:
+def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
     """Mode by the words of a file or by a cube; None where nothing tells."""
     if specimen.is_cube:
         return "compression"

@@ -26,7 +26,7 @@ _NEGLIGIBLE = 1e-10  # singular value, of the largest, below which a direction i
 _SINGULAR = 1e14  # condition beyond which an inverse has no correct digit
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scatter:
     """What the residuals of a fit say about its parameters.
 

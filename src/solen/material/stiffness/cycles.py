@@ -6,23 +6,31 @@ gives some back, and leaves a strain; rubbers lose most in the first one (Mullin
 2009), so first and last are compared. Cycles of one specimen are not replicates: they say how it changes, not how
 specimens differ.
 
-The interface: `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies, `softening`.
+A fit should not know how often the machine sampled: a loading branch is averaged into steps of equal stretch, and ends
+at its largest stress. A branch of a later cycle starts at the strain that the earlier ones left; there the specimen's
+length and area are others, and stress and stretch are counted from them (incompressible, so the area shrinks as the
+length grows).
+
+The interface: `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies, `softening`;
+`loading_curve` to fit a model to, `rereferenced` to count a test from the end of its earlier cycles.
 """
 
-# ruff: noqa: N815  units keep their case
-
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.material.stiffness.hyperelastic import Curve
 from solen.material.stiffness.test import StressStrain
+from solen.results import HIDDEN, reported
 
 SWING = 0.1
 """Share of the strain's range that a reversal must exceed."""
+MOST = 50
+"""Points of a curve to fit."""
 _UNLOADED = (0.01, 0.05)  # of the first cycle's peak stress
 
 
@@ -48,9 +56,9 @@ class Cycle:
     """
 
     number: int
-    start: int
-    peak: int
-    end: int
+    start: int = field(metadata=HIDDEN)
+    peak: int = field(metadata=HIDDEN)
+    end: int = field(metadata=HIDDEN)
     peak_strain: float
     peak_stress_MPa: float
     stress_at_half_MPa: float | None
@@ -58,12 +66,12 @@ class Cycle:
     work_out_mJ_per_mm3: float | None
     residual_strain: float | None
 
-    @property
+    @reported
     def dissipated_mJ_per_mm3(self) -> float | None:
         """Hysteresis: the work that did not come back."""
         return None if self.work_out_mJ_per_mm3 is None else self.work_in_mJ_per_mm3 - self.work_out_mJ_per_mm3
 
-    @property
+    @reported
     def loss_fraction(self) -> float | None:
         """Hysteresis over the work put in."""
         lost = self.dissipated_mJ_per_mm3
@@ -209,3 +217,50 @@ def _crossing(rising: FloatArray, values: FloatArray, level: float) -> float | N
     at = int(reached[0])
     share = (level - rising[at - 1]) / (rising[at] - rising[at - 1])
     return float(values[at - 1] + share * (values[at] - values[at - 1]))
+
+
+def loading_curve(test: StressStrain, cycle: str = "first", toe_end: float = 0.0) -> Curve:
+    """Loading branch of a test, first or last, as a curve to fit.
+
+    Parameters
+    ----------
+    test
+        Strains counted from where the toe's compensation puts zero, or as `rereferenced` does.
+    cycle
+        ``first`` or ``last``.
+    toe_end
+        Strain (magnitude) below which stresses are the toe's and are left out.
+    """
+    rows = loading_branch(test, cycle)
+    stretch, stress = test.stretch[rows], test.stress_MPa[rows]
+    if test.loading != "both":
+        kept = test.sign * (stretch - 1) >= toe_end
+        kept[int(np.argmax(test.sign * stress)) + 1 :] = False
+        stretch, stress = stretch[kept], stress[kept]
+    return Curve(test.mode, *_thinned(stretch, stress))
+
+
+def rereferenced(test: StressStrain) -> StressStrain:
+    """The same test with stress and strain per area and length at the start of its last cycle's loading.
+
+    The start is where the cycle before left no stress; where that was not reached, or there is one cycle only, the test
+    is returned as it is.
+    """
+    found = cycles_of(test)
+    if len(found) < 2 or found[-2].residual_strain is None:
+        return test
+    left = 1 + test.sign * found[-2].residual_strain
+    return replace(test, strain=test.stretch / left - 1, stress_MPa=test.stress_MPa * left)
+
+
+def _thinned(stretch: FloatArray, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Means over steps of equal stretch, by rising stretch; the points themselves where they are few."""
+    if len(stretch) <= MOST:
+        order = np.argsort(stretch, kind="stable")
+        return stretch[order], stress[order]
+    edges = np.linspace(stretch.min(), stretch.max(), MOST + 1)
+    step = np.clip(np.searchsorted(edges, stretch, side="right") - 1, 0, MOST - 1)
+    count = np.bincount(step, minlength=MOST)
+    filled = count > 0
+    means = [np.bincount(step, weights=values, minlength=MOST)[filled] / count[filled] for values in (stretch, stress)]
+    return means[0], means[1]

@@ -5,20 +5,22 @@ these do not know. A material's modulus is the mean over its specimens, and its 
 scatter: specimens are replicates, cycles and points are not. One specimen has no scatter; its own uncertainty is given,
 and said to be that.
 
-The interface: `evaluate` a test by `Settings`; `mean_modulus` of several.
+The interface: `evaluate` a test by `StiffnessOptions`; `mean_modulus` of several.
 """
-
-# ruff: noqa: N815  units keep their case
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Annotated, Literal, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from solen.material.stiffness.cycles import Cycle, Softening, cycles_of, softening
-from solen.material.stiffness.hyperelastic import Curve
-from solen.material.stiffness.loading import loading_curve, rereferenced
+from solen.material.regression import t_quantile
+from solen.material.stiffness.cycles import Cycle, Softening, cycles_of, loading_curve, rereferenced, softening
+from solen.material.stiffness.hyperelastic import Curve, Weighting
+from solen.material.stiffness.models import Kind
+from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import (
     Extremes,
     Range,
@@ -32,40 +34,53 @@ from solen.material.stiffness.modulus import (
 from solen.material.stiffness.specimen import held_ends
 from solen.material.stiffness.test import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
+from solen.results import Result, reported
+from solen.spec.strict import Finite, Options, refused
 
-TOE = ("auto", "none", "always")
-CYCLE = ("first", "last")
 _WORTH = 8.0  # effective points below which an interval is known to be too narrow
 _BENT = 0.05  # departure of an ideal rubber's slope from its first one that is worth saying
 _LOSSY = 0.1
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How specimens are evaluated.
+class StiffnessOptions(Options):
+    """How mechanical tests are evaluated, and models fitted to them."""
 
-    Attributes
-    ----------
-    strain_range
-        Of the modulus, as fractions; None for `default_range`.
-    toe
-        ``auto``: where the strain is a displacement and the file states no preload; ``always``; ``none``.
-    cycle
-        ``first`` or ``last``.
-    secants
-        Strains (magnitudes) at which stress over strain is wanted.
-    lubricated
-        Whether the platens of a compression test let the ends slide.
-    """
-
-    strain_range: Range | None = None
-    toe: str = "auto"
-    cycle: str = "first"
-    secants: tuple[float, ...] = ()
+    mode: TestMode | None = None
+    """What the files are; uniaxial takes both directions by their signs. Default: by the files' words and signs."""
+    strain_range_percent: tuple[Finite, Finite] | None = None
+    """From and to where the modulus is fitted, such as 0.05 0.25."""
+    secant_percent: tuple[Annotated[Finite, Field(gt=0.0)], ...] = ()
+    """Strains at which stress over strain is computed."""
+    toe: Literal["auto", "none", "always"] = "auto"
+    """Toe compensation; auto: where strain is made of displacement and the machine set no zero at a preload."""
+    cycle: Literal["first", "last"] = "first"
+    """Whose loading gives modulus and model."""
+    fit: tuple[Literal["auto", "none", "all"] | Kind, ...] = ("auto",)
+    """Models: auto (all of them, for rubbers), all, none, or some by name."""
+    weighting: Weighting = "absolute"
+    """Error of the stress in the fits."""
     lubricated: bool = False
+    """The ends of a compressed specimen slid on the platens."""
+    compliance_mm_per_N: Finite = Field(0.0, ge=0.0)
+    """How far machine and fixture give way; subtracted from the displacement."""
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        if (ends := self.strain_range_percent) is not None and not 0.0 <= ends[0] < ends[1]:
+            limit = "must be two numbers from 0 up, the lower first"
+            raise refused("strain_range_percent", limit, value=f"{ends[0]:g} {ends[1]:g}")
+        return self
 
 
 @dataclass(frozen=True)
+class Secant:
+    """Stress over strain at a strain (magnitude); None where that is not reached."""
+
+    strain: float
+    secant_MPa: float | None
+
+
+@dataclass(frozen=True, eq=False)
 class Evaluated:
     """One specimen's numbers.
 
@@ -75,87 +90,103 @@ class Evaluated:
         With strains counted from the toe's zero.
     toe, young, extremes, cycles, softening
         What was found.
-    secants_MPa
-        Stress over strain at each strain that was asked for; None where it is not reached.
-    curve
+    secants
+        Stress over strain at each strain that was asked for.
+    fitted
         The loading, to fit models to.
     warnings
         Sentences with numbers.
+    name, file
+        Of the specimen, and of the file that it is in.
     """
 
     test: StressStrain
     toe: Toe
     young: Young
-    secants_MPa: tuple[tuple[float, float | None], ...]
+    secants: tuple[Secant, ...]
     extremes: Extremes
     cycles: tuple[Cycle, ...]
     softening: Softening | None
-    curve: Curve
+    fitted: Curve
     warnings: tuple[str, ...]
+    name: str = ""
+    file: str = ""
+
+    @reported
+    def mode(self) -> str:
+        """Uniaxial, planar or equibiaxial."""
+        return self.test.mode.name
 
 
-@dataclass(frozen=True)
-class MeanModulus:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MeanModulus(Result):
     """Modulus over specimens.
 
     Attributes
     ----------
-    modulus_MPa, u_modulus_MPa, interval95_MPa
+    modulus_MPa, u_modulus_MPa, interval95_modulus_MPa
         Mean, standard uncertainty of the mean, and interval by Student's t; those of the specimen where it is one. Few
         specimens may agree by chance: where they differ by less than each is uncertain, that is taken instead.
     sd_modulus_MPa
         Standard deviation between specimens; None for one.
-    specimens
-        How many.
     """
 
     modulus_MPa: float
     u_modulus_MPa: float
-    interval95_MPa: tuple[float, float]
+    interval95_modulus_MPa: tuple[float, float]
     sd_modulus_MPa: float | None
-    specimens: int
 
 
-def evaluate(test: StressStrain, settings: Settings) -> Evaluated:
+def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range | None = None) -> Evaluated:
     """Numbers of one test.
+
+    Parameters
+    ----------
+    test
+        Of one specimen.
+    options
+        How it is evaluated.
+    strain_range
+        Range of the modulus where the options state none, as fractions; None for `default_range`.
 
     Raises
     ------
     DataError
         Where the range of the modulus holds too few points, or the test is never loaded.
     """
-    toe = _toe(test, settings.toe)
+    toe, cycle = _toe(test, options.toe), options.cycle
     counted = test.shifted(toe.shift)
-    found = cycles_of(counted)
-    used = rereferenced(counted) if settings.cycle == "last" else counted
-    wanted = settings.strain_range or default_range(used, settings.cycle)
-    modulus = young(used, wanted, settings.cycle)
-    softened = softening(found)
+    cycles = cycles_of(counted)
+    used = rereferenced(counted) if cycle == "last" else counted
+    if (percent := options.strain_range_percent) is not None:
+        strain_range = (percent[0] / 100, percent[1] / 100)
+    wanted = strain_range or default_range(used, cycle)
+    modulus = young(used, wanted, cycle)
+    secants = [percent / 100 for percent in options.secant_percent] or [wanted[1]]
     return Evaluated(
         test=counted,
         toe=toe,
         young=modulus,
-        secants_MPa=tuple((s, secant(used, s, settings.cycle)) for s in settings.secants or (wanted[1],)),
+        secants=tuple(Secant(strain, secant(used, strain, cycle)) for strain in secants),
         extremes=extremes(counted),
-        cycles=found,
-        softening=softened,
-        curve=loading_curve(used, settings.cycle, toe.end if settings.cycle == "first" else 0.0),
-        warnings=(*test.warnings, *_warnings(used, modulus, settings, found)),
+        cycles=cycles,
+        softening=softening(cycles),
+        fitted=loading_curve(used, cycle, toe.end if cycle == "first" else 0.0),
+        warnings=(*test.warnings, *_warnings(used, modulus, options, cycles)),
     )
 
 
 def mean_modulus(found: Sequence[Young]) -> MeanModulus:
     """Mean over specimens of one kind of test."""
-    from scipy.stats import t
-
     values = np.array([each.modulus_MPa for each in found])
+    mean, sd, root = float(values.mean()), None, math.sqrt(len(values))
     if len(values) == 1:
-        only = found[0]
-        return MeanModulus(only.modulus_MPa, only.u_modulus_MPa, only.interval95_MPa, None, 1)
-    mean, sd, root = float(values.mean()), float(values.std(ddof=1)), math.sqrt(len(values))
-    own = math.sqrt(float(np.mean([each.u_modulus_MPa**2 for each in found])))
-    half = max(float(t.ppf(0.975, len(values) - 1)) * sd, 1.959964 * own) / root
-    return MeanModulus(mean, max(sd, own) / root, (mean - half, mean + half), sd, len(values))
+        u, interval = found[0].u_modulus_MPa, found[0].interval95_modulus_MPa
+    else:
+        sd, own = float(values.std(ddof=1)), math.sqrt(float(np.mean([each.u_modulus_MPa**2 for each in found])))
+        half = max(t_quantile(0.95, len(values) - 1) * sd, 1.959964 * own) / root
+        u, interval = max(sd, own) / root, (mean - half, mean + half)
+    return MeanModulus(modulus_MPa=mean, u_modulus_MPa=u, interval95_modulus_MPa=interval, sd_modulus_MPa=sd)
 
 
 def _toe(test: StressStrain, wanted: str) -> Toe:
@@ -168,10 +199,10 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
     return find_toe(test)
 
 
-def _warnings(test: StressStrain, found: Young, settings: Settings, cycled: Sequence[Cycle]) -> list[str]:
+def _warnings(test: StressStrain, found: Young, options: StiffnessOptions, cycled: Sequence[Cycle]) -> list[str]:
     """What the numbers of a test do not know."""
     told = [
-        _of_friction(test, settings),
+        _of_friction(test, options),
         _of_dimensions(test, found),
         _of_compliance(test, found),
         _of_points(found),
@@ -181,8 +212,8 @@ def _warnings(test: StressStrain, found: Young, settings: Settings, cycled: Sequ
     return [each for each in told if each]
 
 
-def _of_friction(test: StressStrain, settings: Settings) -> str:
-    if test.loading != "compression" or settings.lubricated:
+def _of_friction(test: StressStrain, options: StiffnessOptions) -> str:
+    if test.loading != "compression" or options.lubricated:
         return ""
     shape = test.specimen.shape_factor
     ratio = None if shape is None else held_ends(shape)
@@ -211,7 +242,7 @@ def _of_compliance(test: StressStrain, found: Young) -> str:
     stiffness = found.modulus_MPa * area / length
     return (
         f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make it 1 % "
-        f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-n takes it off"
+        f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
     )
 
 
@@ -246,8 +277,3 @@ def _of_loss(cycled: Sequence[Cycle]) -> str:
         f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work put in: a hyperelastic model has no such loss "
         "and describes the loading only"
     )
-
-
-def with_range(settings: Settings, strain_range: Range) -> Settings:
-    """The same settings with a range of the modulus."""
-    return replace(settings, strain_range=strain_range)

@@ -15,12 +15,11 @@ sampled densely enough would always vote for the most parameters.
 The interface: `fit` for one model, `choose` among several fits of the same curves; `Curve` is a test.
 """
 
-# ruff: noqa: N802, N815  units keep their case
-
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Literal
 
 import numpy as np
 
@@ -30,8 +29,9 @@ from solen.material.stiffness.correlation import Scatter, log_likelihood, scatte
 from solen.material.stiffness.models import Model, Ogden, model
 from solen.material.stiffness.modes import MODES, Mode
 from solen.material.stiffness.stability import StableRange, stable_range
+from solen.results import HIDDEN, reported
 
-WEIGHTINGS = ("absolute", "relative")
+Weighting = Literal["absolute", "relative"]
 SEEN = 0.02  # of the root mean square of the residuals: a smaller difference of two fits is none
 _FLOOR = 0.02  # of the largest stress of a test: below it a relative error means nothing
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
@@ -41,7 +41,7 @@ _POLISHED = 3  # of them, to the end
 _STEPS = 400  # evaluations for each
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Curve:
     """One test: engineering stress over stretch along a mode.
 
@@ -53,7 +53,7 @@ class Curve:
         Shape (n,); compression is stretch below 1 with negative stress.
     """
 
-    mode: Mode
+    mode: Mode = field(metadata=HIDDEN)
     stretch: FloatArray
     stress_MPa: FloatArray
 
@@ -70,13 +70,13 @@ class ModeQuality:
     r_squared: float | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """One model fitted to all tests.
 
     Attributes
     ----------
-    model, parameters, scatter
+    model, values, scatter
         The model, its parameters in the order of ``model.names``, and their covariance with what it rests on.
     weighting, weighted_squares
         How residuals were weighted, and the sum of their squares.
@@ -88,33 +88,53 @@ class Fit:
         Whether the model is stable over the measured stretches of every measured mode.
     aicc
         Corrected Akaike criterion; None where there are too few points for it, or no residual.
+    delta_aicc
+        By how much it is above the lowest of the fits that it is compared with.
     """
 
-    model: Model
-    parameters: FloatArray
+    model: Model = field(metadata=HIDDEN)
+    values: FloatArray = field(metadata=HIDDEN)
     scatter: Scatter
-    weighting: str
+    weighting: Weighting
     weighted_squares: float
     quality: tuple[ModeQuality, ...]
     stable: dict[str, StableRange]
     stable_in_data: bool
     aicc: float | None
+    delta_aicc: float | None = None
 
-    @property
+    @reported
+    def kind(self) -> str:
+        """Name of the model."""
+        return self.model.kind
+
+    @reported
+    def parameters(self) -> dict[str, float]:
+        """Its parameters by name."""
+        return dict(zip(self.model.names, self.values.tolist(), strict=True))
+
+    @reported
+    def u_parameters(self) -> dict[str, float] | None:
+        """Their standard uncertainties; None where the data do not determine them."""
+        if self.scatter.covariance is None:
+            return None
+        return dict(zip(self.model.names, np.sqrt(np.diag(self.scatter.covariance)).tolist(), strict=True))
+
+    @reported
     def initial_modulus_MPa(self) -> float:
         """Young's modulus at zero strain, E₀ = 3 μ₀."""
-        return 3 * self.model.shear_modulus_row(self.parameters)[0]
+        return 3 * self.model.shear_modulus_row(self.values)[0]
 
-    @property
+    @reported
     def u_initial_modulus_MPa(self) -> float | None:
         """Its standard uncertainty by the covariance of the parameters."""
         if self.scatter.covariance is None:
             return None
-        row = 3 * self.model.shear_modulus_row(self.parameters)[1]
+        row = 3 * self.model.shear_modulus_row(self.values)[1]
         return math.sqrt(max(float(row @ self.scatter.covariance @ row), 0.0))
 
 
-def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
+def fit(kind: str, curves: Sequence[Curve], weighting: Weighting = "absolute") -> Fit:
     """Fit one model to all curves.
 
     Parameters
@@ -134,7 +154,7 @@ def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
         Where there is no such model.
     """
     fitted = model(kind)
-    _check(curves, weighting, fitted)
+    _check(curves, fitted)
     weights = [_weights(curve, weighting) for curve in curves]
     parameters = (
         _fit_ogden(fitted, curves, weights) if isinstance(fitted, Ogden) else _fit_linear(fitted, curves, weights)
@@ -151,7 +171,7 @@ def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
     spread = scatter(jacobians, residuals)
     return Fit(
         model=fitted,
-        parameters=parameters,
+        values=parameters,
         scatter=spread,
         weighting=weighting,
         weighted_squares=sum(float(r @ r) for r in residuals),
@@ -160,6 +180,13 @@ def fit(kind: str, curves: Sequence[Curve], weighting: str = "absolute") -> Fit:
         stable_in_data=all(stable[q.mode].covers(*q.stretch_range) for q in quality),
         aicc=_aicc(residuals, spread.lag_one, len(parameters)),
     )
+
+
+def fit_each(kinds: Sequence[str], curves: Sequence[Curve], weighting: Weighting = "absolute") -> tuple[Fit, ...]:
+    """Fits of several models to the same curves, each with its AICc beside the lowest."""
+    fits = [fit(kind, curves, weighting) for kind in kinds]
+    lowest = min((each.aicc for each in fits if each.aicc is not None), default=0.0)
+    return tuple(replace(each, delta_aicc=None if each.aicc is None else each.aicc - lowest) for each in fits)
 
 
 def choose(fits: Sequence[Fit]) -> Fit | None:
@@ -174,13 +201,11 @@ def choose(fits: Sequence[Fit]) -> Fit | None:
     if judged:
         best = min(judged, key=lambda f: 0.0 if f.aicc is None else f.aicc)
         alike = [f for f in judged if f.weighted_squares <= (1 + SEEN) ** 2 * best.weighted_squares]
-        return min(alike, key=lambda f: len(f.parameters))
-    return min(stable, key=lambda f: len(f.parameters)) if stable else None
+        return min(alike, key=lambda f: len(f.values))
+    return min(stable, key=lambda f: len(f.values)) if stable else None
 
 
-def _check(curves: Sequence[Curve], weighting: str, fitted: Model) -> None:
-    if weighting not in WEIGHTINGS:
-        raise DataError("weighting", value=weighting, limit=f"must be one of {', '.join(WEIGHTINGS)}")
+def _check(curves: Sequence[Curve], fitted: Model) -> None:
     points, needed = sum(len(curve.stretch) for curve in curves), len(fitted.names) + 1
     if points < needed:
         raise DataError(f"points for {fitted.kind}", value=points, limit=f"at least {needed}", remedy="measure more")
@@ -191,7 +216,7 @@ def _check(curves: Sequence[Curve], weighting: str, fitted: Model) -> None:
             raise DataError("stretch", value=lowest, limit="must be above 0", remedy="check length and displacement")
 
 
-def _weights(curve: Curve, weighting: str) -> FloatArray:
+def _weights(curve: Curve, weighting: Weighting) -> FloatArray:
     size = np.abs(curve.stress_MPa)
     if weighting == "absolute":
         return np.ones_like(size)
@@ -241,7 +266,7 @@ def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatAr
     return _ordered(fitted, np.concatenate([best[:order], _STEEPEST * np.sin(best[order:])]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Terms:
     """Ogden's terms at all points of all curves: weighted stress Σᵢ fᵢ exp(α lᵢ) at μ = 1, with lᵢ = ln λᵢ."""
 

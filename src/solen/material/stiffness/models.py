@@ -13,6 +13,7 @@ The interface: `model(kind)` of the `KINDS`; parameters are an array in the orde
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -164,6 +165,7 @@ def ogden_basis(powers: FloatArray, mode: Mode, stretch: FloatArray) -> FloatArr
     return np.asarray(sum(terms) / mode.directions, dtype=float)
 
 
+Kind = Literal["neo-hookean", "mooney-rivlin", "yeoh", "ogden-1", "ogden-2", "ogden-3"]
 KINDS: dict[str, Model] = {
     "neo-hookean": Polynomial("neo-hookean", ((1, 0),)),
     "mooney-rivlin": Polynomial("mooney-rivlin", ((1, 0), (0, 1))),

@@ -9,9 +9,9 @@ engineering stress and Young's modulus.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 from solen.arrays import FloatArray
-from solen.errors import DataError
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Mode:
         How many directions are pulled with the same stress.
     """
 
-    name: str
+    name: Literal["uniaxial", "planar", "equibiaxial"]
     powers: tuple[float, float, float]
     directions: int
 
@@ -49,19 +49,6 @@ class Mode:
 UNIAXIAL = Mode("uniaxial", (1.0, -0.5, -0.5), 1)
 PLANAR = Mode("planar", (1.0, 0.0, -1.0), 1)
 EQUIBIAXIAL = Mode("equibiaxial", (1.0, 1.0, -2.0), 2)
-MODES = {mode.name: mode for mode in (UNIAXIAL, PLANAR, EQUIBIAXIAL)}
-
-
-def mode_of(name: str) -> Mode:
-    """Mode of a name; tension and compression are both uniaxial.
-
-    Raises
-    ------
-    DataError
-        Where there is none of that name.
-    """
-    if name in {"tension", "compression"}:
-        return UNIAXIAL
-    if name not in MODES:
-        raise DataError("mode", value=name, limit=f"must be tension, compression, {', '.join(MODES)}")
-    return MODES[name]
+MODES: dict[str, Mode] = {mode.name: mode for mode in (UNIAXIAL, PLANAR, EQUIBIAXIAL)}
+TestMode = Literal["tension", "compression", "uniaxial", "planar", "equibiaxial"]
+"""What a user can call a test; tension and compression are uniaxial, ``uniaxial`` takes both signs as in the file."""

@@ -12,8 +12,6 @@ differs.
 The interface: `young` over a range, `default_range` where none is stated, `secant`, `extremes`.
 """
 
-# ruff: noqa: N815  units keep their case
-
 import math
 from dataclasses import dataclass
 
@@ -21,6 +19,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.material.regression import t_quantile
 from solen.material.stiffness.correlation import scatter
 from solen.material.stiffness.cycles import loading_branch
 from solen.material.stiffness.modes import Mode
@@ -47,7 +46,7 @@ class Young:
         Young's modulus, and its standard uncertainty: scatter and, where known, dimensions.
     u_scatter_MPa, u_dimensions_MPa
         The two parts; None for dimensions of unknown uncertainty.
-    interval95_MPa
+    interval95_modulus_MPa
         By Student's t of the effective degrees of freedom, and the normal for the dimensions.
     strain_range
         From and to, as magnitudes, both included.
@@ -63,7 +62,7 @@ class Young:
     u_modulus_MPa: float
     u_scatter_MPa: float
     u_dimensions_MPa: float | None
-    interval95_MPa: tuple[float, float]
+    interval95_modulus_MPa: tuple[float, float]
     strain_range: Range
     points: int
     effective_points: float
@@ -103,7 +102,7 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     low, high = strain_range
     if not 0 <= low < high < math.inf:
         told = f"{100 * low:g} {100 * high:g}"
-        raise DataError("--strain-range-percent", value=told, limit="must be two numbers from 0 up, the lower first")
+        raise DataError("strain range in percent", value=told, limit="must be two numbers from 0 up, the lower first")
     strain, stress = _in_range(test, strain_range, cycle)
     if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
         reached = 100 * float(np.abs(test.strain).max())
@@ -179,8 +178,6 @@ def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[Floa
 
 
 def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, strain_range: Range) -> Young:
-    from scipy.stats import t
-
     rows = np.column_stack([np.ones_like(strain), strain])
     centre = float(strain.mean())
     slope = float((strain - centre) @ stress / ((strain - centre) @ (strain - centre)))
@@ -191,7 +188,7 @@ def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, stra
     modulus, u_scatter = slope / test.mode.slope_ratio, u_slope / test.mode.slope_ratio
     u_dimensions = _u_dimensions(test, modulus)
     u_modulus = math.hypot(u_scatter, u_dimensions or 0.0)
-    wide = float(t.ppf(0.975, max(found.effective_points - 2, 1.0))) * u_scatter
+    wide = t_quantile(0.95, max(found.effective_points - 2, 1.0)) * u_scatter
     half = math.hypot(wide, 1.959964 * (u_dimensions or 0.0))
     spread = float(np.sum((stress - stress.mean()) ** 2))
     return Young(
@@ -199,7 +196,7 @@ def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, stra
         u_modulus_MPa=u_modulus,
         u_scatter_MPa=u_scatter,
         u_dimensions_MPa=u_dimensions,
-        interval95_MPa=(modulus - half, modulus + half),
+        interval95_modulus_MPa=(modulus - half, modulus + half),
         strain_range=strain_range,
         points=len(strain),
         effective_points=found.effective_points,

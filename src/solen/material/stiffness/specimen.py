@@ -13,10 +13,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
-from solen.errors import DataError, SpecError
+from solen.errors import DataError
+from solen.spec.strict import Finite, Options, refused
 from solen.units import factor
 
 _SHAPE_FACTORS = (0.0, 1 / 12, 1 / 8, 1 / 5.6, 1 / 4, 1 / 2.8, 1 / 2, 1 / 1.6)
@@ -38,47 +41,37 @@ _WORDS = {
     "probenhöhe h0, probenhöhe, specimen height h0, specimen height, height, höhe, specimen length, length, "
     "einspannlänge, grip to grip separation at the start position, grip to grip separation, grip separation",
 }
-_UNITS = {"width": "mm", "thickness": "mm", "diameter": "mm", "area": "mm^2", "length": "mm"}
+_FILE_SECTIONS = (("width", "thickness"), ("diameter",), ("area",))
 
 
-@dataclass(frozen=True)
-class Dimensions:
-    """What is stated of a specimen; None for what is not.
+class Dimensions(Options):
+    """What is stated of a specimen."""
 
-    Attributes
-    ----------
-    length_mm
-        Length that the displacement is divided by: gauge length in tension, height in compression.
-    area_mm2, width_mm, thickness_mm, diameter_mm
-        Cross-section before the test, by itself or by its sides.
-    cube_mm
-        Side of a cube, instead of all of the above.
-    u_mm
-        Standard uncertainty of each measured length in mm, each read on its own; None where it is not known.
-    """
+    cube_mm: Finite | None = Field(None, gt=0.0)
+    """Side of a compressed cube, instead of all of the following."""
+    length_mm: Finite | None = Field(None, gt=0.0)
+    """Gauge length, or height in compression, that the displacement is divided by; overrules the file's strain."""
+    area_mm2: Finite | None = Field(None, gt=0.0)
+    """Cross-section before the test."""
+    width_mm: Finite | None = Field(None, gt=0.0)
+    """Its width, with --thickness-mm."""
+    thickness_mm: Finite | None = Field(None, gt=0.0)
+    """Its thickness."""
+    diameter_mm: Finite | None = Field(None, gt=0.0)
+    """Or its diameter."""
+    u_geometry_mm: Finite | None = Field(None, ge=0.0)
+    """Standard uncertainty of each of these lengths, each read on its own."""
 
-    length_mm: float | None = None
-    area_mm2: float | None = None
-    width_mm: float | None = None
-    thickness_mm: float | None = None
-    diameter_mm: float | None = None
-    cube_mm: float | None = None
-    u_mm: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("length_mm", "area_mm2", "width_mm", "thickness_mm", "diameter_mm", "cube_mm"):
-            value = getattr(self, name)
-            if value is not None and not 0 < value < math.inf:
-                raise SpecError(_option(name), value=value, limit="must be above 0", remedy="measure the specimen")
-        if self.u_mm is not None and not 0 <= self.u_mm < math.inf:
-            raise SpecError("--u-geometry-mm", value=self.u_mm, limit="must be at least 0")
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
         ways = [self.area_mm2, self.diameter_mm, self.cube_mm, self.width_mm or self.thickness_mm]
         if sum(way is not None for way in ways) > 1:
-            raise SpecError("cross-section", limit="is stated in more than one way", remedy="keep one of them")
+            raise refused("area_mm2", "the cross-section is stated in more than one way", remedy="keep one of them")
         if (self.width_mm is None) != (self.thickness_mm is None):
-            raise SpecError("cross-section", limit="needs both --width-mm and --thickness-mm")
+            raise refused("width_mm", "a cross-section needs both --width-mm and --thickness-mm")
         if self.cube_mm is not None and self.length_mm is not None:
-            raise SpecError("--length-mm", limit="a cube's length is its side", remedy="drop one of the two")
+            raise refused("length_mm", "a cube's length is its side", remedy="drop one of the two")
+        return self
 
 
 @dataclass(frozen=True)
@@ -137,17 +130,23 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
         Where the file's statement is no length or area above 0.
     """
     found = _from_metadata(metadata or {})
-    length = stated.cube_mm or stated.length_mm or (found.get("length", (None, ""))[0])
-    section = _section(stated, found)
-    u_mm = stated.u_mm
-    words = [_said(stated), *(f"{name} of the file" for name in _used(stated, found))]
+    length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
+    headings: list[str] = []
+    if length is None and "length" in found:
+        length, heading = found["length"]
+        headings.append(heading)
+    if section is None:
+        names = next((names for names in _FILE_SECTIONS if set(names) <= found.keys()), ())
+        section = _section(**{name: found[name][0] for name in names})
+        headings += [found[name][1] for name in names]
+    u_mm = stated.u_geometry_mm
     return Specimen(
         length_mm=length,
         area_mm2=section.area_mm2 if section else None,
         perimeter_mm=section.perimeter_mm if section else None,
         u_length=None if u_mm is None or length is None else u_mm / length,
         u_area=None if u_mm is None or section is None else u_mm * section.error_per_mm,
-        source=", ".join(filter(None, words)),
+        source=", ".join([*_options(stated), *(f"{heading} of the file" for heading in headings)]),
         area_error_per_mm=None if section is None else section.error_per_mm,
         is_cube=stated.cube_mm is not None,
         length_by_user=stated.cube_mm is not None or stated.length_mm is not None,
@@ -181,7 +180,7 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
     for dimension, words in _WORDS.items():
         for word in words.split(", "):
             heading, text = plain.get(word, ("", ""))
-            value = number_in(text, _UNITS[dimension], heading)
+            value = number_in(text, "mm^2" if dimension == "area" else "mm", heading)
             if value is None:
                 continue
             if not 0 < value < math.inf:
@@ -196,46 +195,27 @@ def _plain(heading: str) -> str:
     return " ".join((headed[1] if headed else heading).casefold().replace("_", " ").split())
 
 
-def _section(stated: Dimensions, found: Mapping[str, tuple[float, str]]) -> _Section | None:
-    """Cross-section, by what the user states before what the file does."""
+def _stated_section(stated: Dimensions) -> _Section | None:
     if stated.cube_mm is not None:
-        return _rectangle(stated.cube_mm, stated.cube_mm)
-    if stated.area_mm2 is not None:
-        return _rectangle(math.sqrt(stated.area_mm2), math.sqrt(stated.area_mm2))
-    if stated.width_mm is not None and stated.thickness_mm is not None:
-        return _rectangle(stated.width_mm, stated.thickness_mm)
-    if stated.diameter_mm is not None:
-        return _circle(stated.diameter_mm)
-    if "width" in found and "thickness" in found:
-        return _rectangle(found["width"][0], found["thickness"][0])
-    if "diameter" in found:
-        return _circle(found["diameter"][0])
-    return _rectangle(math.sqrt(found["area"][0]), math.sqrt(found["area"][0])) if "area" in found else None
+        return _section(width=stated.cube_mm, thickness=stated.cube_mm)
+    return _section(stated.width_mm, stated.thickness_mm, stated.diameter_mm, stated.area_mm2)
 
 
-def _rectangle(first: float, second: float) -> _Section:
-    return _Section(first * second, 2 * (first + second), math.hypot(1 / first, 1 / second))
+def _section(
+    width: float | None = None, thickness: float | None = None, diameter: float | None = None, area: float | None = None
+) -> _Section | None:
+    """Cross-section by its sides, its diameter, or its area, which is taken as that of a square."""
+    if area is not None:
+        width = thickness = math.sqrt(area)
+    if width is not None and thickness is not None:
+        return _Section(width * thickness, 2 * (width + thickness), math.hypot(1 / width, 1 / thickness))
+    if diameter is not None:
+        return _Section(math.pi / 4 * diameter**2, math.pi * diameter, 2 / diameter)
+    return None
 
 
-def _circle(diameter: float) -> _Section:
-    return _Section(math.pi / 4 * diameter**2, math.pi * diameter, 2 / diameter)
-
-
-def _used(stated: Dimensions, found: Mapping[str, tuple[float, str]]) -> list[str]:
-    """Headings of the file that are used."""
-    names = []
-    if stated.cube_mm is None and stated.length_mm is None and "length" in found:
-        names.append("length")
-    if all(each is None for each in (stated.cube_mm, stated.area_mm2, stated.width_mm, stated.diameter_mm)):
-        pair = {"width", "thickness"} <= set(found)
-        names += ["width", "thickness"] if pair else [n for n in ("diameter", "area") if n in found][:1]
-    return [found[name][1] for name in names]
-
-
-def _said(stated: Dimensions) -> str:
-    names = ("cube_mm", "length_mm", "area_mm2", "width_mm", "thickness_mm", "diameter_mm")
-    return " ".join(f"{_option(n)} {getattr(stated, n):g}" for n in names if getattr(stated, n) is not None)
-
-
-def _option(name: str) -> str:
-    return "--" + name.replace("_", "-")
+def _options(stated: Dimensions) -> list[str]:
+    """What the user stated, as on the command line."""
+    given = stated.model_dump(exclude_none=True, exclude={"u_geometry_mm"})
+    words = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in given.items())
+    return [words] if words else []

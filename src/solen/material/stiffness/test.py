@@ -9,26 +9,26 @@ specimen that barrels or necks.
 The interface: `as_test` makes a `StressStrain` of arrays, `solen.material.stiffness.columns` of a recording.
 """
 
-# ruff: noqa: N802, N803, N815  units keep their case
-
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.stiffness.modes import MODES, Mode, mode_of
+from solen.material.stiffness.modes import MODES, UNIAXIAL, Mode, TestMode
 from solen.material.stiffness.specimen import Specimen
+from solen.results import HIDDEN, reported
 
-CHOICES = ("tension", "compression", *MODES)
-"""What a user can call a test; ``uniaxial`` takes both signs as they stand in the file."""
+Loading = Literal["tension", "compression", "both"]
 _FEWEST = 5
+_SHOWN = 400  # points of a curve in a result
 _BOTH = 0.05  # share of the range on the other side of zero that makes a test one in both directions
 _STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # least change and largest size
 _PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class StressStrain:
     """One test, in the order it was recorded.
 
@@ -56,10 +56,10 @@ class StressStrain:
         What was decided, and what to beware of, in plain sentences.
     """
 
-    mode: Mode
-    loading: str
-    strain: FloatArray
-    stress_MPa: FloatArray
+    mode: Mode = field(metadata=HIDDEN)
+    loading: Loading
+    strain: FloatArray = field(metadata=HIDDEN)
+    stress_MPa: FloatArray = field(metadata=HIDDEN)
     specimen: Specimen
     made_from: str = ""
     area_used: bool = False
@@ -84,6 +84,14 @@ class StressStrain:
         """Cauchy stress Pλ of an incompressible specimen."""
         return self.stress_MPa * self.stretch
 
+    @reported
+    def curve(self) -> dict[str, FloatArray]:
+        """Engineering and true strain and stress: every point, or four hundred evenly spaced ones."""
+        count = len(self.strain)
+        rows = np.unique(np.linspace(0, count - 1, min(_SHOWN, count)).round().astype(int))
+        names = ("strain", "stress_MPa", "true_strain", "true_stress_MPa")
+        return {name: getattr(self, name)[rows] for name in names}
+
     @property
     def sign(self) -> int:
         """+1 where loading raises the strain, -1 in compression."""
@@ -98,7 +106,7 @@ def as_test(
     strain: FloatArray,
     stress_MPa: FloatArray,
     specimen: Specimen,
-    mode: str | None = None,
+    mode: TestMode | None = None,
     *,
     name: str = "test",
     assumed: bool = False,
@@ -110,7 +118,7 @@ def as_test(
     strain, stress_MPa, specimen
         As above; NaN at the end of both is left out.
     mode
-        One of `CHOICES`; None to take it from the signs.
+        None to take it from the signs.
     name
         What errors call it.
     assumed
@@ -121,8 +129,6 @@ def as_test(
     DataError
         Where there is nothing to evaluate.
     """
-    if mode is not None and mode not in CHOICES:
-        raise DataError("--mode", value=mode, limit=f"must be one of {', '.join(CHOICES)}")
     strain, stress = _without_gaps(np.asarray(strain, dtype=float), np.asarray(stress_MPa, dtype=float), name)
     loading, notes, warnings = _loading(strain, stress, mode, name, assumed)
     if loading != "both":
@@ -139,7 +145,7 @@ def as_test(
             f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent",
         )
     return StressStrain(
-        mode=mode_of(mode or "uniaxial"),
+        mode=MODES.get(mode or "", UNIAXIAL),
         loading=loading,
         strain=strain,
         stress_MPa=stress,
@@ -193,17 +199,17 @@ def _two_sided(strain: FloatArray) -> bool:
 def _loading(
     strain: FloatArray,
     stress: FloatArray,
-    mode: str | None,
+    mode: TestMode | None,
     name: str,
     assumed: bool,
-) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+) -> tuple[Loading, tuple[str, ...], tuple[str, ...]]:
     """Direction of loading, what was decided, and what to beware of."""
     if mode in {None, "uniaxial"} and _two_sided(strain):
         return _both_ways(strain, stress, name)
     exported = (sense(strain), sense(stress))
     said = f"exported with {'positive' if exported[0] > 0 else 'negative'} strain and "
     said += f"{'positive' if exported[1] > 0 else 'negative'} force"
-    if mode in {"tension", "compression"}:
+    if mode == "tension" or mode == "compression":
         return mode, (f"{mode}, {said}; compression is negative in the results",), ()
     if mode in {"planar", "equibiaxial"}:
         return "tension", (f"{mode} tension, {said}",), ()
@@ -220,7 +226,7 @@ def _loading(
     return "tension", (f"tension, by its signs: {said}",), warnings
 
 
-def _both_ways(strain: FloatArray, stress: FloatArray, name: str) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+def _both_ways(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Loading, tuple[str, ...], tuple[str, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
         remedy = "state --mode, or turn the sign of one column"
         raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)

@@ -1,0 +1,280 @@
+"""Specimens of mechanical tests to modulus and model of each material.
+
+The idea: every recording is a specimen, unless a column of it names several. Specimens of one label are one material:
+its modulus is their mean, and one set of a model's parameters is fitted to all its tests, whatever their mode.
+
+The interface: `stiffness_of` takes `MechanicalTest` recordings and gives a `MeasuredStiffness`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.columns import read_test
+from solen.material.stiffness.evaluation import Evaluated, MeanModulus, StiffnessOptions, evaluate, mean_modulus
+from solen.material.stiffness.hyperelastic import Fit, choose, fit_each
+from solen.material.stiffness.models import KINDS, model
+from solen.material.stiffness.modes import TestMode
+from solen.material.stiffness.modulus import Range
+from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
+from solen.material.stiffness.test import StressStrain
+from solen.recording import Provenance, Recording
+from solen.results import reported
+
+_RIGID_MPA = 100.0  # a stiffer thing is no rubber: auto fits no hyperelastic model to it
+_SPECIMEN, _MATERIAL = ("specimen", "sample", "replicate", "probe"), ("material", "resin", "group", "gruppe")
+_MACHINE = (
+    "e-modul",
+    "e-modulus",
+    "e modulus",
+    "young's modulus",
+    "youngs modulus",
+    "zugmodul",
+    "druckmodul",
+    "et",
+    "ec",
+)
+
+
+@dataclass(frozen=True)
+class MechanicalTest:
+    """A recording to evaluate.
+
+    Attributes
+    ----------
+    recording
+        Of one specimen, or of several that a column names.
+    mode
+        What it is; None to take it from the signs and words of the file.
+    label
+        Of the material; empty to take it from a column.
+    dimensions
+        What is stated of its specimens.
+    compliance_mm_per_N
+        Of machine and fixture.
+    """
+
+    recording: Recording
+    mode: TestMode | None = None
+    label: str = ""
+    dimensions: Dimensions = field(default_factory=Dimensions)
+    compliance_mm_per_N: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MaterialStiffness(MeanModulus):
+    """Modulus and model of a material.
+
+    Attributes
+    ----------
+    label
+        Of the material; None without one.
+    strain_range
+        Of the modulus of the first specimen, magnitudes.
+    mode
+        Of the first specimen's test: tension, compression, uniaxial (both directions), planar or equibiaxial.
+    specimens
+        All of them; the modulus is the mean over those tested like the first.
+    model, fits
+        The fit that was chosen, None without one; and all fits.
+    warnings
+        What the numbers do not say, in sentences.
+    """
+
+    label: str | None
+    strain_range: Range
+    mode: str
+    specimens: tuple[Evaluated, ...]
+    model: Fit | None
+    fits: tuple[Fit, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class MeasuredStiffness(MaterialStiffness):
+    """Stiffness of the materials of some tests: the first one's, and beside it all of several.
+
+    Attributes
+    ----------
+    groups
+        All materials where there are several.
+    sources
+        The files.
+    """
+
+    groups: tuple[MaterialStiffness, ...]
+    sources: tuple[Provenance, ...]
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether any test was computed rather than measured."""
+        return any(source.simulated for source in self.sources)
+
+    @property
+    def materials(self) -> tuple[MaterialStiffness, ...]:
+        """Each material once."""
+        return self.groups or (self,)
+
+    def table(self) -> str:
+        """Stress and strain of all specimens, each with its name and material, as CSV."""
+        lines = ["specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"]
+        for material in self.materials:
+            for specimen in material.specimens:
+                names = ",".join('"' + text.replace('"', "'") + '"' for text in (specimen.name, material.label or ""))
+                test = specimen.test
+                columns = zip(test.strain, test.stress_MPa, test.true_strain, test.true_stress_MPa, strict=True)
+                lines += [f"{names},{a:.9g},{b:.9g},{c:.9g},{d:.9g}" for a, b, c, d in columns]
+        return "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class _Specimen:
+    """One specimen with its material and recording."""
+
+    label: str
+    recording: Recording
+    evaluated: Evaluated
+
+
+def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = StiffnessOptions()) -> MeasuredStiffness:
+    """Modulus and model of each material.
+
+    Raises
+    ------
+    DataError
+        Where a column, unit or dimension is missing, or the range of the modulus holds too few points.
+    """
+    specimens = _specimens(tests, options)
+    labels = list(dict.fromkeys(specimen.label for specimen in specimens))
+    groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
+    warnings = tuple(dict.fromkeys(warning for group in groups for warning in group.warnings))
+    if len(groups) > 1:
+        beside = f"modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}"
+        warnings = (*warnings, beside)
+    sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
+    return MeasuredStiffness(
+        **vars(groups[0]) | {"warnings": warnings},
+        groups=groups if len(groups) > 1 else (),
+        sources=tuple(sources.values()),
+    )
+
+
+def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> list[_Specimen]:
+    """Every specimen of every recording; all of one kind over one range of strain, where that is possible."""
+    specimens: list[_Specimen] = []
+    ranges: dict[tuple[str, str], Range] = {}
+    for tested in tests:
+        for name, group, part in _parts(tested.recording):
+            dimensions = specimen_of(tested.dimensions, part.provenance.metadata)
+            test = read_test(part, dimensions, tested.mode, tested.compliance_mm_per_N)
+            kind = (test.mode.name, test.loading)
+            evaluated = _evaluated(test, options, ranges.get(kind))
+            ranges.setdefault(kind, evaluated.young.strain_range)
+            file = part.provenance.file
+            evaluated = replace(evaluated, name=": ".join(filter(None, (file, name))), file=file)
+            specimens.append(_Specimen(tested.label or group, part, evaluated))
+    return specimens
+
+
+def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> Evaluated:
+    """A test over a range, or over its own where that holds too few points and the user states none."""
+    try:
+        return evaluate(test, options, strain_range)
+    except DataError:
+        if strain_range is None or options.strain_range_percent is not None:
+            raise
+    evaluated = evaluate(test, options)
+    low, high = (100 * end for end in evaluated.young.strain_range)
+    warning = f"modulus over {low:.3g} to {high:.3g} %, as the range of the other specimens holds too few points here"
+    return replace(evaluated, warnings=(*evaluated.warnings, warning))
+
+
+def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
+    """Specimens of a recording, each with its name and its material, by the columns that name them."""
+    names, groups = recording.label(*_SPECIMEN), recording.label(*_MATERIAL)
+    if names is None and groups is None:
+        return [("", "", recording)]
+    length = len(recording.channels[0].values) if recording.channels else 0
+    keys = list(zip(groups or ("",) * length, names or ("",) * length, strict=True))
+    parts = []
+    for group, name in dict.fromkeys(keys):
+        rows = np.array([key == (group, name) for key in keys])
+        channels = tuple(replace(c, values=c.values[rows]) for c in recording.channels)
+        parts.append((" ".join(filter(None, (group, name))), group, replace(recording, channels=channels, texts={})))
+    return parts
+
+
+def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> MaterialStiffness:
+    first = specimens[0].evaluated.test
+    moduli = [
+        each.evaluated.young
+        for each in specimens
+        if (each.evaluated.test.mode, each.evaluated.test.loading) == (first.mode, first.loading)
+    ]
+    mean = mean_modulus(moduli)
+    fits, unfitted = _fits(specimens, options, mean.modulus_MPa)
+    chosen = choose(fits)
+    told = [*_of_specimens(specimens), *_of_count(len(moduli)), *unfitted, *_of_fits(fits, chosen)]
+    label = specimens[0].label
+    return MaterialStiffness(
+        **vars(mean),
+        label=label or None,
+        strain_range=specimens[0].evaluated.young.strain_range,
+        mode=first.loading if first.mode.name == "uniaxial" and first.loading != "both" else first.mode.name,
+        specimens=tuple(specimen.evaluated for specimen in specimens),
+        model=chosen,
+        fits=fits,
+        warnings=tuple(f"{label}: {warning}" if label else warning for warning in told),
+    )
+
+
+def _fits(
+    specimens: Sequence[_Specimen], options: StiffnessOptions, modulus_MPa: float
+) -> tuple[tuple[Fit, ...], list[str]]:
+    """Fits that are asked for, and a warning where ``auto`` makes none."""
+    if "none" in options.fit:
+        return (), []
+    if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
+        return (), [f"no hyperelastic model: {modulus_MPa:.4g} MPa is no rubber's modulus; --fit all fits them still"]
+    curves = [specimen.evaluated.fitted for specimen in specimens]
+    kinds = list(KINDS) if {"all", "auto"} & set(options.fit) else [str(kind) for kind in options.fit]
+    points = sum(len(curve.stretch) for curve in curves)
+    possible = [kind for kind in kinds if points > len(model(kind).names)]
+    return fit_each(possible or kinds[:1], curves, options.weighting), []
+
+
+def _of_specimens(specimens: Sequence[_Specimen]) -> list[str]:
+    """Warnings of the specimens, with their names where not all say the same."""
+    shared = set.intersection(*(set(each.evaluated.warnings) for each in specimens))
+    told: list[str] = []
+    for each in specimens:
+        own = (*each.evaluated.warnings, *each.recording.warnings, *_of_machine(each))
+        told += [warning if warning in shared else f"{each.evaluated.name}: {warning}" for warning in own]
+    return list(dict.fromkeys(told))
+
+
+def _of_machine(specimen: _Specimen) -> list[str]:
+    """Warning where the machine's own modulus differs."""
+    for heading, text in specimen.recording.provenance.metadata.items():
+        if heading.casefold().strip() not in _MACHINE:
+            continue
+        theirs, ours = number_in(text, "MPa", heading), specimen.evaluated.young.modulus_MPa
+        if theirs and abs(ours / theirs - 1) > 0.01:
+            return [f"the machine's own {heading} is {theirs:.6g} MPa: {100 * (theirs / ours - 1):+.1f} % from this"]
+    return []
+
+
+def _of_count(specimens: int) -> list[str]:
+    if specimens == 1:
+        return ["one specimen: how far specimens of this material differ is not known"]
+    return ["two specimens: their standard deviation is itself uncertain by 76 %"] if specimens == 2 else []
+
+
+def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[str]:
+    if chosen is not None:
+        return cautions(chosen)
+    kinds = ", ".join(each.kind for each in fits)
+    return [f"no model is chosen: none of {kinds} is stable over the data"] if fits else []
