@@ -15,10 +15,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.scene import Scene
-from solen.scene.sources import Line, Placed, Source
+from solen.scene.sources import Placed, Source
 from solen.trace import Trace
 
 TURN_RAD = 1e-13
@@ -60,15 +60,12 @@ class Turned(Source):
     source: Source
     angle_rad: float
     rays: int
-    power: float
-    s_share: float
-    spectrum: tuple[Line, ...]
 
     @property
     def shape_dimensions(self) -> int:
         return self.source.shape_dimensions
 
-    def place(self, u: NDArray[np.float64]) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         x, z, dx, dz = self.source.place(u)
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
         return x, z, c * dx - s * dz, s * dx + c * dz
@@ -76,7 +73,9 @@ class Turned(Source):
 
 def turned(scene: Scene, angle_rad: float) -> Scene:
     """The scene with every ray's launch turned by a small angle."""
-    sources = tuple(Turned(s, angle_rad, s.rays, s.power, s.s_share, s.spectrum) for s in scene.sources)
+    sources = tuple(
+        Turned(s, angle_rad, s.rays, power=s.power, s_share=s.s_share, spectrum=s.spectrum) for s in scene.sources
+    )
     return dataclasses.replace(scene, sources=sources)
 
 
@@ -129,6 +128,6 @@ def _follows(key: Key, kept: set[Key]) -> bool:
     return before in kept if len(before) > 1 and before[-1] == hit else (*before, hit) in kept
 
 
-def _deviation(a: tuple[float, float], b: tuple[float, float]) -> NDArray[np.float64]:
+def _deviation(a: tuple[float, float], b: tuple[float, float]) -> FloatArray:
     """Deviation of the powers as a share of the stretch's power."""
     return np.abs(np.subtract(a, b)) / max(sum(a), 1e-300)

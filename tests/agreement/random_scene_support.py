@@ -264,9 +264,9 @@ def sources(build: Builder, rays: int, nearest_corner_mm: float) -> tuple[Source
     aims = [aimed(rng, outside, corner, nearest_corner_mm) for corner in targets]
     return (
         Fan(inside, float(rng.uniform(0, 360)), 360.0, rays),
-        Fan(outside, float(rng.uniform(0, 360)), 360.0, rays, 2.0, s_share),
-        Beam((-CELL_MM, -CELL_MM * 1.4), (CELL_MM, -CELL_MM * 1.4), float(rng.uniform(-30, 30)), rays, 0.5),
-        Rays((outside,) * rays, tuple(aims), 0.3, s_share),
+        Fan(outside, float(rng.uniform(0, 360)), 360.0, rays, power=2.0, s_share=s_share),
+        Beam((-CELL_MM, -CELL_MM * 1.4), (CELL_MM, -CELL_MM * 1.4), float(rng.uniform(-30, 30)), rays, power=0.5),
+        Rays((outside,) * rays, tuple(aims), power=0.3, s_share=s_share),
     )
 
 
@@ -310,10 +310,10 @@ def motley_scene(seed: int, rays: int, nearest_corner_mm: float = 1e-8) -> Scene
         if rng.random() < 0.35:
             add_motley(build, (x * CELL_MM, z * CELL_MM))
     add_walls(build)
-    chip = Chip((6.1, -6.3), 0.8, float(rng.uniform(0, 360)), 200.0, rays, 0.7, float(rng.uniform(0, 1)))
+    chip = Chip((6.1, -6.3), 0.8, float(rng.uniform(0, 360)), 200.0, rays, power=0.7, s_share=float(rng.uniform(0, 1)))
     everything = (*sources(build, rays, nearest_corner_mm), chip)
     if build.disperses:
-        everything = tuple(replace(source, spectrum=_spectrum(rng)) for source in everything)  # type: ignore[type-var]
+        everything = tuple(replace(source, spectrum=_spectrum(rng)) for source in everything)
     heights = rng.uniform(-15, 15, (2, 2)).tolist()
     monitors = tuple(
         Monitor(f"m{i}", (-20.0, a), (20.0, b), bins)
@@ -327,7 +327,7 @@ def treated_scene(seed: int, rays: int) -> Scene:
     scene, rng = motley_scene(seed, rays), np.random.default_rng((seed, 77))
     sources = scene.sources
     if not scene.wavelengths_nm:
-        sources = tuple(replace(source, spectrum=((633.0, 1.0),)) for source in sources)  # type: ignore[type-var]  # all are dataclasses
+        sources = tuple(replace(source, spectrum=((633.0, 1.0),)) for source in sources)
     regions = tuple(
         replace(
             region, scattering_per_mm=float(rng.choice([0.0, 0.05, 0.2])), anisotropy=float(rng.uniform(-0.5, 0.95))

@@ -126,6 +126,6 @@ def _moved_source(source: Source, motion: Rigid) -> Rays:
     return Rays(
         tuple(motion.point(p) for p in origins),
         tuple(motion.vector(d) for d in directions),
-        source.power,
-        source.s_share,
+        power=source.power,
+        s_share=source.s_share,
     )

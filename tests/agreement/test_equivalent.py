@@ -135,7 +135,7 @@ def test_the_order_of_interfaces_and_sources_does_not_matter() -> None:
 def test_a_fan_may_be_given_ray_by_ray_or_in_two_halves() -> None:
     scene = smooth(51)
     whole = Fan((6.0, 6.2), 10.0, 120.0, 200)
-    halves = (Fan((6.0, 6.2), 40.0, 60.0, 100, 0.5), Fan((6.0, 6.2), -20.0, 60.0, 100, 0.5))
+    halves = (Fan((6.0, 6.2), 40.0, 60.0, 100, power=0.5), Fan((6.0, 6.2), -20.0, 60.0, 100, power=0.5))
     a, b = (trace(dataclasses.replace(scene, sources=sources), "power", FEW) for sources in ((whole,), halves))
     same_readings(a, b, 1e-9)
     listed = moved(dataclasses.replace(scene, sources=(whole,)), Rigid())

@@ -13,12 +13,12 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, CartesianOval, Conic, Curve, Segment, Spline
 from solen.plane import Point, Rigid, along, left_of, minus, unit
 from solen.scene import Interface, Rays, Region, Scene
-from solen.scene.sources import Line, Placed, Source
+from solen.scene.sources import Placed, Source
 from solen.trace import Limits, Trace, trace, trace_reference
 from solen.trace.result import DETECTED
 from tests.agreement.compare_support import Key, stretches
@@ -98,7 +98,7 @@ def passing(way: Way, back: Way) -> float:
     return abs(offset[0] * back.arriving[1] - offset[1] * back.arriving[0])
 
 
-def reciprocal(scene: Scene, tracer: Tracer, most: int, limits: Limits = THERE) -> NDArray[np.float64]:
+def reciprocal(scene: Scene, tracer: Tracer, most: int, limits: Limits = THERE) -> FloatArray:
     """Of the ways to receivers (N, 2): how far the way back misses, and how far the powers deviate."""
     source = Rays(*_fan(scene, most), s_share=0.5)
     there = received(tracer(dataclasses.replace(scene, sources=(source,), monitors=()), "power", limits, legs=True))
@@ -125,7 +125,7 @@ def reciprocal(scene: Scene, tracer: Tracer, most: int, limits: Limits = THERE) 
     return np.array(found)
 
 
-def judged(found: NDArray[np.float64], least: int) -> str:
+def judged(found: FloatArray, least: int) -> str:
     """Nearly all ways come back to rounding, and then with the same power; the others as far as they do."""
     missed, deviation = found.T
     exact = missed < 1e-10
@@ -194,15 +194,12 @@ class Glow(Source):
     start: Point
     end: Point
     rays: int
-    power: float = 1.0
-    s_share: float = 0.5
-    spectrum: tuple[Line, ...] = ()
 
     @property
     def shape_dimensions(self) -> int:
         return 2
 
-    def place(self, u: NDArray[np.float64]) -> Placed:
+    def place(self, u: FloatArray) -> Placed:
         (tx, tz), (nx, nz) = (turn(unit(minus(self.end, self.start))) for turn in (Rigid().vector, left_of))
         sine, share = 2.0 * u[:, 0] - 1.0, u[:, 1]
         cosine = np.sqrt(1.0 - sine * sine)

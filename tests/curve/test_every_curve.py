@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from solen.arrays import FloatArray
 from solen.curve import (
     Arc,
     Bezier,
@@ -353,7 +353,7 @@ def test_a_fitted_spline_stays_within_its_tolerance(leaf: type[Curve], data: st.
         assert distance_to(curve, (float(point[0]), float(point[1]))) < 1.1e-7
 
 
-def polyline_distance(polyline: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def polyline_distance(polyline: FloatArray, points: FloatArray) -> FloatArray:
     """Distance of each point to the nearest piece, in slices that spare memory."""
     best = np.full(len(points), np.inf)
     for a, b in pairwise(polyline):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Conic, Curve, Parabola, Segment, Spline, simple_pieces
 from solen.errors import DesignError
 from solen.interface import reflected
@@ -302,7 +302,7 @@ def test_a_spline_meets_what_its_cubics_meet(seed: int, closed: bool, target: Po
 # --- polynomial roots -------------------------------------------------------------------------------------------------
 
 
-def polynomial(control: Four, origin: Point, direction: Point) -> NDArray[np.float64]:
+def polynomial(control: Four, origin: Point, direction: Point) -> FloatArray:
     """How far beside the ray's line the point at u lies, as coefficients of powers of u."""
     a, b, c, d = (cross(direction, minus(point, origin)) for point in control)
     return np.array([d - 3 * c + 3 * b - a, 3 * (c - 2 * b + a), 3 * (b - a), a])

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Curve, Measure, Parabola, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, bend_of, bent, y_body
@@ -87,7 +87,7 @@ def test_a_flared_wall_becomes_a_spline_within_the_tolerance(angle_deg: float) -
     assert place == pytest.approx(integrated(float(x), float(z), angle_deg, base, base + 16.2), abs=1e-6)
 
 
-def nearest_mm(curve: Curve, points: NDArray[np.float64]) -> float:
+def nearest_mm(curve: Curve, points: FloatArray) -> float:
     """Largest distance of points from a curve, along the curve's own normals through the points."""
     apart = []
     for x, z in points:

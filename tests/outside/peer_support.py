@@ -91,4 +91,4 @@ def angle_source(peer: Peer, item: Object) -> Rays:
 def listed(rays: list[tuple[Point, Point]], each: float) -> Rays:
     """Rays of one brightness, at most 1."""
     origins, directions = zip(*rays, strict=True)
-    return Rays(origins, directions, min(each, 1.0) * len(rays))
+    return Rays(origins, directions, power=min(each, 1.0) * len(rays))

@@ -13,7 +13,7 @@ from solen.curve import Arc, Bezier, Curve, Parabola, Segment, Spline
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, along, heading
 from solen.scene import Fan, Interface, Region, Scene
-from solen.scene.closed import TOLERANCE_MM, check_closed
+from solen.scene.closed_media import TOLERANCE_MM, check_closed
 from tests.agreement.random_scene_support import Builder, add_circle, add_lens, add_polygon
 
 SQUARE: list[Point] = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]

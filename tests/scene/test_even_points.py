@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from solen.scene.sources.net import MOST_DIMENSIONS, SCRAMBLED_DIGITS, plain
-from solen.scene.sources.points import COPIES, DIGITS, copies, points, sample
+from solen.scene.sources.points import COPIES, DIGITS, MOST_DIMENSIONS, SCRAMBLED_DIGITS, copies, plain, points, sample
 
 
 @pytest.mark.parametrize("dimensions", [3, 5, MOST_DIMENSIONS])

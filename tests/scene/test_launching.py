@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import stats
 
+from solen.arrays import FloatArray, IntArray
 from solen.plane import heading
 from solen.scene import Ambient, Beam, Chip, CosinePower, Emitter, Fan, Launch, RayFile, Rays, Source
 from solen.scene.json import SOURCES
@@ -22,13 +22,13 @@ from tests.scene.rayfile_support import lambertian, zemax
 
 FILE = zemax(Path(tempfile.mkdtemp()) / "rays.sdf", lambertian(57))
 EVERY: dict[type[Source], Source] = {
-    Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, 2.5, 0.3),
-    Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, 2.5, 0.3),
-    Emitter: Emitter((0.3, -1.0), 12.0, 57, CosinePower(2.5), 95.0, 0.4, 0.2, 0.1, 2.5, 0.3),
-    Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, 0.7, 1.0),
-    Ambient: Ambient((0.3, -1.0), 4.0, 57, 0.5, 2.5, 0.3),
-    RayFile: RayFile(str(FILE), (0.3, -1.0), 12.0, 57, 0.1, 2.5, 0.3),
-    Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), 3.0, 0.0),
+    Fan: Fan((0.3, -1.0), 12.0, 95.0, 57, power=2.5, s_share=0.3),
+    Chip: Chip((0.3, -1.0), 0.4, 12.0, 95.0, 57, power=2.5, s_share=0.3),
+    Emitter: Emitter((0.3, -1.0), 12.0, 57, CosinePower(2.5), 95.0, 0.4, 0.2, 0.1, power=2.5, s_share=0.3),
+    Beam: Beam((-1.0, -2.0), (1.5, -2.5), -5.0, 57, power=0.7, s_share=1.0),
+    Ambient: Ambient((0.3, -1.0), 4.0, 57, 0.5, power=2.5, s_share=0.3),
+    RayFile: RayFile(str(FILE), (0.3, -1.0), 12.0, 57, 0.1, power=2.5, s_share=0.3),
+    Rays: Rays(((0.0, 0.0), (1.0, 2.0), (3.0, -1.0)), ((0.0, 2.0), (3.0, 4.0), (-1.0, 0.0)), power=3.0, s_share=0.0),
 }
 every_source = pytest.mark.parametrize("source", EVERY.values(), ids=lambda source: type(source).__name__)
 
@@ -40,11 +40,11 @@ every_coloured = pytest.mark.parametrize(
 )
 
 
-def columns(launch: Launch) -> list[NDArray[np.float64] | NDArray[np.int64]]:
+def columns(launch: Launch) -> list[FloatArray | IntArray]:
     return [column for field in dataclasses.fields(launch) if (column := getattr(launch, field.name)) is not None]
 
 
-def angles_deg(launch: Launch) -> NDArray[np.float64]:
+def angles_deg(launch: Launch) -> FloatArray:
     """Directions, counter-clockwise from +z."""
     return np.degrees(np.arctan2(-launch.dx, launch.dz))
 
@@ -166,8 +166,8 @@ def test_a_chip_turns_with_its_axis(axis: float, width: float, cone: float) -> N
 
 
 def test_a_chip_without_width_is_a_fan() -> None:
-    fan = Fan((0.3, -0.7), 11.0, 77.0, 41, 2.0, 0.1)
-    chip = Chip(fan.point, 0.0, fan.axis_deg, fan.cone_deg, fan.rays, fan.power, fan.s_share)
+    fan = Fan((0.3, -0.7), 11.0, 77.0, 41, power=2.0, s_share=0.1)
+    chip = Chip(fan.point, 0.0, fan.axis_deg, fan.cone_deg, fan.rays, power=fan.power, s_share=fan.s_share)
     for column, same in zip(columns(chip.launch()), columns(fan.launch()), strict=True):
         assert np.array_equal(column, same)
 
@@ -230,7 +230,7 @@ def test_one_line_or_none_takes_no_number(source: Source) -> None:
     ids=["fan", "beam", "chip"],
 )
 def test_every_line_has_its_share_everywhere(
-    many: Callable[[int], Source], share: Callable[[Launch], NDArray[np.float64]]
+    many: Callable[[int], Source], share: Callable[[Launch], FloatArray]
 ) -> None:
     """Colour and place are independent: of any part of the source each line has its weight, but for a few rays."""
     rays = 8192

@@ -15,7 +15,7 @@ from solen.errors import DataError
 from solen.plane import heading
 from solen.scene import Interface, RayFile, Scene, dumps, loads
 from solen.scene.model import Region
-from solen.scene.rayfile import read_rays
+from solen.scene.sources.ray_formats import read_rays
 from solen.trace import trace
 from tests.scene.rayfile_support import lambertian, tm25, zemax
 

@@ -15,8 +15,8 @@ from solen.errors import DataError, DesignError
 from solen.plane import Point
 from solen.scene import Fan, Interface, Scene, rayoptics
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
-from solen.scene.rayoptics.chance import drawn
-from solen.scene.rayoptics.fit import fitted
+from solen.scene.rayoptics.formula_curves import fitted
+from solen.scene.rayoptics.seedrandom import drawn
 from solen.trace import Turns, trace, trace_in_turns
 
 Json = dict[str, Any]

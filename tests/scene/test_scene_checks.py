@@ -161,12 +161,12 @@ def test_sources_of_every_kind_are_among_the_refused() -> None:
     [
         FAN,
         Fan((0.0, 0.0), 1e9, 0.0, 1),
-        Fan((0.0, 0.0), -720.0, 360.0, 1, 1e-12, 0.0),
+        Fan((0.0, 0.0), -720.0, 360.0, 1, power=1e-12, s_share=0.0),
         Beam((0.0, 0.0), (0.0, 0.0), 0.0, 2),  # all rays from one place: a thin beam
-        Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, 1e12, 1.0),
+        Beam((0.0, 0.0), (1.0, 0.0), -3.0, 1, power=1e12, s_share=1.0),
         Rays(((0.0, 0.0), (0.0, 0.0)), ((0.0, 1e-300), (1e300, 0.0))),
         Chip((0.0, 0.0), 0.0, 400.0, 0.0, 1),  # of no width: a fan
-        Chip((0.0, 0.0), 1e3, -90.0, 360.0, 5, 1e12, 1.0),
+        Chip((0.0, 0.0), 1e3, -90.0, 360.0, 5, power=1e12, s_share=1.0),
         Chip((0.0, 0.0), 0.3, 0.0, 120.0, 5, spectrum=((860.0, 1e-300),)),
         Fan((0.0, 0.0), 0.0, 60.0, 5, spectrum=((860.0, 1.0), (1e-3, 1e300), (860.0, 2.0))),
     ],
@@ -253,7 +253,7 @@ def test_a_spectrum_is_of_wavelengths_and_weights_above_0(kind: str, spectrum: A
         "beam": Beam((0.0, -1.0), (1.0, -1.0), 0.0, 10),
         "rays": Rays(((0.0, -1.0),), ((0.0, 1.0),)),
     }
-    wrong = dataclasses.replace(sound[kind], spectrum=spectrum)  # type: ignore[type-var]  # all are dataclasses
+    wrong = dataclasses.replace(sound[kind], spectrum=spectrum)
     assert words in refused(sources=(wrong,))
 
 

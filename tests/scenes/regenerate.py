@@ -52,7 +52,7 @@ def prism_and_screen() -> Scene:
         Interface("far", Segment((6.0, -1.0), (6.0, 6.0)), "air", "air", "receiver", "far"),
     )
     black = Interface("black", Segment((-6.0, 6.0), (-6.0, -6.0)), "air", "air", "absorbing")
-    beam = Beam((-5.0, -0.6), (-4.6, -1.3), -60.0, 101, 2.0, 1.0)
+    beam = Beam((-5.0, -0.6), (-4.6, -1.3), -60.0, 101, power=2.0, s_share=1.0)
     return Scene(
         (AIR, Region("glass", 1.52)),
         (*prism, *screen, black),
@@ -69,7 +69,7 @@ def nested_balls() -> Scene:
         Interface("core", Arc.circle((-1.6, 0.0), 1.2), "core", "water"),
     )
     regions = (AIR, Region("water", 1.33, 0.01), Region("hollow", 1.0), Region("core", 1.8, 0.2))
-    sources = (Fan((0.0, -7.0), 0.0, 50.0, 101), Fan((0.2, -2.0), 20.0, 360.0, 61, 0.5, 0.2))
+    sources = (Fan((0.0, -7.0), 0.0, 50.0, 101), Fan((0.2, -2.0), 20.0, 360.0, 61, power=0.5, s_share=0.2))
     return Scene(regions, circles, sources, (Monitor("above", (9.0, 5.0), (-9.0, 5.0), 9),))
 
 
@@ -83,7 +83,7 @@ def mirror_cabinet() -> Scene:
     catcher = Interface("catcher", Segment((3.0, 5.0), (-3.0, 5.0)), "air", "air", "receiver", "catcher")
     wall = Interface("wall", Arc.through((4.0, 4.0), (5.0, 5.0), (6.0, 4.0)), "air", "air", "absorbing")
     directions = tuple((float(k), 5.0 - abs(k)) for k in range(-6, 7))
-    rays = Rays(((0.5, -1.0),) * 13, directions, 1.3)
+    rays = Rays(((0.5, -1.0),) * 13, directions, power=1.3)
     return Scene((AIR,), (*mirrors, catcher, wall), (rays,), (Monitor("cut", (-6.0, 1.0), (6.0, 1.0), 4),))
 
 

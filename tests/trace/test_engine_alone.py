@@ -5,8 +5,8 @@ import functools
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Curve, Segment
 from solen.errors import DesignError
 from solen.plane import heading
@@ -121,7 +121,7 @@ def first_of_many(rays: int) -> Scene:
     return Scene(made.regions, made.interfaces, (source,), made.monitors)
 
 
-def by_ray(result: Trace, rays: int) -> NDArray[np.float64]:
+def by_ray(result: Trace, rays: int) -> FloatArray:
     """Of each ray: power by fate, stretches, and hits of the ball and of the receiver; times the emitted power."""
     assert result.legs is not None
     legs = result.legs
@@ -135,12 +135,12 @@ def by_ray(result: Trace, rays: int) -> NDArray[np.float64]:
 
 
 @functools.cache
-def reference_by_ray() -> NDArray[np.float64]:
+def reference_by_ray() -> FloatArray:
     return by_ray(trace_reference(first_of_many(max(EDGES)), legs=True), max(EDGES))
 
 
 @functools.cache
-def engine_by_ray_in_small_pieces() -> NDArray[np.float64]:
+def engine_by_ray_in_small_pieces() -> FloatArray:
     """Fates of power of all the rays, traced a hundred at a time."""
     made = first_of_many(max(EDGES))
     (source,) = made.sources

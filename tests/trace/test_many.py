@@ -25,7 +25,7 @@ def ball() -> Scene:
     return Scene(
         (Region("air", 1.0), Region("glass", 1.5), Region("dark", 1.7, 0.2)),
         (Interface("ball", curves[0], "glass", "air"), Interface("drop", curves[1], "dark", "air")),
-        (Chip((0.0, 0.0), 0.5, 0.0, 40.0, 333), Chip((0.0, 40.0), 0.5, 180.0, 40.0, 100, 2.0)),
+        (Chip((0.0, 0.0), 0.5, 0.0, 40.0, 333), Chip((0.0, 40.0), 0.5, 180.0, 40.0, 100, power=2.0)),
         (Monitor("line", (-5.0, 15.0), (5.0, 15.0), 8),),
     )
 

@@ -30,7 +30,7 @@ from solen.scene import (
 )
 from solen.scene.model import Behaviour
 from solen.trace import Limits, Trace, integrate, trace, trace_reference
-from solen.trace.surfaces import film_powers
+from solen.trace.reference_surfaces import film_powers
 
 NM = 600.0
 SCATTERS: tuple[Scatter, ...] = (Lambertian(), Gaussian(0.2), HarveyShack(0.05, 1.6), HarveyShack(0.1, 2.0, 0.5))

@@ -16,7 +16,7 @@ BEHIND = Monitor("behind", (9.0, -6.0), (9.0, 6.0), 12)
 
 
 def ball(rays: int, power: float, *more: Interface) -> Scene:
-    return Scene((AIR, GLASS), (BALL, *more), (Beam((-9.0, -4.9), (-9.0, 4.9), -90.0, rays, power),), (BEHIND,))
+    return Scene((AIR, GLASS), (BALL, *more), (Beam((-9.0, -4.9), (-9.0, 4.9), -90.0, rays, power=power),), (BEHIND,))
 
 
 def test_with_nothing_weak_it_is_the_reference() -> None:
@@ -48,7 +48,7 @@ def test_rays_that_stand_alone_lose_what_is_weak() -> None:
         Interface("plate.1", Segment((0.0, -9.0), (0.0, 9.0)), "air", "glass"),
         Interface("plate.2", Segment((1.0, -9.0), (1.0, 9.0)), "glass", "air"),
     ]
-    source = Beam((-9.0, -1.0), (-9.0, 1.0), -90.0, 1, 0.2)
+    source = Beam((-9.0, -1.0), (-9.0, 1.0), -90.0, 1, power=0.2)
     scene = Scene((AIR, GLASS), tuple(plate), (source,), (BEHIND,), open_media=True)
     result = trace_in_turns(scene, Turns(fresh=(True,)))
     assert abs(result.monitors["behind"].power) == pytest.approx(0.96**2)

@@ -27,8 +27,8 @@ from solen.curve.base import (
 from solen.curve.chain import CubicChain
 from solen.curve.conic import Conic, Parabola
 from solen.curve.cubic import Piece, cut, simple_pieces
-from solen.curve.fit import fitted
-from solen.curve.measure import Measure
+from solen.curve.hermite import fitted
+from solen.curve.length import Measure
 from solen.curve.oval import CartesianOval
 from solen.curve.segment import Segment
 from solen.curve.spline import Bezier, Spline

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import END_TOLERANCE_MM, Curve, check_numbers, check_points, quadratic_roots
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, along, cross, dot, minus, unit
@@ -72,13 +72,13 @@ class Arc(Curve):
         """Half the angle it spans, at most 180."""
         return min(0.5 * abs(self.sweep_deg), 180.0)
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         angle = np.radians(self.start_deg + u * self.sweep_deg)
         x, z = self.center
         return np.column_stack([x + self.radius_mm * np.cos(angle), z + self.radius_mm * np.sin(angle)])
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`."""
         angle = np.radians(self.start_deg + u * self.sweep_deg)
         per_u = self.radius_mm * math.radians(self.sweep_deg)

@@ -5,8 +5,8 @@ from abc import ABC, abstractmethod
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
 
@@ -74,11 +74,11 @@ class Curve(ABC):
     """A directed exact curve."""
 
     @abstractmethod
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """Points (N, 2) in mm at parameters ``u`` (N,) in [0, 1], from start to end."""
 
     @abstractmethod
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """Derivatives (N, 2) of `points` by their parameter, mm."""
 
     @abstractmethod
@@ -119,7 +119,7 @@ class Curve(ABC):
         """Point halfway along the parameter, mm."""
         return self._point(0.5)
 
-    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
+    def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
         """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
 
         Each piece is halved until its middle lies well within the tolerance of its chord.

@@ -16,8 +16,8 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import END_TOLERANCE_MM, MOST_POINTS, SMALL, Curve
 from solen.curve.cubic import (
     Control,
@@ -114,7 +114,7 @@ class CubicChain(Curve):
         """See :attr:`Curve.end`."""
         return self.controls[-1][3]
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`; every cubic has an equal share of the parameter."""
         n = len(self.controls)
         which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
@@ -123,7 +123,7 @@ class CubicChain(Curve):
         a, b, c, d = np.asarray(self.controls)[which].transpose(1, 0, 2)
         return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`; at a joint, that of the piece behind it."""
         n = len(self.controls)
         which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
@@ -146,7 +146,7 @@ class CubicChain(Curve):
             found[0] = cut(found[0], start / end if first == last else start)[1]
         return tuple(found)
 
-    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
+    def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
         """See :meth:`Curve.flattened`; a piece leaves its chord by at most 3/4 of what its handles do."""
         waiting = [piece.control for piece in reversed(self.pieces)]
         found = [self.start]

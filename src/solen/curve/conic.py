@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import END_TOLERANCE_MM, Curve, check_axis, check_numbers, check_points, quadratic_roots
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, dot, left_of, minus, right_of, unit
@@ -31,14 +31,14 @@ class Parabola(Curve):
         if self.from_mm == self.to_mm:
             raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length")
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         run = self.from_mm + u * (self.to_mm - self.from_mm)
         side = right_of(self.axis)
         rise = self.curve_per_mm * run * run
         return np.asarray(np.asarray(self.vertex) + np.outer(run, self.axis) + np.outer(rise, side))
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`."""
         per_u = self.to_mm - self.from_mm
         run = self.from_mm + u * per_u
@@ -124,18 +124,18 @@ class Conic(Curve):
         c, k = self.curvature_per_mm, self.conic_constant
         return 1.0 / (abs(c) * math.sqrt(1.0 + k)) if k > -1.0 and c != 0.0 else math.inf
 
-    def sag_mm(self, lateral_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    def sag_mm(self, lateral_mm: FloatArray) -> FloatArray:
         """Distance w along the axis at distances r beside it: c r² / (1 + √(1 − (1 + K) c² r²))."""
         c, r = self.curvature_per_mm, lateral_mm
         return np.asarray(c * r * r / (1.0 + np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * r) ** 2)))
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm
         beside = np.outer(lateral, right_of(self.axis))
         return np.asarray(np.asarray(self.vertex) + beside + np.outer(self.sag_mm(lateral), self.axis))
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`."""
         per_u, c = self.to_mm - self.from_mm, self.curvature_per_mm
         lateral = (1.0 - u) * self.from_mm + u * self.to_mm

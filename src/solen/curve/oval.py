@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import END_TOLERANCE_MM, ROUNDING, Curve, check_axis, check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, along, cross, dot, left_of, minus, unit
@@ -68,7 +68,7 @@ class CartesianOval(Curve):
         ends = self.points(np.array([0.0, 1.0])) - np.asarray(self.vertex)
         return float(np.max(ends @ np.asarray(self.axis)))
 
-    def radius_from_object(self, angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    def radius_from_object(self, angle_deg: FloatArray) -> FloatArray:
         """Distance in mm from F1 to the front at angles from the axis; NaN where the line misses the oval.
 
         The smaller root of (n2²−n1²) r² − 2 (n2² D cos φ − n1 C) r + n2² D² − C² = 0; D = s + s', C the constant.
@@ -82,7 +82,7 @@ class CartesianOval(Curve):
         with np.errstate(invalid="ignore"):
             return np.asarray(np.where(half_b > 0, rest / (half_b + np.sqrt(discriminant)), np.nan))
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
         radius, angle = self.radius_from_object(angle_deg), np.radians(angle_deg)
@@ -91,7 +91,7 @@ class CartesianOval(Curve):
             np.asarray(self.object_focus) + np.outer(forward, self.axis) + np.outer(lateral, left_of(self.axis))
         )
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`; the radius grows with the angle so that the step stays square to the normal."""
         angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
         radius, angle = self.radius_from_object(angle_deg)[:, None], np.radians(angle_deg)

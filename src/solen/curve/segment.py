@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve.base import END_TOLERANCE_MM, Curve, check_points
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, cross, left_of, minus, unit
@@ -43,12 +43,12 @@ class Segment(Curve):
         """Length."""
         return math.dist(self.a, self.b)
 
-    def points(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
         a, b = np.asarray(self.a), np.asarray(self.b)
         return np.asarray((1.0 - u)[:, None] * a + u[:, None] * b)
 
-    def velocities(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocities(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.velocities`."""
         return np.tile(np.subtract(self.b, self.a), (len(u), 1))
 
@@ -56,7 +56,7 @@ class Segment(Curve):
         """See :meth:`Curve.part`."""
         return Segment(self._point(u_from), self._point(u_to))
 
-    def flattened(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:  # noqa: ARG002  it is straight
+    def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:  # noqa: ARG002  it is straight
         """See :meth:`Curve.flattened`."""
         return np.array([self.a, self.b])
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import END_TOLERANCE_MM, Curve
 from solen.errors import DesignError
 from solen.plane import Point
@@ -98,7 +98,7 @@ class Body:
         """The face of that name; `KeyError` where there is none."""
         return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
 
-    def outline(self, tolerance_mm: float = 1e-3) -> NDArray[np.float64]:
+    def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:
         """Closed polyline (N, 2) within ``tolerance_mm`` of the first outline; its last point repeats the first."""
         return polyline(self.faces, tolerance_mm)
 
@@ -120,19 +120,19 @@ class Body:
         self._check_beside(rings)
         return self
 
-    def _check_simple(self, outline: NDArray[np.float64]) -> None:
+    def _check_simple(self, outline: FloatArray) -> None:
         import shapely
 
         polygon = shapely.Polygon(outline)
         if not polygon.is_valid:
             raise self._crosses(*_places(shapely.is_valid_reason(polygon)))
 
-    def _check_orientation(self, ring: NDArray[np.float64], inside: int) -> None:
+    def _check_orientation(self, ring: FloatArray, inside: int) -> None:
         if (area(ring) > 0.0) != (inside % 2 == 0):
             way, must = ("clockwise", "counter-clockwise") if inside % 2 == 0 else ("counter-clockwise", "clockwise")
             raise DesignError("body outline", value=way, limit=f"must run {must}, material on its left")
 
-    def _check_rings(self, rings: list[NDArray[np.float64]]) -> None:
+    def _check_rings(self, rings: list[FloatArray]) -> None:
         """Several outlines: none touches another, and each runs as the number of those around it says."""
         import shapely
 
@@ -147,7 +147,7 @@ class Body:
             around = sum(polygons[k].contains(lines[i]) for k in range(len(rings)) if k != i)
             self._check_orientation(ring, around)
 
-    def _check_beside(self, rings: list[NDArray[np.float64]]) -> None:
+    def _check_beside(self, rings: list[FloatArray]) -> None:
         """What stands beside the body is not in it."""
         import shapely
 
@@ -181,7 +181,7 @@ class Body:
         )
 
 
-def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> NDArray[np.float64]:
+def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> FloatArray:
     """Closed polyline (N, 2) within ``tolerance_mm`` of an outline; its last point repeats the first."""
     pieces = [face.curve.flattened(tolerance_mm)[:-1] for face in outline]
     return np.vstack([*pieces, pieces[0][:1]])
@@ -192,7 +192,7 @@ def material(body: Body, tolerance_mm: float) -> "shapely.geometry.base.BaseGeom
     return filled([polyline(outline, tolerance_mm) for outline in body.outlines])
 
 
-def filled(rings: list[NDArray[np.float64]]) -> "shapely.geometry.base.BaseGeometry":
+def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
     """Area within an odd number of closed polylines, as a shapely geometry."""
     import shapely
 
@@ -234,7 +234,7 @@ def _places(reason: str) -> tuple[Point | None, str]:
     return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
 
 
-def area(outline: NDArray[np.float64]) -> float:
+def area(outline: FloatArray) -> float:
     """Area of a closed polyline, positive for a counter-clockwise one."""
     x, z = outline.T
     return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)

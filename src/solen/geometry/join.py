@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Measure, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Face, place_text
 from solen.geometry.drawing import Stroke
-from solen.geometry.stretch import DARK
+from solen.geometry.walls import DARK
 from solen.plane import Point, minus
 
 SUPPLE = (Segment, Arc, Bezier, Spline)
@@ -99,7 +100,7 @@ def _is_crumb(curve: Curve, join_mm: float) -> bool:
     return math.dist(curve.start, curve.end) <= join_mm and Measure(curve).length_mm <= 2.0 * join_mm
 
 
-def _labels(ends: NDArray[np.float64], join_mm: float) -> NDArray[np.int32]:
+def _labels(ends: FloatArray, join_mm: float) -> NDArray[np.int32]:
     """Numbers (N,), equal for ends that lie together."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -136,7 +137,7 @@ def _same(a: Curve, b: Curve, join_mm: float) -> bool:
     return any(float(np.hypot(*(places[0] - other).T).max()) <= join_mm for other in places[1:])
 
 
-def _quarters(curve: Curve) -> NDArray[np.float64]:
+def _quarters(curve: Curve) -> FloatArray:
     measure = Measure(curve)
     return curve.points(np.array([measure.u_at(share * measure.length_mm) for share in QUARTERS]))
 

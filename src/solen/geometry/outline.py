@@ -11,16 +11,16 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import Bend, bend_of, bent
 from solen.geometry.body import Body, Face, Pose, area, place_text, polyline
 from solen.geometry.drawing import Drawing, Lamp, read_drawing
+from solen.geometry.face_names import check_names
 from solen.geometry.join import closed_outlines
-from solen.geometry.names import check_names
-from solen.geometry.stretch import behind_gap, with_walls
+from solen.geometry.walls import behind_gap, with_walls
 from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
 from solen.spec import Design
 
@@ -84,7 +84,7 @@ def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
     return [found[i] for i in sorted(range(len(found)), key=lambda i: -sizes[i])]
 
 
-def _contains(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+def _contains(ring: FloatArray, point: FloatArray) -> bool:
     """Whether a closed polyline winds round a point: a ray to the right crosses it an odd number of times."""
     x, z = (ring - point).T
     rises = (z[:-1] > 0.0) != (z[1:] > 0.0)

@@ -24,7 +24,7 @@ from solen.curve import Curve, Measure, Parabola, Segment, check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import GAP_MM, Body, Face, Pose
-from solen.geometry.stretch import behind_gap, with_walls
+from solen.geometry.walls import behind_gap, with_walls
 from solen.lens import FlatFace, Lens
 from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable

@@ -16,7 +16,7 @@ from typing import Literal, TypeVar, get_args
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.measure import Measure
+from solen.curve.length import Measure
 from solen.errors import DataError, SpecError
 from solen.geometry import Body
 from solen.parts import AdcPart, EmitterPart, Part, ReceiverPart, TrimmerPart, library_part, light_of, load_part

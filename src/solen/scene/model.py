@@ -19,7 +19,7 @@ from solen.curve import Curve, Segment, check_count, check_numbers, check_points
 from solen.errors import DesignError
 from solen.material import Dispersion
 from solen.plane import Point, cross, dot, minus, unit
-from solen.scene.closed import check_closed
+from solen.scene.closed_media import check_closed
 from solen.scene.sources import Source
 from solen.scene.surface import Surface
 
@@ -122,8 +122,8 @@ class Extrusion:
 class Scene:
     """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
 
-    Media must be closed (see `solen.scene.closed`). ``open_media`` allows them to end in nothing, as a half-space or an
-    endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends there,
+    Media must be closed (see `solen.scene.closed_media`). ``open_media`` allows them to end in nothing, as a half-space
+    or an endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends there,
     and the trace counts it as undefined.
     """
 

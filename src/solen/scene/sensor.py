@@ -5,9 +5,9 @@ from dataclasses import replace
 from solen.geometry import Body, Face
 from solen.material import Dispersion, Optical
 from solen.parts import light_of
-from solen.scene.light import ambient_of, emitter_of
+from solen.scene.contact import pad_edges, pad_regions
 from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
-from solen.scene.pad import pad_edges, pad_regions
+from solen.scene.sensor_light import ambient_of, emitter_of
 from solen.scene.sources import Line
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 from solen.spec import Design, Wall

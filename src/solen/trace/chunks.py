@@ -11,8 +11,8 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
@@ -110,7 +110,7 @@ def _sample_size(source: Source) -> int:
 def _of_a_sample(
     source: Source, number: int, before: int, each: int, seed: int, most: int, in_space: bool
 ) -> Iterator[Callable[[], Chunk]]:
-    def make(draw: Callable[[int, int], NDArray[np.float64]], start: int, group: int) -> Chunk:
+    def make(draw: Callable[[int, int], FloatArray], start: int, group: int) -> Chunk:
         launch = source.launch_at(draw(start, min(start + most, each)), REPLICATES * each, in_space)
         return Chunk(number, group, before + group * each + start, 1, launch)
 

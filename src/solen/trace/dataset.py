@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import solen
 from solen import files
+from solen.arrays import FloatArray
 from solen.extras import need
 from solen.trace.result import LEG, Crossed, Detected, Trace
 
@@ -235,7 +235,7 @@ def _count(dims: tuple[str, ...], values: Iterable[int] | int, name: str) -> _Va
     return dims, np.asarray(values, dtype=np.int64), {"units": SHARE, "long_name": name}
 
 
-def _padded(parts: list[NDArray[np.float64]], shape: tuple[int, ...]) -> NDArray[np.float64]:
+def _padded(parts: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
     """Arrays of at most a shape, one over the other, with NaN where one has nothing."""
     whole = np.full((len(parts), *shape), math.nan)
     for row, part in zip(whole, parts, strict=True):

@@ -17,8 +17,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.results import Result
@@ -128,7 +128,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
     return Derivative(nothing, step, reached=False, why=why)
 
 
-def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> NDArray[np.float64] | None:
+def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
     """Central difference of the powers, None where a piece is not found again."""
     ends = []
     for sign in (1.0, -1.0):
@@ -153,9 +153,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)
 
 
-def _slopes(
-    names: tuple[str, ...], wide: NDArray[np.float64], close: NDArray[np.float64], noise: float
-) -> dict[str, Slope]:
+def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
     """Two central differences, extrapolated; how far they are apart, and the noise of the numbers, bound the error."""
     best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
     return {name: Slope(float(best[i]), float(apart[i] + noise)) for i, name in enumerate(names)}

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.curve import Curve
 
 FEWEST = 40
@@ -24,11 +24,11 @@ SAG = 0.1
 class Grid(NamedTuple):
     """Arrays of `solen.trace.tables.Tables`: lowest corner, size and number of cells, and the pieces in each."""
 
-    low: NDArray[np.float64]
-    cell: NDArray[np.float64]
-    many: NDArray[np.int64]
-    first: NDArray[np.int64]
-    item: NDArray[np.int64]
+    low: FloatArray
+    cell: FloatArray
+    many: IntArray
+    first: IntArray
+    item: IntArray
 
 
 NO_GRID = Grid(np.zeros(2), np.ones(2), np.ones(2, dtype=np.int64), np.zeros(2, dtype=np.int64), np.zeros(0, np.int64))
@@ -61,9 +61,7 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
     return Grid(low, cells, many, begins.astype(np.int64), np.ascontiguousarray(entries[:, 1]))
 
 
-def _sides(
-    lines: Sequence[NDArray[np.float64]], longest: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+def _sides(lines: Sequence[FloatArray], longest: float) -> tuple[IntArray, FloatArray, FloatArray]:
     """Sides of all polylines, cut to at most ``longest``: number of the polyline, first and last point."""
     starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])

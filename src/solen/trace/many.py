@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import IntArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene
@@ -124,7 +125,7 @@ class _Batch:
 
     def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
         """What belongs to some of the tasks in one of the sums."""
-        where: dict[str, NDArray[np.int64]] = {
+        where: dict[str, IntArray] = {
             **dict.fromkeys(RECEIVERS, self.where.receiver),
             **dict.fromkeys(MONITORS, self.where.monitor),
             "maps": self.where.bin,
@@ -157,7 +158,7 @@ class _Batch:
         return [result(job, *found, None) for job, found in zip(self.jobs, zip(parts, rays, strict=True), strict=True)]
 
 
-def _starts(many: Iterable[int]) -> NDArray[np.int64]:
+def _starts(many: Iterable[int]) -> IntArray:
     """Where each of so many begins, and where the last ends."""
     return np.cumsum([0, *many], dtype=np.int64)
 

@@ -20,6 +20,7 @@ from solen.plane import Point, Rigid, along, cross, dot, minus
 from solen.scene import Interface, Launch, Region, Scene, Surface
 from solen.trace.kernel.surface import chance, chance_of
 from solen.trace.kernel.treated import FREE_PATH, PHASE
+from solen.trace.reference_surfaces import Arrival, draws, treated
 from solen.trace.result import (
     ABSORBED,
     CORNER_MM,
@@ -38,7 +39,6 @@ from solen.trace.result import (
     check_mode,
     in_order,
 )
-from solen.trace.surfaces import Arrival, draws, treated
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from solen.errors import DesignError
 from solen.scene import Extrusion, Gaussian, HarveyShack, Interface, Region, Scene, Surface, Texture
+from solen.trace.reference_surfaces import film_fields
 from solen.trace.result import Limits
-from solen.trace.surfaces import film_fields
 
 Vector = tuple[float, float, float]
 Field = tuple[complex, complex, complex]

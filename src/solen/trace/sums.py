@@ -9,6 +9,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IntArray
 from solen.scene import Source
 from solen.trace.chunks import HALVES, Job
 from solen.trace.kernel import loop
@@ -54,7 +55,7 @@ def add(total: loop.Sums, sums: loop.Sums) -> loop.Sums:
     return loop.Sums(**added, place=_first_places(total.place, sums.place), legs=total.legs)
 
 
-def _first_places(*places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _first_places(*places: FloatArray) -> FloatArray:
     """The first places of both kinds."""
     if np.isnan(places[-1][:, 0, 0]).all():
         return places[0]
@@ -76,7 +77,7 @@ def legs_of(sums: loop.Sums, emitted: float) -> NDArray[np.void]:
     return legs
 
 
-Counts = list[NDArray[np.int64]]
+Counts = list[IntArray]
 """Rays of each source (G,) by group; sources need not have as many groups."""
 
 
@@ -125,7 +126,7 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
     )
 
 
-def _uncertainty(job: Job, totals: list[list[loop.Sums]], rays: Counts, name: str) -> NDArray[np.float64]:
+def _uncertainty(job: Job, totals: list[list[loop.Sums]], rays: Counts, name: str) -> FloatArray:
     """Uncertainty of each entry of a sum as a fraction of the emitted power, from what the groups have found.
 
     Sources whose rays are divided alike are taken together, as their errors may go together; the kinds are independent.
@@ -157,7 +158,7 @@ def _unseen(source: Source, in_space: bool, groups: int) -> float:
     return 1.0
 
 
-def _spread(found: NDArray[np.float64], weight: NDArray[np.float64], least: float) -> NDArray[np.float64]:
+def _spread(found: FloatArray, weight: FloatArray, least: float) -> FloatArray:
     """Uncertainty of the whole from what each group (G, …) found of its emitted power (G,).
 
     Of two halves of a lattice, half their difference, but at least ``least``: they can agree by chance. Of independent
@@ -172,7 +173,7 @@ def _spread(found: NDArray[np.float64], weight: NDArray[np.float64], least: floa
     return np.where(error > 0.0, error, least)  # that no sample has seen it does not mean that there is nothing
 
 
-def _positions(job: Job, receiver: str, total: loop.Sums) -> NDArray[np.float64]:
+def _positions(job: Job, receiver: str, total: loop.Sums) -> FloatArray:
     """Histogram along each interface of a receiver."""
     if not job.position_bins:
         return np.empty((0, 0))

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.arrays import IntArray
 from solen.curve import Arc, Bezier, CartesianOval, Conic, Curve, Parabola, Segment, Spline
 from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus, right_of, unit
@@ -34,7 +35,7 @@ Row = tuple[float, ...]
 class Tables(NamedTuple):
     """Arrays of a scene: P pieces of curves, R regions, W wavelengths, M monitors. The kernel takes nothing else."""
 
-    kind: NDArray[np.int64]
+    kind: IntArray
     """(P,) which kind of curve"""
     shape: NDArray[np.floating[Any]]
     """(P, WIDTH) its numbers"""
@@ -42,19 +43,19 @@ class Tables(NamedTuple):
     """(P, 2) its point halfway"""
     box: NDArray[np.floating[Any]]
     """(P, 4) least and greatest x, least and greatest z, and a margin"""
-    owner: NDArray[np.int64]
+    owner: IntArray
     """(P,) the interface it is a piece of"""
-    before: NDArray[np.int64]
+    before: IntArray
     """(P,) the piece of the same curve that it continues smoothly, −1 where it begins or where there is a corner"""
-    behaviour: NDArray[np.int64]
+    behaviour: IntArray
     """(P,) index into BEHAVIOURS, and TREATED more where the surface is more than smooth, clean and bare"""
-    treatment: NDArray[np.int64]
+    treatment: IntArray
     """(P,) row of ``treatments``, −1 where there is none"""
-    left: NDArray[np.int64]
+    left: IntArray
     """(P,) region on the left"""
-    right: NDArray[np.int64]
+    right: IntArray
     """(P,) region on the right"""
-    receiver: NDArray[np.int64]
+    receiver: IntArray
     """(P,) receiver, −1 where it is none"""
     height: NDArray[np.floating[Any]]
     """(P, 2) from which y to which a receiver reaches, mm"""
@@ -74,19 +75,19 @@ class Tables(NamedTuple):
     """(L, 3) films of all coatings: index, extinction, thickness in nm"""
     monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
-    bins: NDArray[np.int64]
+    bins: IntArray
     """(M,) bins of the map"""
-    first_bin: NDArray[np.int64]
+    first_bin: IntArray
     """(M,) where the map begins in the array of all maps"""
     grid_low: NDArray[np.floating[Any]]
     """(2,) lowest x and z of the grid"""
     grid_cell: NDArray[np.floating[Any]]
     """(2,) size of a cell"""
-    grid_many: NDArray[np.int64]
+    grid_many: IntArray
     """(2,) cells along x and z"""
-    grid_first: NDArray[np.int64]
+    grid_first: IntArray
     """(cells + 1,) where each cell's pieces begin in ``grid_item``"""
-    grid_item: NDArray[np.int64]
+    grid_item: IntArray
     """pieces by cell; empty where all pieces are looked at in turn"""
 
 
@@ -137,7 +138,7 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
     )
 
 
-def _whole(numbers: Any) -> NDArray[np.int64]:
+def _whole(numbers: Any) -> IntArray:
     return np.array(list(numbers), dtype=np.int64)
 
 
@@ -185,7 +186,7 @@ def _treatment(surface: Surface, first_layer: int) -> rows.Treatment:
     )
 
 
-def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> NDArray[np.int64]:
+def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> IntArray:
     """The piece that each piece continues smoothly; round a closed curve the last one comes before the first."""
     before = [here - 1 if here and owner[here - 1] == i else -1 for here, i in enumerate(owner)]
     last = {i: here for here, i in enumerate(owner)}

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Curve, Segment, Spline, fitted
 from solen.errors import DataError
 from solen.extras import need
@@ -179,7 +179,7 @@ class _Reader:
     def _span(self, tool: Any, low: float, high: float) -> Spline:
         """Spline between two neighbouring knots; at the later one the derivative is that of this side."""
 
-        def derived(u: NDArray[np.float64], n: int) -> NDArray[np.float64]:
+        def derived(u: FloatArray, n: int) -> FloatArray:
             at = low + np.clip(u, 0.0, JUST_INSIDE) * (high - low)
             return np.array([self._at(one[n]) for one in tool.derivatives(at.tolist(), n)]) * (high - low) ** n
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from solen.errors import DataError
 from solen.geometry.drawing.dxf import read_dxf
 from solen.geometry.drawing.model import Drawing
-from solen.geometry.drawing.plain import read_json
+from solen.geometry.drawing.outline_json import read_json
 from solen.geometry.drawing.svg import read_svg
 
 READERS = {".dxf": read_dxf, ".svg": read_svg, ".json": read_json}

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Segment, Spline, cut, fitted
 from solen.plane import Point, cross, dot, minus
 
@@ -35,11 +35,11 @@ def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Cu
         return Arc(center, long, first, max(-360.0, min(360.0, math.degrees(way * sweep))))
     middle, axes = np.asarray(center), np.array([u, v])
 
-    def place(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    def place(share: FloatArray) -> FloatArray:
         angle = start + share * sweep
         return np.asarray(middle + np.column_stack([np.cos(angle), np.sin(angle)]) @ axes)
 
-    def velocity(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    def velocity(share: FloatArray) -> FloatArray:
         angle = start + share * sweep
         return np.asarray(sweep * np.column_stack([-np.sin(angle), np.cos(angle)]) @ axes)
 

@@ -45,7 +45,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
-    """Outline as JSON of `solen.geometry.drawing.plain`; the emitter stands where the wanted body has it."""
+    """Outline as JSON of `solen.geometry.drawing.outline_json`; the emitter stands where the wanted body has it."""
     body = sensor.body()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}

@@ -21,8 +21,8 @@ from solen.errors import DesignError
 from solen.material import Cauchy
 from solen.plane import Point, cross, dot, heading, minus
 from solen.scene.model import Behaviour, Interface, Region
-from solen.scene.rayoptics.cutting import crossings, part, place_of, unlooped
 from solen.scene.rayoptics.facets import Facets
+from solen.scene.rayoptics.intersections import crossings, part, place_of, unlooped
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]

@@ -2,7 +2,7 @@
 
 ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from
 that of the chord before to that of the chord behind it. Who wants its numbers to the last bin does the same; who wants
-the curve takes `solen.scene.rayoptics.fit`. Only the tracers in plain Python know these curves.
+the curve takes `solen.scene.rayoptics.formula_curves`. Only the tracers in plain Python know these curves.
 """
 
 import math

@@ -3,15 +3,18 @@
 The file's y points down; solen's z points up, so that a picture stays as it is: (x, y) is (x, z) = (x, −y).
 """
 
+import builtins
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from solen.plane import Point
 from solen.scene.rayoptics.modules import Expression
 
 GREEN_NM = 540.0
 """Wavelength of a source or filter that names none."""
+
+T = TypeVar("T")
 
 LARGEST = 1e12
 """Numbers of a file and coordinates of a formula are at most as large: their squares and products stay numbers."""
@@ -66,23 +69,21 @@ class Fields:
             return default
         return finite(key, value)
 
-    def flag(self, key: str, default: bool = False) -> bool:
-        """True or false."""
+    def _of_type(self, key: str, kind: builtins.type[T], default: T, what: str) -> T:
         value = self._value(key)
         if value is None:
             return default
-        if not isinstance(value, bool):
-            raise UnreadError(key, f"must be true or false, not {shown(value)}")
+        if not isinstance(value, kind):
+            raise UnreadError(key, f"must be {what}, not {shown(value)}")
         return value
+
+    def flag(self, key: str, default: bool = False) -> bool:
+        """True or false."""
+        return self._of_type(key, bool, default, "true or false")
 
     def choice(self, key: str, default: str) -> str:
         """A word."""
-        value = self._value(key)
-        if value is None:
-            return default
-        if not isinstance(value, str):
-            raise UnreadError(key, f"must be text, not {shown(value)}")
-        return value
+        return self._of_type(key, str, default, "text")
 
     def point(self, key: str) -> Point:
         """A point."""

@@ -10,7 +10,9 @@ division go from left to right, so that 1/2x is x/2; a power binds more than a m
 Where a function is not defined, as the root of a negative number, the value is NaN.
 """
 
+import functools
 import math
+import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -63,14 +65,22 @@ OTHER_NAMES = {
     "sgn": "sign",
 }
 ANY_NUMBER_OF = ("max", "min")
-COMPARISONS: dict[str, Callable[[float, float], bool]] = {
-    "==": lambda a, b: a == b,
-    "!=": lambda a, b: a != b,
-    "<=": lambda a, b: a <= b,
-    ">=": lambda a, b: a >= b,
-    "<": lambda a, b: a < b,
-    ">": lambda a, b: a > b,
-}
+BINARY: tuple[dict[str, Function], ...] = (
+    {"or": lambda a, b: bool(a) or bool(b)},
+    {"and": lambda a, b: bool(a) and bool(b)},
+    {
+        "==": operator.eq,
+        "!=": operator.ne,
+        "<=": operator.le,
+        ">=": operator.ge,
+        "<": operator.lt,
+        ">": operator.gt,
+    },
+    {"+": operator.add, "-": operator.sub},
+)
+"""Signs between two values, by how strongly they bind, products and powers left out."""
+NEGATION = 2
+"""How strongly ``not`` binds."""
 LATEX_SIGNS = {"cdot": "*", "times": "*", "lt": "<", "gt": ">", "le": "<=", "ge": ">="}
 CLOSING = {"(": ")", "{": "}", "[": "]", "|": "|"}
 TOKEN = re.compile(
@@ -152,7 +162,7 @@ class _Reader:
         self.depth = 0
 
     def whole(self) -> Node:
-        node = self.choice()
+        node = self.binary()
         if self.token.kind != "end":
             self.refuse("cannot stand here")
         return node
@@ -175,34 +185,15 @@ class _Reader:
         if self.take(text) is None:
             self.refuse(f"must be {text}")
 
-    def choice(self) -> Node:
-        """A or b, of as many as there are."""
-        node = self.all_of()
-        while self.take("or"):
-            node = _either(node, self.all_of())
-        return node
-
-    def all_of(self) -> Node:
-        """A and b."""
-        node = self.comparison()
-        while self.take("and"):
-            node = _both(node, self.comparison())
-        return node
-
-    def comparison(self) -> Node:
-        """A < b; 1 where it holds."""
-        if self.take("not"):
-            return _negated(self.comparison())
-        node = self.sum()
-        while (sign := self.take(*COMPARISONS)) is not None:
-            node = _compared(COMPARISONS[sign], node, self.sum())
-        return node
-
-    def sum(self) -> Node:
-        """A + b − c."""
-        node = self.product()
-        while (sign := self.take("+", "-")) is not None:
-            node = _calculated(_add if sign == "+" else _subtract, node, self.product())
+    def binary(self, level: int = 0) -> Node:
+        """A and b, a < b, a + b and the like: of one strength of binding, from left to right."""
+        if level == len(BINARY):
+            return self.product()
+        if level == NEGATION and self.take("not"):
+            return _called(operator.not_, self.binary(level))
+        node = self.binary(level + 1)
+        while (sign := self.take(*BINARY[level])) is not None:
+            node = _called(BINARY[level][sign], node, self.binary(level + 1))
         return node
 
     def product(self) -> Node:
@@ -212,7 +203,9 @@ class _Reader:
             sign = self.take("*", "/")
             if sign is None and not self.begins_factor():
                 return node
-            node = _calculated(_divide if sign == "/" else _multiply, node, self.signed() if sign else self.power())
+            node = _called(
+                operator.truediv if sign == "/" else operator.mul, node, self.signed() if sign else self.power()
+            )
 
     def begins_factor(self) -> bool:
         """Whether a factor follows without a sign before it."""
@@ -227,18 +220,18 @@ class _Reader:
         while (sign := self.take("+", "-")) is not None:
             negative ^= sign == "-"
         node = self.power()
-        return _calculated(_subtract, _constant(0.0), node) if negative else node
+        return _called(operator.sub, _constant(0.0), node) if negative else node
 
     def power(self) -> Node:
         """A ^ b, from right to left."""
         node = self.atom()
         if self.take("^"):
-            return _calculated(_raise, node, self.signed_power())
+            return _called(math.pow, node, self.signed_power())
         return node
 
     def signed_power(self) -> Node:
         if self.take("-"):
-            return _calculated(_subtract, _constant(0.0), self.signed_power())
+            return _called(operator.sub, _constant(0.0), self.signed_power())
         return self.power()
 
     def atom(self) -> Node:
@@ -262,10 +255,10 @@ class _Reader:
         self.depth += 1
         if self.depth > DEEPEST:
             self.refuse(f"stands in more than {DEEPEST} brackets")
-        node = self.choice()
+        node = self.binary()
         self.depth -= 1
         self.expect(CLOSING[opened])
-        return _called(abs, [node]) if opened == "|" else node
+        return _called(abs, node) if opened == "|" else node
 
     def named(self, token: Token) -> Node:
         """Variable, constant, or a function with its arguments."""
@@ -273,10 +266,10 @@ class _Reader:
         if name in self.variables:
             return _variable(name)
         if name == "frac":
-            return _calculated(_divide, self.group(), self.group())
+            return _called(operator.truediv, self.group(), self.group())
         if name == "sqrt" and self.token.text == "[":
             degree = self.bracket()
-            return _calculated(_raise, self.group(), _calculated(_divide, _constant(1.0), degree))
+            return _called(math.pow, self.group(), _called(operator.truediv, _constant(1.0), degree))
         if name in self.functions:
             return self.call(name)
         if name in CONSTANTS:
@@ -289,10 +282,7 @@ class _Reader:
     def letters(self, name: str) -> Node:
         """Product of variables written without a sign."""
         nodes = [_variable(i) if i in self.variables else _constant(CONSTANTS[i]) for i in name]
-        node = nodes[0]
-        for other in nodes[1:]:
-            node = _calculated(_multiply, node, other)
-        return node
+        return functools.reduce(lambda a, b: _called(operator.mul, a, b), nodes)
 
     def group(self) -> Node:
         """Something in braces."""
@@ -304,9 +294,9 @@ class _Reader:
         """Function with its arguments, in brackets or, of one, without; ``sin^2 x`` is the square of the sine."""
         exponent = self.atom() if self.take("^") else None
         if self.take("("):
-            arguments = [self.choice()]
+            arguments = [self.binary()]
             while self.take(","):
-                arguments.append(self.choice())
+                arguments.append(self.binary())
             self.expect(")")
         else:
             arguments = [self.atom()]
@@ -314,8 +304,8 @@ class _Reader:
             self.refuse(f"{name} takes one argument, not {len(arguments)}")
         if name in ANY_NUMBER_OF and len(arguments) < 2:
             self.refuse(f"{name} takes two arguments or more, not {len(arguments)}")
-        node = _called(self.functions[name], arguments)
-        return node if exponent is None else _calculated(_raise, node, exponent)
+        node = _called(self.functions[name], *arguments)
+        return node if exponent is None else _called(math.pow, node, exponent)
 
 
 def _constant(value: float) -> Node:
@@ -326,31 +316,7 @@ def _variable(name: str) -> Node:
     return lambda values: values[name]
 
 
-def _add(a: float, b: float) -> float:
-    return a + b
-
-
-def _subtract(a: float, b: float) -> float:
-    return a - b
-
-
-def _multiply(a: float, b: float) -> float:
-    return a * b
-
-
-def _divide(a: float, b: float) -> float:
-    return a / b
-
-
-def _raise(a: float, b: float) -> float:
-    return math.pow(a, b)
-
-
-def _calculated(operation: Callable[[float, float], float], a: Node, b: Node) -> Node:
-    return _called(operation, [a, b])
-
-
-def _called(function: Function, arguments: Sequence[Node]) -> Node:
+def _called(function: Function, *arguments: Node) -> Node:
     def value(values: Values) -> float:
         try:
             return float(function(*(argument(values) for argument in arguments)))
@@ -358,19 +324,3 @@ def _called(function: Function, arguments: Sequence[Node]) -> Node:
             return math.nan
 
     return value
-
-
-def _compared(comparison: Callable[[float, float], bool], a: Node, b: Node) -> Node:
-    return lambda values: float(comparison(a(values), b(values)))
-
-
-def _both(a: Node, b: Node) -> Node:
-    return lambda values: float(bool(a(values)) and bool(b(values)))
-
-
-def _either(a: Node, b: Node) -> Node:
-    return lambda values: float(bool(a(values)) or bool(b(values)))
-
-
-def _negated(a: Node) -> Node:
-    return lambda values: float(not a(values))

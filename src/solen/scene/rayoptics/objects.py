@@ -13,8 +13,8 @@ from solen.scene.model import Behaviour
 from solen.scene.rayoptics.arrangement import Element, Glass
 from solen.scene.rayoptics.facets import Blend, Facets, along_parameter, over_line, sampled
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, expression, finite, point_of
-from solen.scene.rayoptics.fit import At, fitted
 from solen.scene.rayoptics.formula import Function
+from solen.scene.rayoptics.formula_curves import At, fitted
 from solen.scene.rayoptics.modules import Expression
 from solen.scene.surface import Surface
 
@@ -25,7 +25,10 @@ CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.
 SKIN = 1e-6
 """Length from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
 
-Reader = Callable[[Fields, str, "World"], list[Glass | Element]]
+Reader = Callable[[Fields, str, "World"], Sequence[Glass | Element]]
+"""Reads an object of one type under the name that it gets."""
+Outline = Callable[[Fields, "World"], Sequence[Curve]]
+"""Reads the curves of an object."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class World:
     facets: bool
 
 
-def glass(fields: Fields, name: str, outline: Sequence[Curve], world: World, **how: bool) -> list[Glass | Element]:
+def glass(fields: Fields, name: str, outline: Sequence[Curve], world: World, **how: bool) -> list[Glass]:
     """A glass with the keys that all glasses have."""
     index, b = fields.number_of("refIndex", 1.5), fields.number_of("cauchyB", 0.004)
     if not index > 0.0:
@@ -62,13 +65,28 @@ def filtered(fields: Fields, world: World) -> tuple[float, float] | None:
     return (max(high, math.nextafter(low, math.inf)), low) if invert else (low, high)
 
 
-def element(
-    fields: Fields, name: str, curves: Sequence[Curve], behaviour: Behaviour, world: World, **surface: float
-) -> list[Glass | Element]:
-    """An element with a filter."""
-    band = filtered(fields, world)
-    made = Surface(band_nm=band, **surface) if band is not None or surface else None  # type: ignore[arg-type]
-    return [Element(name, tuple(curves), behaviour, made)]
+def _element(
+    behaviour: Behaviour, curves: Outline, *, filters: bool = True, **numbers: Callable[[Fields], float]
+) -> Reader:
+    """Reader of an element: its curves, its filter if it can have one, and the numbers of its surface."""
+
+    def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
+        here = tuple(curves(fields, world))
+        values = {key: number(fields) for key, number in numbers.items()}
+        band = filtered(fields, world) if filters else None
+        surface = Surface(band_nm=band, **values) if band is not None or values else None  # type: ignore[arg-type]
+        return [Element(name, here, behaviour, surface)]
+
+    return read
+
+
+def _glass(outline: Outline, **how: bool) -> Reader:
+    """Reader of a glass within an outline."""
+    return lambda fields, name, world: glass(fields, name, outline(fields, world), world, **how)
+
+
+def _line(fields: Fields, _: World) -> list[Curve]:
+    return [line(fields)]
 
 
 def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
@@ -89,9 +107,9 @@ def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
         return [Segment(a, b)]
 
 
-def _path_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    _finished(fields)
-    return glass(fields, name, _path(fields.items("path")), world)
+def _path_outline(fields: Fields, _: World) -> list[Curve]:
+    _check_finished(fields)
+    return _path(fields.items("path"))
 
 
 def _path(items: list[dict[str, Any]]) -> list[Curve]:
@@ -113,29 +131,23 @@ def _path(items: list[dict[str, Any]]) -> list[Curve]:
     return curves
 
 
-def _circle_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return glass(fields, name, [_circle(fields)], world)
-
-
-def _circle(fields: Fields) -> Arc:
+def _circle(fields: Fields, _: World) -> list[Curve]:
     spoke = line(fields)
-    return Arc.circle(spoke.a, spoke.length_mm)
+    return [Arc.circle(spoke.a, spoke.length_mm)]
 
 
-def _plane_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _half_plane(fields: Fields, world: World) -> list[Curve]:
     edge = line(fields)
     direction, far = unit(minus(edge.b, edge.a)), FAR * max(world.span, 1.0)
-    return glass(
-        fields, name, [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))], world, endless=True
-    )
+    return [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))]
 
 
-def _spherical_lens(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _spherical_lens(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
     """A lens by its outline, or by its two edges, thickness and radii or focal distances."""
     defined = fields.choice("defBy", "DR1R2")
     if fields.data.get("path") is not None:
         fields.skip("p1", "p2", "params")
-        return _path_glass(fields, name, world)
+        return glass(fields, name, _path_outline(fields, world), world)
     edges, numbers = (fields.point("p1"), fields.point("p2")), fields.data.get("params")
     fields.skip("path", "params")
     if not isinstance(numbers, dict):
@@ -147,11 +159,9 @@ def _spherical_lens(fields: Fields, name: str, world: World) -> list[Glass | Ele
         raise UnreadError("defBy", f"is unknown: {defined}")
     d, ffd, bfd = (finite(f"params.{key}", numbers.get(key)) for key in ("d", "ffd", "bfd"))
     (made,) = glass(fields, name, (), world)
-    if not isinstance(made, Glass):
-        raise TypeError(name)
     for radii in _radii(d, ffd, bfd, made.a + made.b_um2 / 0.546**2):
         try:
-            return [Glass(name, tuple(_lens(*edges, d, *radii)), made.a, made.b_um2, made.partial)]
+            return [replace(made, outline=tuple(_lens(*edges, d, *radii)))]
         except UnreadError:
             continue
     raise UnreadError("params", "belong to no lens")
@@ -201,10 +211,10 @@ def _sag(radius: float, length: float) -> float:
     return radius - math.copysign(math.sqrt(square), radius)
 
 
-def _curve_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    _finished(fields)
+def _smooth_outline(fields: Fields, _: World) -> list[Curve]:
+    _check_finished(fields)
     fields.skip("displayControlPoints", "intersectTol")
-    return glass(fields, name, _beziers(fields, closed=True), world)
+    return _beziers(fields, closed=True)
 
 
 def _beziers(fields: Fields, closed: bool) -> list[Curve]:
@@ -224,19 +234,18 @@ def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
     return Bezier(a, control_a, control_b, b)
 
 
-def _custom_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    """Glass between two curves over a line, which the formulas take as −1 to 1."""
+def _between_formulas(fields: Fields, world: World) -> list[Curve]:
+    """Outline between two curves over a line, which the formulas take as −1 to 1."""
     base = line(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
-    places = over_line(base.length_mm, world.length_scale) if world.facets else []
-    if places:
+    if world.facets:
+        places = over_line(base.length_mm, world.length_scale)
         back = [upper(base.length_mm - place) for place in places]
         corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        return glass(fields, name, _facets(corners, (len(places),), "lengths", world), world, oriented=True)
-    there, back_again = (fitted(one, 0.0, base.length_mm, key) for one, key in ((lower, "eqn1"), (upper, "eqn2")))
-    outline = closed_outline([there, [one.reversed() for one in reversed(back_again)]])
-    return glass(fields, name, outline, world, oriented=True)
+        return _facets(corners, (len(places),), "lengths", world)
+    there, back_again = (fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2")))
+    return closed_outline([there, reversed_curves(back_again)])
 
 
 def _over(base: Segment, formula: Expression) -> At:
@@ -266,9 +275,13 @@ def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
     return found
 
 
-def _param_glass(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    outline = closed_outline(_parametric(fields, world))
-    return glass(fields, name, [one.reversed() for one in reversed(outline)], world, oriented=True)
+def reversed_curves(curves: Sequence[Curve]) -> list[Curve]:
+    """The same curves walked from the end of the last to the start of the first."""
+    return [curve.reversed() for curve in reversed(curves)]
+
+
+def _parametric_outline(fields: Fields, world: World) -> list[Curve]:
+    return reversed_curves(closed_outline(_parametric(fields, world)))
 
 
 def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
@@ -305,75 +318,54 @@ def _closed(corners: list[Point]) -> list[Point]:
     return [*corners[:-1], corners[0]] if math.dist(corners[0], corners[-1]) < 1e-9 else corners
 
 
-def _finished(fields: Fields) -> None:
+def _check_finished(fields: Fields) -> None:
     if fields.flag("notDone"):
         raise UnreadError("notDone", "its drawing was not finished")
 
 
-def _blocker(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return element(fields, name, [line(fields)], "absorbing", world)
+def _aperture(fields: Fields, _: World) -> list[Curve]:
+    return [line(fields, "p1", "p3"), line(fields, "p4", "p2")]
 
 
-def _circle_blocker(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return element(fields, name, [_circle(fields)], "absorbing", world)
-
-
-def _aperture(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return element(fields, name, [line(fields, "p1", "p3"), line(fields, "p4", "p2")], "absorbing", world)
-
-
-def _mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return element(fields, name, [line(fields)], "mirror", world)
-
-
-def _arc_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _arc(fields: Fields, _: World) -> list[Curve]:
     curves = arc_or_line(fields.point("p1"), fields.point("p3"), fields.point("p2"))
     if not curves:
         raise UnreadError("p2", "is the same point as p1")
-    return element(fields, name, curves, "mirror", world)
+    return curves
 
 
-def _parabolic_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _parabola(fields: Fields, _: World) -> list[Curve]:
     """A parabola over a line, with its vertex at the height of the third point."""
     base, top = line(fields), fields.point("p3")
     direction = unit(minus(base.b, base.a))
     height = dot(minus(top, base.a), left_of(direction))
     if abs(height) <= 1e-12 * base.length_mm:
-        return element(fields, name, [base], "mirror", world)
+        return [base]
     handles = (along(end, left_of(direction), 4.0 / 3.0 * height) for end in (base.a, base.b))
     third = base.length_mm / 3.0
     control_a, control_b = (
         along(handle, direction, way * third) for handle, way in zip(handles, (1.0, -1.0), strict=True)
     )
-    return element(fields, name, [Bezier(base.a, control_a, control_b, base.b)], "mirror", world)
+    return [Bezier(base.a, control_a, control_b, base.b)]
 
 
-def _custom_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _over_line(fields: Fields, world: World) -> list[Curve]:
     base = line(fields)
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if world.facets:
-        corners = sampled(at, over_line(base.length_mm, world.length_scale), "eqn")
-        return element(fields, name, _facets(corners, (), "images", world), "mirror", world)
-    return element(fields, name, fitted(at, 0.0, base.length_mm, "eqn"), "mirror", world)
+        return _facets(sampled(at, over_line(base.length_mm, world.length_scale), "eqn"), (), "images", world)
+    return fitted(at, 0.0, base.length_mm, "eqn")
 
 
-def _param_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _parametric_curves(fields: Fields, world: World) -> list[Curve]:
     parts = _parametric(fields, world)
     joints = [Segment(a[-1].end, b[0].start) for a, b in pairwise(parts) if math.dist(a[-1].end, b[0].start) > 1e-9]
-    return element(fields, name, [*(curve for one in parts for curve in one), *joints], "mirror", world)
+    return [*(curve for part in parts for curve in part), *joints]
 
 
-def _curve_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    _finished(fields)
-    return element(fields, name, _beziers(fields, closed=fields.flag("isClosed", True)), "mirror", world)
-
-
-def _ideal_mirror(fields: Fields, name: str, world: World) -> list[Glass | Element]:
-    return element(fields, name, [line(fields)], "mirror", world, focal_mm=_focal(fields))
-
-
-def _ideal_lens(fields: Fields, name: str, world: World) -> list[Glass | Element]:  # noqa: ARG001  one of several
-    return [Element(name, (line(fields),), "lens", Surface(focal_mm=_focal(fields)))]
+def _smooth_curve(fields: Fields, _: World) -> list[Curve]:
+    _check_finished(fields)
+    return _beziers(fields, closed=fields.flag("isClosed", True))
 
 
 def _focal(fields: Fields) -> float:
@@ -383,31 +375,32 @@ def _focal(fields: Fields) -> float:
     return focal
 
 
-def _beam_splitter(fields: Fields, name: str, world: World) -> list[Glass | Element]:
+def _transmitted(fields: Fields) -> float:
     share = fields.number_of("transRatio", 0.5)
     if not 0.0 <= share <= 1.0:
         raise UnreadError("transRatio", f"must be from 0 to 1, not {share:g}")
-    return element(fields, name, [line(fields)], "splitter", world, transmitted=share)
+    return share
 
 
 READERS: dict[str, Reader] = {
-    "Glass": _path_glass,
-    "CircleGlass": _circle_glass,
-    "PlaneGlass": _plane_glass,
+    "Glass": _glass(_path_outline),
+    "CircleGlass": _glass(_circle),
+    "PlaneGlass": _glass(_half_plane, endless=True),
     "SphericalLens": _spherical_lens,
-    "CurveGlass": _curve_glass,
-    "CustomGlass": _custom_glass,
-    "ParamGlass": _param_glass,
-    "IdealLens": _ideal_lens,
-    "IdealMirror": _ideal_mirror,
-    "Blocker": _blocker,
-    "CircleBlocker": _circle_blocker,
-    "Aperture": _aperture,
-    "Mirror": _mirror,
-    "ArcMirror": _arc_mirror,
-    "ParabolicMirror": _parabolic_mirror,
-    "CustomMirror": _custom_mirror,
-    "ParamMirror": _param_mirror,
-    "CurveMirror": _curve_mirror,
-    "BeamSplitter": _beam_splitter,
+    "CurveGlass": _glass(_smooth_outline),
+    "CustomGlass": _glass(_between_formulas, oriented=True),
+    "ParamGlass": _glass(_parametric_outline, oriented=True),
+    "IdealLens": _element("lens", _line, filters=False, focal_mm=_focal),
+    "IdealMirror": _element("mirror", _line, focal_mm=_focal),
+    "Blocker": _element("absorbing", _line),
+    "CircleBlocker": _element("absorbing", _circle),
+    "Aperture": _element("absorbing", _aperture),
+    "Mirror": _element("mirror", _line),
+    "ArcMirror": _element("mirror", _arc),
+    "ParabolicMirror": _element("mirror", _parabola),
+    "CustomMirror": _element("mirror", _over_line),
+    "ParamMirror": _element("mirror", _parametric_curves),
+    "CurveMirror": _element("mirror", _smooth_curve),
+    "BeamSplitter": _element("splitter", _line, transmitted=_transmitted),
 }
+"""Readers by the type of the object; a new type is a line here."""

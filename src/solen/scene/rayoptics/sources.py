@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from solen.plane import Point, minus
-from solen.scene.rayoptics.chance import drawn
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError
+from solen.scene.rayoptics.seedrandom import drawn
 from solen.scene.sources import Rays
 from solen.scene.sources.base import LEAST_POWER
 
@@ -78,7 +78,7 @@ def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ..
         Rays(
             tuple(ray.origin for ray in group),
             tuple(ray.direction for ray in group),
-            group[0].brightness * len(group),
+            power=group[0].brightness * len(group),
             spectrum=spectrum,
         )
         for group in groups

@@ -3,12 +3,12 @@
 Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees counter-clockwise from +z.
 """
 
-from solen.scene.sources.around import Ambient
+from solen.scene.sources.ambient import Ambient
 from solen.scene.sources.base import Emission, Launch, Line, Placed, PlacedInSpace, Source
 from solen.scene.sources.emitter import Emitter
-from solen.scene.sources.file import RayFile
+from solen.scene.sources.fans import Beam, Chip, Fan, Rays
 from solen.scene.sources.pattern import CosinePower, Isotropic, Pattern, PatternTable, Stretch
-from solen.scene.sources.plain import Beam, Chip, Fan, Rays
+from solen.scene.sources.ray_file import RayFile
 
 __all__ = [
     "Ambient",

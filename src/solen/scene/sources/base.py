@@ -4,26 +4,26 @@ In the plane a ray is placed by some numbers, in space by as many or more; a sou
 the plane y = 0 there.
 """
 
-import dataclasses
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
-from solen.curve import check_count, check_numbers
+from solen.arrays import FloatArray, IntArray
+from solen.curve import check_count, check_numbers, check_points
 from solen.errors import DesignError
-from solen.scene.sources.pattern import Stretch
+from solen.plane import Point, heading
+from solen.scene.sources.pattern import Pattern, Stretch
 from solen.scene.sources.points import copies, points
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
 """Powers of sources: what even single precision can divide among any number of rays."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Launch:
     """Rays as arrays (N,): origin in mm, unit direction, power in each polarisation.
 
@@ -37,7 +37,7 @@ class Launch:
     dz: FloatArray
     power_s: FloatArray
     power_p: FloatArray
-    line: NDArray[np.int64]
+    line: IntArray
     """which line of the source's spectrum"""
     y_mm: FloatArray | None = None
     """None in the plane"""
@@ -50,9 +50,9 @@ class Launch:
 Line = tuple[float, float]
 """Wavelength in nm, and its weight in a spectrum."""
 
-
 Placed = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Rays of the plane as arrays (N,): origin x, z in mm, unit direction x, z."""
+Directions = tuple[FloatArray, FloatArray, FloatArray]
 PlacedInSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Rays in space as arrays (N,): origin x, y, z in mm, unit direction x, y, z."""
 
@@ -70,6 +70,7 @@ class Emission(NamedTuple):
     """stretches that the places are divided into at first; 0 where there is a single point"""
 
 
+@dataclass(frozen=True, kw_only=True)
 class Source(ABC):
     """Something that launches rays; they are numbered, so that any of them can be launched on their own.
 
@@ -80,10 +81,15 @@ class Source(ABC):
     Directions are those in the medium that the source stands in.
     """
 
-    rays: int
-    power: float
-    s_share: float
-    spectrum: tuple[Line, ...]
+    power: float = 1.0
+    s_share: float = 0.5
+    spectrum: tuple[Line, ...] = ()
+
+    if TYPE_CHECKING:  # at run time a field of every source, or what follows from its list
+
+        @property
+        def rays(self) -> int:
+            """Number of rays."""
 
     @property
     @abstractmethod
@@ -126,15 +132,11 @@ class Source(ABC):
 
     def with_rays(self, rays: int) -> Self:
         """The same source with so many rays; a list of rays as it is."""
-        return self._with(rays=rays)
+        return replace(self, rays=rays)  # type: ignore[call-arg]
 
     def with_spectrum(self, spectrum: tuple[Line, ...]) -> Self:
         """The same source with another spectrum."""
-        return self._with(spectrum=spectrum)
-
-    def _with(self, **values: object) -> Self:
-        """The same source with other values of some fields."""
-        return dataclasses.replace(self, **values)  # type: ignore[type-var]  # all sources are dataclasses
+        return replace(self, spectrum=spectrum)
 
     def copies(self, in_space: bool = False) -> int:
         """Independent copies that the rays are dealt to in turn by their numbers; 1 where they are one lattice."""
@@ -159,12 +161,81 @@ class Source(ABC):
             x, z, dx, dz = self.place(u)
         return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share), self.lines(u), y, dy)
 
-    def lines(self, u: FloatArray) -> NDArray[np.int64]:
+    def lines(self, u: FloatArray) -> IntArray:
         """Which line of the spectrum each of the rays at points ``u`` has: by the last coordinate."""
         if len(self.spectrum) < 2:
             return np.zeros(len(u), dtype=np.int64)
-        share = np.cumsum([weight for _, weight in self.spectrum])
-        return np.minimum(np.searchsorted(share / share[-1], u[:, -1], side="right"), len(share) - 1)
+        return drawn_by([weight for _, weight in self.spectrum], u[:, -1])
+
+
+class LineSource(Source):
+    """A source on a line of ``width_mm`` across its axis, alike at every point: a pattern within a cone."""
+
+    point: Point
+    axis_deg: float
+    cone_deg: float
+    width_mm: float
+    pattern: Pattern
+
+    @property
+    def half_rad(self) -> float:
+        """Half of the cone in radians."""
+        return 0.5 * math.radians(self.cone_deg)
+
+    @abstractmethod
+    def angles(self, u: FloatArray) -> FloatArray:
+        """Directions (N,) in radians from +z at shares ``u`` (N,) of the power."""
+
+    def across(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points x, z (N,) at places (N,) from 0 to 1 along the line: from right to left."""
+        left_x, left_z = heading(self.axis_deg + 90.0)
+        step = self.width_mm * (place - 0.5)
+        return self.point[0] + left_x * step, self.point[1] + left_z * step
+
+    def place(self, u: FloatArray) -> Placed:
+        """See :meth:`Source.place`."""
+        angle = self.angles(u[:, 0])
+        x, z = self.across(u[:, 1] if self.shape_dimensions > 1 else np.full(len(u), 0.5))
+        return x, z, -np.sin(angle), np.cos(angle)
+
+    def emission(self) -> Emission:
+        """See :meth:`Source.emission`."""
+
+        def at(place: float) -> tuple[float, float, float]:
+            x, z = self.across(np.array([place]))
+            return float(x[0]), float(z[0]), self.axis_deg
+
+        stretches = self.pattern.stretches(self.half_rad)
+        return Emission(at, stretches, self.pattern.plane_angle(self.half_rad), 1 if self.width_mm > 0.0 else 0)
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        what = type(self).__name__.lower()
+        check_points(what, self.point)
+        check_numbers(what, self.axis_deg, self.cone_deg)
+        check_size(f"{what} width_mm", self.width_mm)
+        if not 0.0 <= self.cone_deg <= 360.0:
+            raise DesignError(f"{what} cone_deg", value=self.cone_deg, limit="must be from 0 to 360")
+
+
+def about_axis(theta: FloatArray, phi: FloatArray, cos: FloatArray | float, sin: FloatArray | float) -> Directions:
+    """Unit directions x, y, z (N,) at angles from an axis and round it; the cosine and sine are those of the axis."""
+    along, left, up = np.cos(theta), np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
+    return -sin * along - cos * left, up, cos * along - sin * left
+
+
+def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
+    """Which of some things is drawn by their weights at each of the numbers ``u`` (N,) in [0, 1)."""
+    share = np.cumsum(weights)
+    return np.minimum(np.searchsorted(share / share[-1], u, side="right"), len(share) - 1)
+
+
+def check_size(what: str, size_mm: float) -> None:
+    """`DesignError` where a length is not a number from 0 up."""
+    check_numbers(what, size_mm)
+    if not size_mm >= 0.0:
+        raise DesignError(what, value=size_mm, limit="must be at least 0")
 
 
 def _check_line(line: object) -> None:

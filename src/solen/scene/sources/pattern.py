@@ -13,9 +13,8 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IndexArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 
@@ -247,7 +246,7 @@ def _up_to_90(half: float) -> float:
     return min(half, 0.5 * math.pi)
 
 
-def _segment(share: FloatArray, parts: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+def _segment(share: FloatArray, parts: FloatArray) -> tuple[IndexArray, FloatArray]:
     """Which of the parts a share of their sum falls in, and how much of the part lies before it."""
     whole = np.concatenate([[0.0], np.cumsum(parts)])
     place = share * whole[-1]

@@ -4,16 +4,32 @@ One or two coordinates: a rank-1 lattice whose first coordinate has equal steps,
 rule. Three and more: ``COPIES`` Sobol' nets, dealt in turn, each with its digits shifted by numbers that are drawn once
 and for all. A lattice of many dimensions can be poor in a direction that matters, and its halves are then wrong alike;
 independent copies are not, so how far they are apart says how far their mean can be trusted (decision 31).
+
+Scrambled nets are those of `scipy.stats.qmc.Sobol` with the same generator, number for number; they are made here
+because importing scipy's takes longer than tracing with them, and so that they stay what they are.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.scene.sources.net import MOST_DIMENSIONS, SCRAMBLED_DIGITS, plain, scrambled
 
+POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+    (4, 4, (1, 3, 5, 13)),
+    (5, 2, (1, 1, 5, 5, 17)),
+)
+"""Degree, inner coefficients and first numbers of the coordinates from the second on: S. Joe and F. Y. Kuo,
+Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6."""
+MOST_DIMENSIONS = 1 + len(POLYNOMIALS)
+SCRAMBLED_DIGITS = 30
 COPIES = 16
 DIGITS = 52
 """Binary digits of a point: as many as leave room for a half in double precision."""
@@ -67,3 +83,75 @@ def _shifts(dimensions: int) -> IntArray:
     """Digital shifts (COPIES, dimensions); the generator's raw numbers are the same in every version of numpy."""
     raw = np.random.PCG64(31).random_raw((COPIES, MOST_DIMENSIONS))
     return np.asarray(raw[:, :dimensions] >> np.uint64(64 - DIGITS), dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """A net: what each binary digit of a point's number contributes (dimensions, digits), and a shift (dimensions,).
+
+    Both are whole numbers below 2^digits.
+    """
+
+    directions: IntArray
+    shift: IntArray
+
+    def at(self, index: IntArray) -> IntArray:
+        """Points (N, dimensions) of those numbers (N,), as whole numbers below 2^digits."""
+        values = np.empty((len(self.shift), len(index)), dtype=np.int64)
+        values[:] = self.shift[:, None]
+        for byte in range((int(index.max(initial=0)).bit_length() + 7) // 8):
+            value = (index >> (8 * byte)) & 255
+            for coordinate, table in enumerate(self._tables[byte]):
+                values[coordinate] ^= np.take(table, value)
+        return values.T
+
+    @cached_property
+    def _tables(self) -> list[list[IntArray]]:
+        """What each value of a byte of the number contributes to a coordinate, by byte and coordinate."""
+        digits = self.directions.shape[1]
+        starts = range(0, digits, 8)
+        return [[_table(one[start : start + 8].tolist()) for one in self.directions] for start in starts]
+
+
+def _table(directions: list[int]) -> IntArray:
+    table = [0]
+    for direction in directions:
+        table += [known ^ direction for known in table]
+    return np.array(table, dtype=np.int64)
+
+
+@lru_cache(maxsize=2 * MOST_DIMENSIONS)
+def plain(dimensions: int, digits: int) -> Net:
+    """Sobol's own net."""
+    directions = np.array([_directions(i, digits) for i in range(dimensions)], dtype=np.int64)
+    return Net(directions, np.zeros(dimensions, dtype=np.int64))
+
+
+def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
+    """A net scrambled by a random matrix for each coordinate and a random shift; with `SCRAMBLED_DIGITS` digits.
+
+    J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14 (1998).
+    """
+    digits = SCRAMBLED_DIGITS
+    powers = 1 << np.arange(digits, dtype=np.int64)
+    shift = draw.integers(2, size=(dimensions, digits), dtype=np.uint32).astype(np.int64) @ powers
+    matrices = np.tril(draw.integers(2, size=(dimensions, digits, digits), dtype=np.uint32).astype(np.int64))
+    matrices[:, np.arange(digits), np.arange(digits)] = 1
+    bits = (plain(dimensions, digits).directions[:, :, None] >> np.arange(digits - 1, -1, -1)) & 1
+    mixed = (bits @ matrices.transpose(0, 2, 1)) & 1
+    return Net(mixed @ powers[::-1], shift)
+
+
+def _directions(coordinate: int, digits: int) -> list[int]:
+    """Numbers that a coordinate's binary digits are made of."""
+    if coordinate == 0:
+        return [1 << (digits - 1 - bit) for bit in range(digits)]
+    degree, inner, first = POLYNOMIALS[coordinate - 1]
+    found = list(first)
+    for bit in range(degree, digits):
+        new = found[bit - degree] ^ (found[bit - degree] << degree)
+        for k in range(1, degree):
+            if (inner >> (degree - 1 - k)) & 1:
+                new ^= found[bit - k] << k
+        found.append(new)
+    return [number << (digits - 1 - bit) for bit, number in enumerate(found)]

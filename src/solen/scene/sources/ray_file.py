@@ -1,16 +1,15 @@
 """A file of rays as a source."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IntArray
 from solen.curve import check_numbers, check_points
 from solen.plane import Point, heading
-from solen.scene.rayfile import RaySet, read_rays
-from solen.scene.sources.base import Launch, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.base import Launch, Placed, PlacedInSpace, Source, drawn_by
+from solen.scene.sources.ray_formats import RaySet, read_rays
 
 ACROSS = 1e-9
 """A direction that is shorter than this in the plane runs along y."""
@@ -18,7 +17,7 @@ ACROSS = 1e-9
 
 @dataclass(frozen=True)
 class RayFile(Source):
-    """Rays of a vendor's file (see `solen.scene.rayfile`), its origin at ``point``, its z-axis along ``axis_deg``.
+    """Rays of a vendor's file, its origin at ``point``, its z-axis along ``axis_deg``.
 
     With as many rays as the file holds, each is launched once with its own share of the power; with fewer or more they
     are drawn by their power. The file's x runs to the right of the axis, its y along y, ``y_mm`` higher. In the plane
@@ -32,9 +31,6 @@ class RayFile(Source):
     axis_deg: float
     rays: int
     y_mm: float = 0.0
-    power: float = 1.0
-    s_share: float = 0.5
-    spectrum: tuple[Line, ...] = ()
 
     @classmethod
     def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
@@ -53,7 +49,7 @@ class RayFile(Source):
         return 1
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`~solen.scene.sources.base.Source.place`."""
+        """See :meth:`Source.place`."""
         x, _, z, dx, _, dz = self._placed(self._which(u))
         length = np.hypot(dx, dz)
         axis_x, axis_z = heading(self.axis_deg)
@@ -62,26 +58,28 @@ class RayFile(Source):
         return x, z, np.where(along_y, axis_x, dx / safe), np.where(along_y, axis_z, dz / safe)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
+        """See :meth:`Source.place_in_space`."""
         return self._placed(self._which(u))
 
     def dimensions(self, in_space: bool = False) -> int:  # noqa: ARG002  the same in both
-        """See :meth:`~solen.scene.sources.base.Source.dimensions`; a colour that a file says needs no number."""
+        """See :meth:`Source.dimensions`; a colour that a file says needs no number."""
         return 1 + (len(self.spectrum) > 1 and not self._own_colours)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
-        """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
+        """See :meth:`Source.launch_at`."""
         launch = super().launch_at(u, rays, in_space)
-        whole = self.rays == len(self.file)
-        return self._weighted(launch, u, len(self.file) / rays) if whole else launch
+        if self.rays != len(self.file):
+            return launch
+        each = self.power * (len(self.file) / rays) * self.file.power[self._which(u)]
+        return replace(launch, power_s=each * self.s_share, power_p=each * (1.0 - self.s_share))
 
-    def lines(self, u: FloatArray) -> NDArray[np.int64]:
-        """See :meth:`~solen.scene.sources.base.Source.lines`."""
+    def lines(self, u: FloatArray) -> IntArray:
+        """See :meth:`Source.lines`."""
         own = self.file.line
         return own[self._which(u)] if own is not None and self._own_colours else super().lines(u)
 
     def check(self) -> None:
-        """See :meth:`~solen.scene.sources.base.Source.check`."""
+        """See :meth:`Source.check`."""
         super().check()
         check_points("ray file", self.point)
         check_numbers("ray file", self.axis_deg, self.y_mm)
@@ -92,15 +90,14 @@ class RayFile(Source):
         found = self.file
         return found.line is not None and found.spectrum == self.spectrum
 
-    def _which(self, u: FloatArray) -> NDArray[np.int64]:
+    def _which(self, u: FloatArray) -> IntArray:
         """Which rays: one after the other where all are asked for, by their power otherwise."""
         power = self.file.power
         if self.rays == len(power):
             return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)
-        share = np.cumsum(power)
-        return np.minimum(np.searchsorted(share / share[-1], u[:, 0], side="right"), len(power) - 1).astype(np.int64)
+        return drawn_by(power, u[:, 0])
 
-    def _placed(self, which: NDArray[np.int64]) -> PlacedInSpace:
+    def _placed(self, which: IntArray) -> PlacedInSpace:
         found = self.file
         (x, y, z), (dx, dy, dz) = found.point_mm[which].T, found.direction[which].T
         axis_x, axis_z = heading(self.axis_deg)
@@ -112,19 +109,4 @@ class RayFile(Source):
             dx * right_x + dz * axis_x,
             dy.copy(),
             dx * right_z + dz * axis_z,
-        )
-
-    def _weighted(self, launch: Launch, u: FloatArray, times: float) -> Launch:
-        """The same rays, each with so many times its own power."""
-        each = self.power * times * self.file.power[self._which(u)]
-        return Launch(
-            launch.x_mm,
-            launch.z_mm,
-            launch.dx,
-            launch.dz,
-            each * self.s_share,
-            each * (1.0 - self.s_share),
-            launch.line,
-            launch.y_mm,
-            launch.dy,
         )

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen import files
+from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError, SolenError
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
@@ -67,7 +67,7 @@ class Counted(Protocol):
         """Net power, as a share of the emitted power."""
 
     @property
-    def power_by_bin(self) -> NDArray[np.float64]:
+    def power_by_bin(self) -> FloatArray:
         """The same by bins."""
 
 
@@ -76,8 +76,8 @@ class Reading:
     """A detector's reading in the file's units: power, and power per length in bins beginning at each position."""
 
     power: float
-    position: NDArray[np.float64] | None = None
-    irradiance: NDArray[np.float64] | None = None
+    position: FloatArray | None = None
+    irradiance: FloatArray | None = None
 
 
 @dataclass(frozen=True)

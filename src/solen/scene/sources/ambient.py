@@ -9,9 +9,8 @@ from solen.arrays import FloatArray
 from solen.curve import check_numbers, check_points
 from solen.errors import DesignError
 from solen.plane import Point, heading
-from solen.scene.sources.base import Emission, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, about_axis, check_size
 from solen.scene.sources.pattern import CosinePower
-from solen.scene.sources.plain import check_size
 
 PANELS = 16
 """Parts of the circle that integration begins with."""
@@ -32,9 +31,6 @@ class Ambient(Source):
     radius_mm: float
     rays: int
     height_mm: float = 0.0
-    power: float = 1.0
-    s_share: float = 0.5
-    spectrum: tuple[Line, ...] = ()
 
     @property
     def shape_dimensions(self) -> int:
@@ -47,19 +43,17 @@ class Ambient(Source):
         return 3 + (self.height_mm > 0.0)
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`~solen.scene.sources.base.Source.place`."""
+        """See :meth:`Source.place`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         angle = inwards + LAMBERT.in_plane(u[:, 1], 0.5 * math.pi)
         return x, z, -np.sin(angle), np.cos(angle)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
+        """See :meth:`Source.place_in_space`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         theta, phi = LAMBERT.in_space(u[:, 1], 0.5 * math.pi), 2.0 * math.pi * u[:, 2]
         y = self.height_mm * (u[:, 3] - 0.5) if self.height_mm > 0.0 else np.zeros(len(u))
-        along, left, up = np.cos(theta), np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
-        c, s = np.cos(inwards), np.sin(inwards)
-        return x, y, z, -s * along - c * left, up, c * along - s * left
+        return x, y, z, *about_axis(theta, phi, np.cos(inwards), np.sin(inwards))
 
     def _on_the_circle(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points x, z and the directions inwards, radians from +z."""
@@ -68,7 +62,7 @@ class Ambient(Source):
         return x, z, outwards + math.pi
 
     def emission(self) -> Emission:
-        """See :meth:`~solen.scene.sources.base.Source.emission`."""
+        """See :meth:`Source.emission`."""
 
         def at(place: float) -> tuple[float, float, float]:
             dx, dz = heading(360.0 * place)
@@ -78,7 +72,7 @@ class Ambient(Source):
         return Emission(at, LAMBERT.stretches(half), LAMBERT.plane_angle(half), PANELS)
 
     def check(self) -> None:
-        """See :meth:`~solen.scene.sources.base.Source.check`."""
+        """See :meth:`Source.check`."""
         super().check()
         check_points("ambient light", self.center)
         check_numbers("ambient light", self.radius_mm)

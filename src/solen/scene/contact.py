@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Segment, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, Face
@@ -208,5 +208,5 @@ def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
             )
 
 
-def _ring(pad: Pad) -> NDArray[np.float64]:
+def _ring(pad: Pad) -> FloatArray:
     return np.vstack([pad.face.curve.flattened(FLAT_MM), pad.outer.flattened(FLAT_MM)[::-1]])

@@ -18,8 +18,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray, IndexArray
 from solen.curve import END_TOLERANCE_MM, Arc, Curve
 from solen.errors import DesignError
 from solen.plane import Point, along, cross, dot, left_of, right_of
@@ -121,12 +121,12 @@ def _free(interface: "Interface") -> bool:
     return interface.left == interface.right
 
 
-def _tolerance_mm(interfaces: Sequence["Interface"], ends: NDArray[np.float64]) -> float:
+def _tolerance_mm(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
     centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
     return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
 
 
-def _vertices(interfaces: Sequence["Interface"], ends: NDArray[np.float64], tolerance_mm: float) -> list[list[_Branch]]:
+def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm: float) -> list[list[_Branch]]:
     """Branches by the point that they leave from."""
     labels = _labels(ends, tolerance_mm).tolist()
     vertices: dict[int, list[_Branch]] = {}
@@ -136,7 +136,7 @@ def _vertices(interfaces: Sequence["Interface"], ends: NDArray[np.float64], tole
     return list(vertices.values())
 
 
-def _labels(points: NDArray[np.float64], tolerance_mm: float) -> NDArray[np.intp]:
+def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
     """Numbers (N,), equal for points that lie together.
 
     Sorted along x, points are parted wherever two neighbours are further apart than the tolerance; each part then
@@ -206,7 +206,7 @@ def _size_mm(curve: Curve) -> float:
     return max(math.dist(start, middle), math.dist(middle, end))
 
 
-def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> NDArray[np.float64]:
+def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray:
     """Boxes (N, 4) round the curves, low x and z, high x and z; between two samples none strays as far as they part."""
     points = np.array([interface.curve.points(SAMPLES) for interface in interfaces])
     with np.errstate(over="ignore"):
@@ -215,7 +215,7 @@ def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> NDArray[np
 
 
 def _passing(
-    vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: NDArray[np.float64], tolerance_mm: float
+    vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: FloatArray, tolerance_mm: float
 ) -> list["Interface"]:
     """Interfaces that have a vertex on their inside."""
     at = vertex[0].at

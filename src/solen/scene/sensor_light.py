@@ -68,4 +68,4 @@ def ambient_of(
     radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
     power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
     many = stated.rays if rays is None else max(1, round(stated.rays * rays / design.emitter.rays))
-    return (Ambient((x, z), radius_mm, many, design.body.thickness_mm, power, spectrum=spectrum),)
+    return (Ambient((x, z), radius_mm, many, design.body.thickness_mm, power=power, spectrum=spectrum),)

@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.scene.sources.base import Line
 
@@ -47,7 +46,7 @@ class RaySet:
     direction: FloatArray
     power: FloatArray
     spectrum: tuple[Line, ...] = ()
-    line: NDArray[np.int64] | None = None
+    line: IntArray | None = None
 
     def __len__(self) -> int:
         return len(self.power)
@@ -189,7 +188,7 @@ def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
     return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
 
 
-def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], NDArray[np.int64]]:
+def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArray]:
     """Wavelengths of rays, gathered to lines of equal width where there are many, and which of them each ray has."""
     values, line = np.unique(nm, return_inverse=True)
     if len(values) > MOST_LINES:

@@ -1,0 +1,131 @@
+"""Fans, chips, beams and single rays.
+
+Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.curve import check_numbers, check_points
+from solen.errors import DesignError
+from solen.plane import Point, heading
+from solen.scene.sources.base import LineSource, Placed, Source
+from solen.scene.sources.pattern import Isotropic
+
+
+class _Even(LineSource):
+    """Rays evenly spaced in angle, from the right edge of the cone to its left one."""
+
+    pattern = Isotropic()
+
+    def angles(self, u: FloatArray) -> FloatArray:
+        """See :meth:`LineSource.angles`."""
+        return np.radians(self.axis_deg + self.cone_deg * (u - 0.5))
+
+
+@dataclass(frozen=True)
+class Fan(_Even):
+    """Point source, uniform in angle over ``cone_deg`` about ``axis_deg``.
+
+    Each ray stands in the middle of its equal share of the cone, from the right edge of the cone to the left one, so
+    that N rays are the midpoint rule and a symmetric fan has no ray at its edges.
+    """
+
+    point: Point
+    axis_deg: float
+    cone_deg: float
+    rays: int
+    width_mm = 0.0
+
+    @property
+    def shape_dimensions(self) -> int:
+        """The angle."""
+        return 1
+
+
+@dataclass(frozen=True)
+class Chip(_Even):
+    """Line of ``width_mm`` about ``point``, across ``axis_deg``; every point of it is a fan over ``cone_deg``."""
+
+    point: Point
+    width_mm: float
+    axis_deg: float
+    cone_deg: float
+    rays: int
+
+    @property
+    def shape_dimensions(self) -> int:
+        """The angle, and the place on the chip from its right end to its left one."""
+        return 2
+
+
+@dataclass(frozen=True)
+class Beam(Source):
+    """Parallel beam from the line ``start`` to ``end``: each ray in the middle of its equal share of the line."""
+
+    start: Point
+    end: Point
+    direction_deg: float
+    rays: int
+
+    @property
+    def shape_dimensions(self) -> int:
+        """The place along the line."""
+        return 1
+
+    def place(self, u: FloatArray) -> Placed:
+        """See :meth:`Source.place`."""
+        share = u[:, 0]
+        x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
+        dx, dz = (np.full(len(u), value) for value in heading(self.direction_deg))
+        return x, z, dx, dz
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        check_points("beam", self.start, self.end)
+        check_numbers("beam direction_deg", self.direction_deg)
+
+
+@dataclass(frozen=True)
+class Rays(Source):
+    """Rays one by one: origins and directions (x, z); directions need not be of length 1."""
+
+    origins: tuple[Point, ...]
+    directions: tuple[Point, ...]
+
+    @property
+    def rays(self) -> int:
+        """Number of rays."""
+        return len(self.origins)
+
+    def with_rays(self, rays: int) -> Self:  # noqa: ARG002  a list has the rays that it has
+        """See :meth:`Source.with_rays`."""
+        return self
+
+    @property
+    def shape_dimensions(self) -> int:
+        """Which of the rays."""
+        return 1
+
+    def place(self, u: FloatArray) -> Placed:
+        """See :meth:`Source.place`."""
+        which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
+        x, z = np.asarray(self.origins, dtype=float)[which].T
+        dx, dz = np.asarray(self.directions, dtype=float)[which].T
+        length = np.hypot(dx, dz)
+        return x.copy(), z.copy(), dx / length, dz / length
+
+    def check(self) -> None:
+        """See :meth:`Source.check`."""
+        super().check()
+        if len(self.origins) != len(self.directions):
+            found = f"{len(self.origins)} origins, {len(self.directions)} directions"
+            raise DesignError("rays", value=found, limit="must be as many of both")
+        check_points("rays", *self.origins, *self.directions)
+        if any(not math.hypot(*direction) > 0.0 for direction in self.directions):
+            raise DesignError("rays", value="a direction (0, 0)", limit="must have a length")
