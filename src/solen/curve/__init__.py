@@ -22,6 +22,7 @@ from solen.curve.base import (
     check_count,
     check_numbers,
     check_points,
+    check_range,
     quadratic_roots,
 )
 from solen.curve.chain import CubicChain
@@ -53,6 +54,7 @@ __all__ = [
     "check_count",
     "check_numbers",
     "check_points",
+    "check_range",
     "cut",
     "fitted",
     "quadratic_roots",

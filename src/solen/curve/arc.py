@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.base import END_TOLERANCE_MM, Curve, check_numbers, check_points, quadratic_roots
+from solen.curve.base import END_TOLERANCE_MM, Curve, check_numbers, check_points, check_range, quadratic_roots
 from solen.errors import DesignError
 from solen.plane import Point, Rigid, along, cross, dot, minus, unit
 
@@ -25,9 +25,8 @@ class Arc(Curve):
 
     def __post_init__(self) -> None:
         check_points("arc", self.center)
-        check_numbers("arc", self.radius_mm, self.start_deg, self.sweep_deg)
-        if not self.radius_mm > 0.0:
-            raise DesignError("arc radius_mm", value=self.radius_mm, limit="must be above 0")
+        check_numbers("arc", self.start_deg, self.sweep_deg)
+        check_range("arc radius_mm", self.radius_mm, above=0.0)
         if not 0.0 < abs(self.sweep_deg) <= 360.0 + 1e-9:
             raise DesignError("arc sweep_deg", value=self.sweep_deg, limit="must be from -360 to 360 and not 0")
 

@@ -47,6 +47,18 @@ def check_numbers(what: str, *values: object) -> None:
             raise DesignError(what, value=repr(value), limit="must be a finite number")
 
 
+def check_range(
+    what: str, value: float, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
+) -> None:
+    """`DesignError` where a value is not a finite number from ``least`` to ``most`` and above ``above``."""
+    check_numbers(what, value)
+    if least <= value <= most and value > above:
+        return
+    limits = [f"above {above:g}" if above > -math.inf else "", f"at least {least:g}" if least > -math.inf else ""]
+    limits.append(f"at most {most:g}" if most < math.inf else "")
+    raise DesignError(what, value=value, limit=f"must be {', '.join(filter(None, limits))}")
+
+
 def check_count(what: str, value: object, least: int) -> None:
     """`DesignError` where a value is not a whole number of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:

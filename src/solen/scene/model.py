@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from solen.curve import Curve, Segment, check_count, check_numbers, check_points
+from solen.curve import Curve, Segment, check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
 from solen.material import Dispersion
 from solen.plane import Point, cross, dot, minus, unit
@@ -110,12 +110,9 @@ class Extrusion:
     index_below: float = 1.0
 
     def __post_init__(self) -> None:
-        check_numbers("extrusion", self.thickness_mm, self.index_above, self.index_below)
-        if not self.thickness_mm > 0.0:
-            raise DesignError("extrusion thickness_mm", value=self.thickness_mm, limit="must be above 0")
-        if not min(self.index_above, self.index_below) >= 1.0:
-            found = min(self.index_above, self.index_below)
-            raise DesignError("extrusion index", value=found, limit="must be at least 1")
+        check_range("extrusion thickness_mm", self.thickness_mm, above=0.0)
+        check_range("extrusion index_above", self.index_above, 1.0)
+        check_range("extrusion index_below", self.index_below, 1.0)
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,8 @@ class Scene:
     """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
 
     Media must be closed (see `solen.scene.closed_media`). ``open_media`` allows them to end in nothing, as a half-space
-    or an endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends there,
-    and the trace counts it as undefined.
+    or an endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends
+    there, and the trace counts it as undefined.
     """
 
     regions: tuple[Region, ...]
@@ -257,16 +254,12 @@ def _overlap_mm(a: Segment, b: Segment) -> float:
 
 def _check_region(region: Region) -> None:
     what = f"region {region.name}"
-    if not isinstance(region.index, Dispersion) and not (math.isfinite(region.index) and region.index >= 1.0):
-        raise DesignError(what, value=region.index, limit="the index must be finite and at least 1")
-    if not (math.isfinite(region.absorption_per_mm) and region.absorption_per_mm >= 0.0):
-        raise DesignError(
-            what, value=region.absorption_per_mm, limit="the absorption per mm must be finite, at least 0"
-        )
-    if not (math.isfinite(region.scattering_per_mm) and region.scattering_per_mm >= 0.0):
-        raise DesignError(what, value=region.scattering_per_mm, limit="scattering_per_mm must be finite, at least 0")
+    if not isinstance(region.index, Dispersion):
+        check_range(f"{what} index", region.index, 1.0)
+    check_range(f"{what} absorption_per_mm", region.absorption_per_mm, 0.0)
+    check_range(f"{what} scattering_per_mm", region.scattering_per_mm, 0.0)
     if not -1.0 < region.anisotropy < 1.0:
-        raise DesignError(what, value=region.anisotropy, limit="the anisotropy must be above -1 and below 1")
+        raise DesignError(f"{what} anisotropy", value=region.anisotropy, limit="must be above -1 and below 1")
 
 
 def _unique(what: str, names: Iterable[str]) -> None:

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from solen.curve import check_numbers
+from solen.curve import check_numbers, check_range
 from solen.errors import DesignError
 
 MOST_LAYERS = 64
@@ -29,12 +29,9 @@ class Layer:
     extinction: float = 0.0
 
     def __post_init__(self) -> None:
-        check_numbers("layer", self.index, self.thickness_nm, self.extinction)
-        if not 1e-3 <= self.index <= 1e3:
-            raise DesignError("layer index", value=self.index, limit="must be from 0.001 to 1000")
-        if not (self.thickness_nm >= 0.0 and self.extinction >= 0.0):
-            found = f"thickness_nm {self.thickness_nm:g}, extinction {self.extinction:g}"
-            raise DesignError("layer", value=found, limit="must be at least 0")
+        check_range("layer index", self.index, 1e-3, 1e3)
+        check_range("layer thickness_nm", self.thickness_nm, 0.0)
+        check_range("layer extinction", self.extinction, 0.0)
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class Lambertian:
     kind: Literal["lambertian"] = "lambertian"
 
     def __post_init__(self) -> None:
-        _check_share(self.share)
+        check_range("scatter share", self.share, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -71,10 +68,8 @@ class Gaussian:
     kind: Literal["gaussian"] = "gaussian"
 
     def __post_init__(self) -> None:
-        _check_share(self.share)
-        check_numbers("gaussian scatter", self.sigma)
-        if not 0.0 < self.sigma <= 10.0:
-            raise DesignError("gaussian scatter sigma", value=self.sigma, limit="must be above 0, at most 10")
+        check_range("scatter share", self.share, 0.0, 1.0)
+        check_range("gaussian scatter sigma", self.sigma, most=10.0, above=0.0)
 
 
 @dataclass(frozen=True)
@@ -90,12 +85,9 @@ class HarveyShack:
     kind: Literal["harvey-shack"] = "harvey-shack"
 
     def __post_init__(self) -> None:
-        _check_share(self.share)
-        check_numbers("harvey-shack scatter", self.shoulder, self.slope)
-        if not 1e-4 <= self.shoulder <= 10.0:
-            raise DesignError("harvey-shack shoulder", value=self.shoulder, limit="must be from 0.0001 to 10")
-        if not 0.5 <= self.slope <= 10.0:
-            raise DesignError("harvey-shack slope", value=self.slope, limit="must be from 0.5 to 10")
+        check_range("scatter share", self.share, 0.0, 1.0)
+        check_range("harvey-shack shoulder", self.shoulder, 1e-4, 10.0)
+        check_range("harvey-shack slope", self.slope, 0.5, 10.0)
 
 
 Scatter = Lambertian | Gaussian | HarveyShack
@@ -115,9 +107,8 @@ class Texture:
     direction: Literal["along", "across"] = "along"
 
     def __post_init__(self) -> None:
-        check_numbers("texture", self.pitch_um, self.amplitude_um)
-        if not self.pitch_um > 0.0:
-            raise DesignError("texture pitch_um", value=self.pitch_um, limit="must be above 0")
+        check_numbers("texture amplitude_um", self.amplitude_um)
+        check_range("texture pitch_um", self.pitch_um, above=0.0)
         if not 0.0 <= self.slope <= 1.0:
             limit = "2 pi amplitude / pitch, its steepest slope, must be from 0 to 1"
             raise DesignError(
@@ -163,9 +154,7 @@ class Surface:
 
     def __post_init__(self) -> None:
         for what, share in (("reflectance", self.reflectance), ("transmitted", self.transmitted)):
-            check_numbers(f"surface {what}", share)
-            if not 0.0 <= share <= 1.0:
-                raise DesignError(f"surface {what}", value=share, limit="must be from 0 to 1")
+            check_range(f"surface {what}", share, 0.0, 1.0)
         if self.focal_mm is not None and not (math.isfinite(self.focal_mm) and self.focal_mm != 0.0):
             raise DesignError("surface focal_mm", value=self.focal_mm, limit="must be finite and not 0")
         if self.band_nm is not None:
@@ -185,9 +174,3 @@ class Surface:
     def is_random(self) -> bool:
         """Whether what it does is drawn by chance."""
         return self.scatter is not None or self.texture is not None
-
-
-def _check_share(share: float) -> None:
-    check_numbers("scatter share", share)
-    if not 0.0 <= share <= 1.0:
-        raise DesignError("scatter share", value=share, limit="must be from 0 to 1")

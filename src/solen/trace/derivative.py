@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import check_numbers
+from solen.curve import check_numbers, check_range
 from solen.errors import DesignError
 from solen.results import Result
 from solen.scene import Scene
@@ -91,9 +91,7 @@ def derivative(
     check_numbers("parameter", value)
     point = not is_extended(scene_at(value))
     step = (RELATIVE_STEP if point else EXTENDED_STEP) * (abs(value) or 1.0) if step is None else step
-    check_numbers("step", step)
-    if not step > 0.0:
-        raise DesignError("step", value=step, limit="must be above 0")
+    check_range("step", step, above=0.0)
     if tolerance is None:
         tolerance = TOLERANCE if point else EXTENDED_TOLERANCE
     limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from solen.curve import check_count, check_numbers
+from solen.curve import check_count, check_range
 from solen.errors import DesignError
 from solen.plane import Point
 from solen.scene import Interface, Scene
@@ -44,9 +44,8 @@ class Turns:
     max_hits: int = 10_000
 
     def __post_init__(self) -> None:
-        check_numbers("turns", self.weak, self.weakest)
-        if min(self.weak, self.weakest) < 0.0:
-            raise DesignError("turns weak", value=min(self.weak, self.weakest), limit="must be at least 0")
+        check_range("turns weak", self.weak, 0.0)
+        check_range("turns weakest", self.weakest, 0.0)
         check_count("turns max_hits", self.max_hits, 0)
 
 

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import check_numbers, check_points
-from solen.errors import DesignError
+from solen.curve import check_points, check_range
 from solen.plane import Point, heading
-from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, about_axis, check_size
+from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, about_axis
 from solen.scene.sources.pattern import CosinePower
 
 PANELS = 16
@@ -75,7 +74,5 @@ class Ambient(Source):
         """See :meth:`Source.check`."""
         super().check()
         check_points("ambient light", self.center)
-        check_numbers("ambient light", self.radius_mm)
-        if not self.radius_mm > 0.0:
-            raise DesignError("ambient light radius_mm", value=self.radius_mm, limit="must be above 0")
-        check_size("ambient light height_mm", self.height_mm)
+        check_range("ambient light radius_mm", self.radius_mm, above=0.0)
+        check_range("ambient light height_mm", self.height_mm, 0.0)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.curve import check_count, check_numbers, check_points
+from solen.curve import check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
 from solen.plane import Point, heading
 from solen.scene.sources.pattern import Pattern, Stretch
@@ -121,12 +121,11 @@ class Source(ABC):
     def check(self) -> None:
         """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
         check_count("source rays", self.rays, 1)
-        check_numbers("source", self.power, self.s_share)
+        check_numbers("source", self.power)
         if not LEAST_POWER <= self.power <= MOST_POWER:
             limit = f"must be from {LEAST_POWER:g} to {MOST_POWER:g}"
             raise DesignError("source power", value=self.power, limit=limit, remedy="powers count against one another")
-        if not 0.0 <= self.s_share <= 1.0:
-            raise DesignError("source s_share", value=self.s_share, limit="must be from 0 to 1")
+        check_range("source s_share", self.s_share, 0.0, 1.0)
         for line in self.spectrum:
             _check_line(line)
 
@@ -213,10 +212,9 @@ class LineSource(Source):
         super().check()
         what = type(self).__name__.lower()
         check_points(what, self.point)
-        check_numbers(what, self.axis_deg, self.cone_deg)
-        check_size(f"{what} width_mm", self.width_mm)
-        if not 0.0 <= self.cone_deg <= 360.0:
-            raise DesignError(f"{what} cone_deg", value=self.cone_deg, limit="must be from 0 to 360")
+        check_numbers(what, self.axis_deg)
+        check_range(f"{what} width_mm", self.width_mm, 0.0)
+        check_range(f"{what} cone_deg", self.cone_deg, 0.0, 360.0)
 
 
 def about_axis(theta: FloatArray, phi: FloatArray, cos: FloatArray | float, sin: FloatArray | float) -> Directions:
@@ -229,13 +227,6 @@ def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
     """Which of some things is drawn by their weights at each of the numbers ``u`` (N,) in [0, 1)."""
     share = np.cumsum(weights)
     return np.minimum(np.searchsorted(share / share[-1], u, side="right"), len(share) - 1)
-
-
-def check_size(what: str, size_mm: float) -> None:
-    """`DesignError` where a length is not a number from 0 up."""
-    check_numbers(what, size_mm)
-    if not size_mm >= 0.0:
-        raise DesignError(what, value=size_mm, limit="must be at least 0")
 
 
 def _check_line(line: object) -> None:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import check_numbers
+from solen.curve import check_numbers, check_range
 from solen.plane import Point
-from solen.scene.sources.base import LineSource, PlacedInSpace, about_axis, check_size
+from solen.scene.sources.base import LineSource, PlacedInSpace, about_axis
 from solen.scene.sources.pattern import Isotropic, Pattern
 
 EVENLY = Isotropic()
@@ -71,6 +71,6 @@ class Emitter(LineSource):
         """See :meth:`Source.check`."""
         super().check()
         check_numbers("emitter", self.y_mm)
-        check_size("emitter height_mm", self.height_mm)
+        check_range("emitter height_mm", self.height_mm, 0.0)
         if self.cone_deg > 0.0:
             self.pattern.stretches(self.half_rad)  # a table refuses a cone in which it is dark

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
-from solen.curve import check_numbers
+from solen.curve import check_numbers, check_range
 from solen.errors import DesignError
 
 MOST_EXPONENT = 10_000.0
@@ -106,10 +106,7 @@ class CosinePower(AngularPattern):
     kind: Literal["lambertian"] = "lambertian"
 
     def __post_init__(self) -> None:
-        check_numbers("pattern", self.exponent)
-        if not 0.0 <= self.exponent <= MOST_EXPONENT:
-            limit = f"must be from 0 to {MOST_EXPONENT:g}"
-            raise DesignError("pattern exponent", value=self.exponent, limit=limit)
+        check_range("pattern exponent", self.exponent, 0.0, MOST_EXPONENT)
 
     def intensity(self, angle: FloatArray) -> FloatArray:
         """See :meth:`AngularPattern.intensity`."""
