@@ -107,7 +107,7 @@ def back_focus(n: float) -> float:
 
     def focus(height: float) -> float:
         way = only(Scene((AIR, Region("glass", n)), ball, (aimed((height, -2.0), 0.0),)))
-        (x, z), (dx, dz) = way.points[-1], exit_of(way)
+        (x, z), (dx, dz) = way.points_mm[-1], exit_of(way)
         return float(z - x * dz / dx - 0.5)
 
     return (4 * focus(1e-3) - focus(2e-3)) / 3

@@ -61,7 +61,7 @@ def test_readings_are_those_that_the_peer_recorded(
     imported = rayoptics.load(place(outside, name), facets=True)
     assert imported.not_understood == ()
     result = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh))
-    assert result.undefined == 0, result.undefined_at
+    assert result.undefined == 0, result.undefined_at_mm
     assert abs(result.ledger.total - 1.0) < 1e-12
     (reading,) = imported.readings(result.monitors).values()
     assert reading.position is not None
@@ -112,7 +112,7 @@ def test_the_engine_reads_the_same_total(name: str, outside: Path) -> None:
     """
     imported = rayoptics.load(place(outside, name))
     result = trace(imported.scene, "power")
-    assert result.undefined == 0, result.undefined_at
+    assert result.undefined == 0, result.undefined_at_mm
     (reading,) = imported.readings(result.monitors).values()
     assert reading.irradiance is not None
     _, irradiance = recorded(outside, name)
