@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen.material.stiffness import StiffnessOptions
-from solen.pipeline.resin import cure, cutback, index, stiffness
-from solen.pipeline.resin import library as resin
+from solen.material.gather import BuildOptions
+from solen.pipeline.resin import cure, cutback, index, library, stiffness
 from solen.pipeline.resin.indexroute import IndexOptions
 from solen.sensor import Sensor
 from solen.sensor.off_index import off_indices
@@ -26,34 +25,33 @@ def table(file: Path, header: str, *columns: ArrayLike) -> Path:
 def results(folder: Path) -> dict[str, Path]:
     """Results of four measurements: a clear layer of 1.48 + 0.005/λ², guides, cured discs, a neo-Hookean cube."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
-    how = IndexOptions(thickness_um=50.0, u={"T": "0.001", "R": "0.001"}, baseline="air")
-    nm = np.arange(430, 901, 2)
-    n = 1.48 + 0.005 / (nm * 1e-3) ** 2
+    layer = IndexOptions(thickness_um=50.0, u={"T": "0.001", "R": "0.001"}, baseline="air")
+    n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
     t, r = (one / (n**2 + 1) + NOISE(0, 1e-3, nm.size) for one in (2 * n, (n - 1) ** 2))
-    index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), how, out=out["index"])
+    index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), layer, out=out["index"])
     mm = np.repeat([10, 20, 30, 40], 4)
-    guides = table(folder / "guides.csv", "length_mm,power_mW", mm, np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size)))
-    cutback.cutback(guides, out=out["cutback"])
+    mw = np.exp(-0.02 * mm + NOISE(0, 0.02, mm.size))
+    cutback.cutback(table(folder / "guides.csv", "length_mm,power_mW", mm, mw), out=out["cutback"])
     mj = np.repeat([16, 25, 39], 5)
     discs = table(folder / "discs.csv", "dose_mJ_per_cm2,depth_um", mj, 150 * np.log(mj / 12) + NOISE(0, 4, mj.size))
     cure.cure(discs, out=out["cure"])
-    strain = np.linspace(0, 0.3, 61)
-    stress_mpa = 0.4 * ((1 - strain) ** -2 - 1 + strain) + NOISE(0, 1e-3, 61)
-    cube = table(folder / "cube.csv", "strain,stress_MPa", strain, stress_mpa)
-    stiffness.stiffness([cube], StiffnessOptions(mode="compression"), out=out["stiffness"])
+    stretch = np.linspace(1, 0.7, 61)
+    mpa = 0.4 * (stretch - stretch**-2) - NOISE(0, 1e-3, 61)
+    stiffness.stiffness([table(folder / "cube.csv", "stretch,stress_MPa", stretch, mpa)], out=out["stiffness"])
     return out
 
 
 def main() -> dict[str, float]:
     """What is found of the resin, and how far its response moves within the uncertainty of the index."""
     with tempfile.TemporaryDirectory() as name:
-        made = resin.build(Path(name) / "resin.toml", resin.Gathering("simulated resin", results(Path(name))))
+        out, options = Path(name) / "resin.toml", BuildOptions(name="simulated resin")
+        made = library.build(out, results(Path(name)), options).result.to_dict()
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template()), changes))
     moved = max(one.shift.contrast for one in off_indices(sensor, sensor.power()) if one.shift)
     found = {"n": sensor.material.index, "u_n": sensor.material.u_index or 0.0, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}
-    print(", ".join(f"{key} {value:.4g}" for key, value in found.items()))
+    print(*(f"{key} {value:.4g}" for key, value in found.items()), sep=", ")
     return found
 
 

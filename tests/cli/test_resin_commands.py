@@ -98,7 +98,7 @@ def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
     found = shell.json("resin", "build", "r.toml", *WHO, *ALL, *formulation, "--source", "our lab", "--note", "dry")
     assert set(found) == {
         *("resin", "name", "source", "notes", "index", "loss", "cure", "stiffness", "formulation", "sources", "at"),
-        "warnings",
+        *("simulated", "warnings", "files"),
     }
     resin = load_resin("r.toml")
     assert (resin.name, resin.source, resin.notes) == ("ma-PU, batch 3", "our lab", "dry")
@@ -169,7 +169,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
             "bad.json: kind; missing: this is no result of solen; write it with solen resin cure",
         ),
         (holding(b'{"kind": "index", '), "bad.json: JSON; cannot be read: Expecting property name"),
-        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; cannot be read: NaN is no number of JSON"),
+        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; cannot be read: NaN is not a number in JSON"),
         (holding(b"[" * 100_000), "bad.json: JSON; is nested too deeply"),
         (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
         (
@@ -223,7 +223,7 @@ def test_the_library_is_listed_with_its_index_and_warnings(shell: Shell) -> None
     paper, pmma = found["ma-pu-as-published"], found["pmma"]
     assert [at["wavelength_nm"] for at in paper["at"]] == [589.3, 860.0]
     assert paper["at"][1]["n"] == 1.44
-    assert paper["mode"] == "as-published"
+    assert paper["index"]["mode"] == "as-published"
     assert "consistent with an absorbance read as an absorptance" in paper["warnings"][0]
     assert pmma["warnings"] == []
     assert pmma["at"][0]["n"] == pytest.approx(1.4906, abs=2e-4)
@@ -288,9 +288,12 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
         (("a:50", "b"), "component = 'b'; is not of the form name:number"),
         (("a:50", "b:nan"), "component = 'b:nan'; is not of the form"),
         (("a:50", "b:40"), "mixture = '90 %'; the shares must add up to 100 %"),
-        (("a:50", "b:50", "--total-g", "1", "--base-g", "1"), "mass; give that of the whole or that of the base"),
-        (("a:50", "b:50", "--total-g", "0"), "--total-g = 0.0; must be above 0"),
-        (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = -1.0; must be at least"),
+        (
+            ("a:50", "b:50", "--total-g", "1", "--base-g", "1"),
+            "--base-g; give the mass of the whole or that of the base",
+        ),
+        (("a:50", "b:50", "--total-g", "0"), "--total-g = '0'; must be greater than 0"),
+        (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = '-1'; must be at least"),
         (("a:50", "b:50", "--density", "c:1"), "density of c; is no component"),
         (("a:50", "b:50", "--index", "a:0"), "index of a = 0.0; must be at least 1"),
     ],

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from solen.errors import DataError
 from solen.material import Cauchy, Sellmeier, Tabulated
-from solen.material.gather import RESULTS, CureResult, CutbackResult, IndexResult, StiffnessResult, gaps, thinned
+from solen.material.gather import (
+    READERS,
+    CureResult,
+    CutbackResult,
+    IndexResult,
+    Selection,
+    StiffnessResult,
+    gaps,
+    thinned,
+)
 from solen.material.resin import Resin, dumps_resin
 
 
@@ -138,7 +147,7 @@ def test_a_loss_is_kept_with_its_interval_in_its_unit() -> None:
 def test_the_wavelength_of_a_loss_is_stated_or_missed() -> None:
     without = CutbackResult(**CUTBACK | {"wavelength_nm": None})
     assert without.as_table().warnings == ("the wavelength that it was measured at is not stated",)
-    stated = without.as_table(wavelength_nm=940.0)
+    stated = without.as_table(Selection(loss_wavelength_nm=940.0))
     assert (stated.wavelength_nm, stated.warnings) == (940.0, ())
 
 
@@ -154,17 +163,17 @@ def test_a_loss_of_one_orientation_can_be_taken() -> None:
     ]
     depends = "the loss depends on the build orientation (dB/cm: flat: 0.4, upright: 2)"
     found = CutbackResult(**CUTBACK, by_orientation=lines, warnings=[depends, "the line bends"])
-    assert (found.as_table().warnings, found.as_table("flat").warnings) == (
+    assert (found.as_table().warnings, found.as_table(Selection(orientation="flat")).warnings) == (
         (depends, "the line bends"),
         ("the line bends",),
     )
     assert found.as_table().absorption_per_mm == pytest.approx(0.0230, abs=1e-4)
-    upright = found.as_table("upright")
+    upright = found.as_table(Selection(orientation="upright"))
     assert upright.absorption_per_mm == pytest.approx(0.0461, abs=1e-4)
     assert (upright.orientation, upright.interval95_per_mm) == ("upright", None)
     assert [one.orientation for one in upright.by_orientation] == ["flat", "upright"]
     with pytest.raises(DataError, match="orientations are flat, upright"):
-        found.as_table("edge")
+        found.as_table(Selection(orientation="edge"))
 
 
 def test_a_loss_below_none_is_none_and_said_so() -> None:
@@ -185,7 +194,7 @@ def test_a_working_curve_is_kept() -> None:
         interval95_Ec_mJ_per_cm2=[11.0, 13.0],
         wavelength_nm=385.0,
         irradiance_mW_per_cm2=13.0,
-    ).as_table(405.0)
+    ).as_table(Selection(cure_wavelength_nm=405.0))
     assert (cure.Dp_um, cure.Ec_mJ_per_cm2, cure.interval95_Dp_um) == (181.0, 12.0, (175.0, 187.0))
     assert cure.covariance == ((9.0, 1.0), (1.0, 0.25))
     assert (cure.wavelength_nm, cure.irradiance_mW_per_cm2) == (405.0, 13.0)
@@ -236,12 +245,12 @@ def test_of_several_materials_one_is_named() -> None:
         MODULUS | {"label": "ma-PU", "specimens": [{"file": "m.csv"}]},
     ]
     found = StiffnessResult(**groups[0], groups=groups, sources=[{"file": "a.csv"}, {"file": "m.csv"}])
-    assert found.as_table("ma-PU").modulus_MPa == 1.5
-    assert [one.file for one in found.found_from("ma-PU")] == ["m.csv"]
+    assert found.as_table(Selection(label="ma-PU")).modulus_MPa == 1.5
+    assert [one.file for one in found.found_from(Selection(label="ma-PU"))] == ["m.csv"]
     with pytest.raises(DataError, match="the result holds a-PU, ma-PU; name the material"):
         found.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
-        found.as_table("PU")
+        found.as_table(Selection(label="PU"))
 
 
 ANYTHING = st.recursive(
@@ -271,7 +280,7 @@ def test_whatever_stands_in_a_result_it_is_a_table_or_a_line(data: st.DataObject
     place[key] = value
     refusal = ""
     try:
-        found = RESULTS[kind](**document)
+        found = READERS[kind](**document)
         table, _ = found.as_table(), found.found_from()
     except DataError as bad:
         refusal = str(bad)

@@ -8,33 +8,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solen.errors import SpecError
-from solen.material.mix import Component, check_components, of_whole, on_base, weighed, with_known
+from solen.material.mix import Component, MixOptions, check_components, of_whole, on_base, weighed, with_known
 
 PAPER = (Component("RA-139", 75.0), Component("lauryl acrylate", 25.0))
 
 
 def test_a_quarter_of_the_whole_is_a_third_of_the_base() -> None:
-    base, additive = weighed(of_whole(PAPER), "of_whole", total_g=50.0).components
+    base, additive = weighed(of_whole(PAPER), MixOptions(total_g=50.0)).components
     assert (base.weighed_g, additive.weighed_g) == (37.5, 12.5)
     assert (base.phr, additive.phr) == pytest.approx((100.0, 100.0 / 3.0))
     assert additive.weighed_wt_percent == 25.0
 
 
 def test_a_quarter_on_the_base_is_a_fifth_of_the_whole() -> None:
-    base, additive = weighed(on_base(PAPER), "on_base", total_g=50.0).components
+    base, additive = weighed(on_base(PAPER), MixOptions(total_g=50.0)).components
     assert (base.weighed_g, additive.weighed_g) == (40.0, 10.0)
     assert (additive.wt_percent, additive.phr) == pytest.approx((20.0, 25.0))
 
 
 def test_what_to_add_to_a_base_that_is_there() -> None:
-    base, additive = weighed(of_whole(PAPER), "of_whole", base_g=41.27).components
+    base, additive = weighed(of_whole(PAPER), MixOptions(base_g=41.27)).components
     assert base.weighed_g == 41.27
     assert additive.exact_g == pytest.approx(41.27 / 3.0)
     assert additive.weighed_g == 13.76
 
 
 def test_a_coarse_balance_leaves_an_error_and_says_it() -> None:
-    found = weighed(of_whole(PAPER), "of_whole", base_g=40.0, resolution_g=0.1)
+    found = weighed(of_whole(PAPER), MixOptions(base_g=40.0, resolution_g=0.1))
     _, additive = found.components
     assert (additive.weighed_g, found.total_g) == pytest.approx((13.3, 53.3))
     assert additive.error_wt_percent == pytest.approx(100.0 * 13.3 / 53.3 - 25.0)
@@ -49,7 +49,7 @@ def test_masses_are_whole_steps_and_shares_are_within_their_bound(
     shares: list[float], total_g: float, resolution_g: float
 ) -> None:
     parts = [Component(str(i), 100.0 * one / math.fsum(shares)) for i, one in enumerate(shares)]
-    found = weighed(of_whole(parts), "of_whole", total_g=total_g, resolution_g=resolution_g)
+    found = weighed(of_whole(parts), MixOptions(total_g=total_g, resolution_g=resolution_g))
     assert math.fsum(one.weighed_wt_percent for one in found.components) == pytest.approx(100.0)
     assert abs(found.total_g - total_g) <= len(parts) * resolution_g / 2 + 1e-9
     for one in found.components:
@@ -61,7 +61,7 @@ def test_masses_are_whole_steps_and_shares_are_within_their_bound(
 
 
 def test_the_worst_share_is_that_of_all_half_steps() -> None:
-    found = weighed(of_whole(PAPER), "of_whole", total_g=20.0, resolution_g=0.1)
+    found = weighed(of_whole(PAPER), MixOptions(total_g=20.0, resolution_g=0.1))
     masses = [one.weighed_g for one in found.components]
     offs = []
     for signs in product((-1, 0, 1), repeat=2):
@@ -72,7 +72,7 @@ def test_the_worst_share_is_that_of_all_half_steps() -> None:
 
 def test_volumes_and_the_index_follow_from_densities() -> None:
     known = with_known(PAPER, {"RA-139": 1.10, "lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
-    found = weighed(of_whole(known), "of_whole", total_g=100.0)
+    found = weighed(of_whole(known), MixOptions(total_g=100.0))
     base, additive = found.components
     assert base.volume_mL == pytest.approx(75.0 / 1.10)
     assert additive.volume_percent == pytest.approx(100.0 * (25.0 / 0.88) / (75.0 / 1.10 + 25.0 / 0.88))
@@ -85,12 +85,12 @@ def test_volumes_and_the_index_follow_from_densities() -> None:
 
 def test_an_index_is_estimated_from_all_or_from_none() -> None:
     known = with_known(PAPER, {"lauryl acrylate": 0.88}, {"RA-139": 1.48, "lauryl acrylate": 1.44})
-    found = weighed(of_whole(known), "of_whole", total_g=100.0)
+    found = weighed(of_whole(known), MixOptions(total_g=100.0))
     assert found.index_estimate is None
     assert [one.volume_mL is None for one in found.components] == [True, False]
     assert [one.volume_percent for one in found.components] == [None, None]
     same = with_known(PAPER, {"RA-139": 1.1, "lauryl acrylate": 0.9}, {"RA-139": 1.5, "lauryl acrylate": 1.5})
-    assert weighed(of_whole(same), "of_whole", total_g=1.0).index_estimate == pytest.approx(1.5)
+    assert weighed(of_whole(same), MixOptions(total_g=1.0)).index_estimate == pytest.approx(1.5)
 
 
 def test_shares_that_rounding_leaves_short_are_scaled() -> None:
@@ -124,13 +124,12 @@ def test_what_is_no_mixture_is_told() -> None:
 @pytest.mark.parametrize(
     ("masses", "line"),
     [
-        ({"total_g": 50.0, "base_g": 10.0}, "give that of the whole or that of the base"),
-        ({}, "give that of the whole or that of the base"),
-        ({"total_g": -1.0}, "--total-g = -1.0; must be above 0"),
-        ({"base_g": math.nan}, "--base-g = nan; must be above 0"),
-        ({"total_g": 50.0, "resolution_g": 0.0}, "--resolution-g = 0.0; must be at least 1e-06 g"),
+        ({"total_g": 50.0, "base_g": 10.0}, "mass of the whole or that of the base"),
+        ({"total_g": -1.0}, "total_g = -1.0; must be greater than 0"),
+        ({"base_g": math.nan}, "base_g = nan; must be"),
+        ({"total_g": 50.0, "resolution_g": 0.0}, "resolution_g = 0.0; must be at least 1e-06"),
         ({"total_g": 1.0, "resolution_g": 0.8}, "mass of lauryl acrylate = '0.25 g'; is less than half a step"),
     ],
 )
 def test_masses_that_cannot_be_are_told(masses: dict[str, float], line: str) -> None:
-    assert line in told(lambda: weighed(of_whole(PAPER), "of_whole", **masses))
+    assert line in told(lambda: weighed(of_whole(PAPER), MixOptions(**masses)))

@@ -1,22 +1,28 @@
-"""A resin from what the commands found of it: their results as files, and what of each a resin keeps.
+"""A resin from results of commands: their files, and what of each a resin keeps.
 
 The idea: a result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with everything in it, arrays
-and all. A resin keeps what a design uses, with its uncertainty, how it was found and what must be known
-of it. A result is read strictly: what a resin needs must be there and be what it should be; the rest is passed over.
+and all. A resin keeps what a design uses, with its uncertainty, its mode and its warnings. A result is read strictly:
+what a resin needs must be there and be valid; the rest is ignored.
 
-The interface: `RESULTS` by kind; each gives the table of the resin, `as_table`, and the files it was `found_from`.
+The interface: `gather` makes a `Resin` of files by `BuildOptions`. `READERS` by option: each result gives the table of
+the resin, `as_table`, and the files it was measured from, `found_from`.
 """
 
+import json
 import math
+from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
-from solen.errors import DataError, SolenError
+from solen.errors import DataError, SolenError, SpecError
+from solen.files import read_text
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Tabulated
-from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, refused
+from solen.material.mix import named_number
+from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
+from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused, told_of
 
 MOST_ROWS = 64
 """Wavelengths that a table of a resin has at most."""
@@ -25,18 +31,47 @@ NOT_KEPT = (
     "the uncertainty of the thickness is not stated and not in u_k",
     "what was launched is not known",
 )
-"""Beginnings of warnings that are of what a resin does not keep: the extinction coefficient, the coupling loss."""
+"""Beginnings of warnings about what a resin does not keep: the extinction coefficient, the coupling loss."""
 DEPENDS = "the loss depends on the build orientation"
 """Beginning of a warning that is settled where an orientation is chosen."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
-"""A gap between known wavelengths is told of where it is wider than this, and than so many usual steps."""
+"""A gap between known wavelengths is warned of where it is wider than this, and than so many usual steps."""
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
 SAME_LOSS = 1e-6
 """How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
 
 
+class Selection(Options):
+    """What of the results is taken."""
+
+    orientation: str = ""
+    """Take the loss of guides that were built in this orientation."""
+    loss_wavelength_nm: Wavelength | None = None
+    """Wavelength that the loss was measured at."""
+    cure_wavelength_nm: Wavelength | None = None
+    """Wavelength of the exposure that the working curve is of."""
+    label: str = ""
+    """Take the stiffness of the material of this label."""
+
+
+class BuildOptions(Selection):
+    """A resin to be built from results."""
+
+    name: str
+    """The resin's name."""
+    formulation: str = ""
+    """Components with their shares of the whole by weight, "RA-139:75,lauryl acrylate:25"."""
+    source: str = ""
+    """Where the numbers come from, in words."""
+    note: str = ""
+    """Anything worth knowing."""
+
+
+_EVERYTHING = Selection()
+
+
 class _Result(Strict):
-    """Result of a command; what a resin does not keep is passed over."""
+    """Result of a command; what a resin does not keep is ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -53,11 +88,15 @@ class _Result(Strict):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Warnings that are of what a resin keeps."""
+        """Warnings about what a resin keeps."""
         return tuple(text for text in self.warnings if not text.startswith(NOT_KEPT))
 
-    def found_from(self) -> tuple[Source, ...]:
-        """The files that it was found from."""
+    def as_table(self, selection: Selection = _EVERYTHING) -> Any:
+        """Table of the resin."""
+        raise NotImplementedError
+
+    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002
+        """The files that it was measured from."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
             Source(of=self.of, **{key: value for key, value in one.items() if key in kept and value is not None})
@@ -68,6 +107,7 @@ class _Result(Strict):
 class IndexResult(_Result):
     """Of `solen resin index` or `solen resin refractometer`."""
 
+    kinds: ClassVar[tuple[str, ...]] = ("index", "refractometer")
     of: ClassVar[str] = "index"
 
     mode: Text = Field(description="how the index was found.")
@@ -84,8 +124,8 @@ class IndexResult(_Result):
                 raise refused(key, limit, value=len(getattr(self, key)))
         return self
 
-    def as_table(self) -> Dispersion:
-        """Index of the resin: the formula that was fitted, or else a table of what was found."""
+    def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002
+        """Index of the resin: the formula that was fitted, or else a table of what was measured."""
         if self.fit is None:
             return self._tabulated()
         formula = self.fit.get("model", self.fit)
@@ -213,22 +253,25 @@ class _Line(_Result):
 class CutbackResult(_Line):
     """Of `solen resin cutback`."""
 
+    kinds: ClassVar[tuple[str, ...]] = ("cutback",)
+
     wavelength_nm: Positive | None = None
     by_orientation: tuple[_Line, ...] = ()
 
-    def as_table(self, orientation: str = "", wavelength_nm: float | None = None) -> Loss:
+    def as_table(self, selection: Selection = _EVERYTHING) -> Loss:
         """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
+        orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, told = (lines[orientation] if orientation else self).numbers()
         kept = tuple(text for text in self.remarks if not (orientation and text.startswith(DEPENDS)))
-        if self.wavelength_nm is None and wavelength_nm is None:
+        if wavelength_nm is None:
             told.append("the wavelength that it was measured at is not stated")
         return Loss(
             **numbers,
-            wavelength_nm=wavelength_nm or self.wavelength_nm,
+            wavelength_nm=wavelength_nm,
             orientation=orientation,
             by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
             warnings=(*kept, *told),
@@ -238,6 +281,7 @@ class CutbackResult(_Line):
 class CureResult(_Result):
     """Of `solen resin cure`."""
 
+    kinds: ClassVar[tuple[str, ...]] = ("cure",)
     of: ClassVar[str] = "cure"
 
     Dp_um: Positive = Field(description="penetration depth in µm.")
@@ -248,7 +292,7 @@ class CureResult(_Result):
     wavelength_nm: Positive | None = None
     irradiance_mW_per_cm2: Positive | None = None
 
-    def as_table(self, wavelength_nm: float | None = None) -> Cure:
+    def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
         """Working curve of the resin, of an exposure at a wavelength, where stated."""
         return Cure(
             Dp_um=self.Dp_um,
@@ -256,7 +300,7 @@ class CureResult(_Result):
             covariance=self.covariance,
             interval95_Dp_um=self.interval95_Dp_um,
             interval95_Ec_mJ_per_cm2=self.interval95_Ec_mJ_per_cm2,
-            wavelength_nm=wavelength_nm or self.wavelength_nm,
+            wavelength_nm=selection.cure_wavelength_nm or self.wavelength_nm,
             irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
             warnings=self.remarks,
         )
@@ -265,8 +309,6 @@ class CureResult(_Result):
 class _Model(_Result):
     """Hyperelastic model of a material."""
 
-    of: ClassVar[str] = "stiffness"
-
     kind: Text
     parameters: dict[str, Number]
     u_parameters: dict[str, NotNegative] | None = None
@@ -274,8 +316,6 @@ class _Model(_Result):
 
 class _Specimen(_Result):
     """A specimen, as far as its file."""
-
-    of: ClassVar[str] = "stiffness"
 
     file: str = ""
 
@@ -298,11 +338,12 @@ class _Modulus(_Result):
 class StiffnessResult(_Modulus):
     """Of `solen resin stiffness`, of one material or of several."""
 
+    kinds: ClassVar[tuple[str, ...]] = ("stiffness",)
     groups: tuple[_Modulus, ...] = ()
 
-    def as_table(self, label: str = "") -> Stiffness:
+    def as_table(self, selection: Selection = _EVERYTHING) -> Stiffness:
         """Stiffness of the resin: of the one material, or of that of a label."""
-        one = self._labelled(label)
+        one = self._labelled(selection.label)
         return Stiffness(
             modulus_MPa=one.modulus_MPa,
             u_modulus_MPa=one.u_modulus_MPa,
@@ -315,9 +356,9 @@ class StiffnessResult(_Modulus):
             warnings=one.remarks,
         )
 
-    def found_from(self, label: str = "") -> tuple[Source, ...]:
-        """The files that it was found from; of several materials those of the one of that label."""
-        files = {one.file for one in self._labelled(label).specimens}
+    def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
+        """The files that it was measured from; of several materials those of the one of that label."""
+        files = {specimen.file for specimen in self._labelled(selection.label).specimens}
         return tuple(source for source in super().found_from() if not files or source.file in files)
 
     def _labelled(self, label: str) -> _Modulus:
@@ -330,11 +371,79 @@ class StiffnessResult(_Modulus):
         return groups[label]
 
 
-RESULTS: dict[str, type[IndexResult | CutbackResult | CureResult | StiffnessResult]] = {
+Reader = IndexResult | CutbackResult | CureResult | StiffnessResult
+READERS: dict[str, type[Reader]] = {
     "index": IndexResult,
-    "refractometer": IndexResult,
     "cutback": CutbackResult,
     "cure": CureResult,
     "stiffness": StiffnessResult,
 }
-"""Results by the ``kind`` that they carry."""
+"""Results by the option of `solen resin build` that names their file."""
+_NEEDS = {
+    "orientation": "cutback",
+    "loss_wavelength_nm": "cutback",
+    "cure_wavelength_nm": "cure",
+    "label": "stiffness",
+}
+
+
+def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
+    """Resin of the results of commands.
+
+    Parameters
+    ----------
+    results
+        Files by the option that names them, one of `READERS`.
+    options
+        What the resin is called, and what of the results it takes.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where a result cannot be read, is of another kind or not valid, or where there is nothing to write.
+    """
+    for name, option in _NEEDS.items():
+        if (value := getattr(options, name)) and option not in results:
+            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add that")
+    if not (results or options.formulation):
+        remedy = f"add {', '.join(f'--{option}' for option in READERS)} or --formulation"
+        raise SpecError("solen resin build", limit="has nothing to write", remedy=remedy)
+    tables: dict[str, Any] = {"name": options.name}
+    tables |= {key: text for key, text in (("source", options.source), ("notes", options.note)) if text}
+    sources: list[Source] = []
+    for option, path in results.items():
+        text = read_text(path, DataError)
+        with told_of(str(path)):
+            result = result_of(text, option)
+            tables[result.of] = result.as_table(options)
+        sources += result.found_from(options)
+    if options.formulation:
+        parts = [named_number(part, "--formulation") for part in options.formulation.split(",")]
+        with told_of("--formulation"):
+            tables["formulation"] = tuple(Part(component=name, wt_percent=percent) for name, percent in parts)
+    if sources:
+        tables["sources"] = tuple(sources)
+    return Resin(**tables)
+
+
+def result_of(text: str, option: str) -> Reader:
+    """Result of a command from the text of its file, of a kind that an option takes."""
+    try:
+        data = json.loads(text, parse_constant=_no_number)
+    except ValueError as bad:
+        raise DataError("JSON", limit=f"cannot be read: {bad}", remedy="write it with --out") from None
+    except RecursionError:
+        raise DataError("JSON", limit="is nested too deeply", remedy="write it with --out") from None
+    if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
+        remedy = f"write it with solen resin {option} --out"
+        raise DataError("kind", limit="missing: this is no result of solen", remedy=remedy)
+    kind, reader = data.pop("kind"), READERS[option]
+    if kind not in reader.kinds:
+        right = next((other for other, reads in READERS.items() if kind in reads.kinds), None)
+        remedy = f"it is for --{right}" if right else ""
+        raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
+    return reader(**data)
+
+
+def _no_number(constant: str) -> float:
+    raise ValueError(f"{constant} is not a number in JSON")

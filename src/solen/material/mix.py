@@ -8,21 +8,48 @@ The index of a mixture is estimated by the rule of Lorentz and Lorenz, (n² − 
 volume fractions φ and volumes that add up (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70,
 1880). It is that of the liquid: curing shrinks it and raises its index, so it stands in for no measurement.
 
-The interface: `Component`, `of_whole`, `on_base`, `weighed`, each giving or taking a `Mixture`.
+The interface: `mixtures` of components and `MixOptions`; `of_whole`, `on_base` and `weighed` are its steps.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal
+from typing import Self
+
+from pydantic import Field, model_validator
 
 from solen.errors import SpecError
-from solen.spec.strict import nearest
+from solen.results import Result, reported
+from solen.spec.strict import Options, nearest, refused
 
 WHOLE = 100.0
 OFF_WHOLE = 0.1
 """How far shares may be from 100 % together, in per cent: what their rounding leaves."""
 MOST_G, FINEST_G = 1e6, 1e-6
+
+
+class MixOptions(Options):
+    """How much is mixed, and what is known of the components."""
+
+    total_g: float | None = Field(None, gt=0.0, le=MOST_G)
+    """Mass of the whole in g; default: 100."""
+    base_g: float | None = Field(None, gt=0.0, le=MOST_G)
+    """Mass of the base that is there already, in place of that."""
+    density: tuple[str, ...] = ()
+    """Density in g/mL by component, "lauryl acrylate:0.884"; repeatable."""
+    index: tuple[str, ...] = ()
+    """Index of a liquid component, as the densities; with both of all components that of the mixture is estimated."""
+    resolution_g: float = Field(0.01, ge=FINEST_G)
+    """Step of the balance in g."""
+
+    @model_validator(mode="after")
+    def _one_mass(self) -> Self:
+        if self.total_g is not None and self.base_g is not None:
+            raise refused("base_g", "give the mass of the whole or that of the base", remedy="--total-g or --base-g")
+        if self.resolution_g > (mass_g := self.base_g or self.total_g or WHOLE):
+            raise refused("resolution_g", f"must be at most the mass, {mass_g:g} g", value=self.resolution_g)
+        return self
 
 
 @dataclass(frozen=True)
@@ -67,7 +94,7 @@ class Weighed:
     volume_mL: float | None  # noqa: N815
     volume_percent: float | None
 
-    @property
+    @reported
     def error_wt_percent(self) -> float:
         """How far the weighed masses leave the share from what is meant."""
         return self.weighed_wt_percent - self.wt_percent
@@ -77,14 +104,80 @@ class Weighed:
 class Mixture:
     """Components in one reading of their percentages, and the liquid's index, None where it cannot be estimated."""
 
-    reading: str
     components: tuple[Weighed, ...]
     index_estimate: float | None
 
-    @property
+    @reported
     def total_g(self) -> float:
         """What is weighed in."""
-        return math.fsum(one.weighed_g for one in self.components)
+        return math.fsum(part.weighed_g for part in self.components)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mixtures(Result):
+    """What to weigh in, in both readings of the percentages.
+
+    Attributes
+    ----------
+    of_whole, on_base
+        Shares of the whole mixture; grams for 100 g of the base.
+    base
+        The first component.
+    total_g, base_g, resolution_g
+        Mass of the whole, or of the base, and step of the balance.
+    """
+
+    of_whole: Mixture
+    on_base: Mixture
+    base: str
+    total_g: float | None
+    base_g: float | None
+    resolution_g: float
+
+
+def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> Mixtures:
+    """Masses of a mixture in both readings of its percentages.
+
+    Parameters
+    ----------
+    components
+        ``name:share``, shares of the whole in per cent by weight, the base first.
+    options
+        How much is mixed.
+
+    Raises
+    ------
+    SpecError
+        Where a component is not a name and a share, the shares are not a whole, or a number cannot be.
+    """
+    parts = [Component(*named_number(text, "component")) for text in components]
+    check_components(parts)
+    densities = dict(named_number(text, "--density") for text in options.density)
+    indices = dict(named_number(text, "--index") for text in options.index)
+    parts = list(with_known(parts, densities, indices))
+    check_components(parts)
+    if options.total_g is None and options.base_g is None:
+        options = options.model_copy(update={"total_g": WHOLE})
+    return Mixtures(
+        weighed(of_whole(parts), options),
+        weighed(on_base(parts), options),
+        parts[0].name,
+        options.total_g,
+        options.base_g,
+        options.resolution_g,
+    )
+
+
+def named_number(text: str, what: str) -> tuple[str, float]:
+    """Name and number of ``name:number``; a per cent sign may follow."""
+    name, colon, number = text.rpartition(":")
+    try:
+        value = float(number.strip().removesuffix("%"))
+    except ValueError:
+        value = math.nan
+    if not (colon and name.strip() and math.isfinite(value)):
+        raise SpecError(what, value=text, limit="is not of the form name:number", remedy='as in "lauryl acrylate:25"')
+    return name.strip(), value
 
 
 def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
@@ -143,35 +236,24 @@ def with_known(
     )
 
 
-def weighed(
-    components: Sequence[Component],
-    reading: str,
-    *,
-    total_g: float | None = None,
-    base_g: float | None = None,
-    resolution_g: float = 0.01,
-) -> Mixture:
+def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
     """Masses of a mixture.
 
     Parameters
     ----------
     components
         By their share of the whole, the base first.
-    reading
-        What the percentages were read as.
-    total_g, base_g
-        Mass of the whole, or of the base that is there already; one of them.
-    resolution_g
-        Step of the balance.
+    options
+        With the mass of the whole or of the base, and the step of the balance.
 
     Raises
     ------
     SpecError
-        Where a mass or the step is none, or the step is too coarse for a component.
+        Where the step is too coarse for a component.
     """
-    _check_masses(total_g, base_g, resolution_g)
+    base_g, resolution_g = options.base_g, options.resolution_g
     base = components[0]
-    whole_g = total_g if total_g is not None else (base_g or 0.0) / base.percent * WHOLE
+    whole_g = (options.total_g or WHOLE) if base_g is None else base_g / base.percent * WHOLE
     exact = [one.percent / WHOLE * whole_g for one in components]
     masses = [float(round(grams / resolution_g) * Decimal(repr(resolution_g))) for grams in exact]
     if base_g is not None:
@@ -188,7 +270,6 @@ def weighed(
     known = [volume for volume in volumes if volume is not None]
     sum_ml = math.fsum(known) if len(known) == len(volumes) else None
     return Mixture(
-        reading,
         tuple(
             Weighed(
                 name=one.name,
@@ -223,14 +304,3 @@ def _index(indices: Sequence[float | None], volumes: Sequence[float | None]) -> 
     whole = math.fsum(volume for _, volume in pairs)
     refraction = math.fsum(volume / whole * (n * n - 1.0) / (n * n + 2.0) for n, volume in pairs)
     return math.sqrt((1.0 + 2.0 * refraction) / (1.0 - refraction))
-
-
-def _check_masses(total_g: float | None, base_g: float | None, resolution_g: float) -> None:
-    if (total_g is None) == (base_g is None):
-        raise SpecError("mass", limit="give that of the whole or that of the base", remedy="--total-g or --base-g")
-    name, mass_g = ("--total-g", total_g) if base_g is None else ("--base-g", base_g)
-    if mass_g is None or not 0.0 < mass_g <= MOST_G:
-        raise SpecError(name, value=mass_g, limit=f"must be above 0 and at most {MOST_G:g} g")
-    if not FINEST_G <= resolution_g <= mass_g:
-        limit = f"must be at least {FINEST_G:g} g and at most the mass"
-        raise SpecError("--resolution-g", value=resolution_g, limit=limit)

@@ -144,7 +144,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
     if not isinstance(bad, ValidationError):
         return SpecError("options", limit=str(bad))
     found = bad.errors(include_url=False)[0]
-    name, ctx = ".".join(str(part) for part in found["loc"]), found.get("ctx", {})
+    name, ctx = ".".join(part for part in found["loc"] if isinstance(part, str)), found.get("ctx", {})
     value, remedy = None if found["type"] == "missing" else found["input"], ""
     if found["type"] == "refused":
         name, value, limit, remedy = (

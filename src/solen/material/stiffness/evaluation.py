@@ -55,7 +55,7 @@ class StiffnessOptions(Options):
     """Toe compensation; auto: where strain is made of displacement and the machine set no zero at a preload."""
     cycle: Literal["first", "last"] = "first"
     """Whose loading gives modulus and model."""
-    fit: tuple[Literal["auto", "none", "all"] | Kind, ...] = ("auto",)
+    fit: tuple[Literal["auto", "none", "all", Kind], ...] = ("auto",)
     """Models: auto (all of them, for rubbers), all, none, or some by name."""
     weighting: Weighting = "absolute"
     """Error of the stress in the fits."""

@@ -1,0 +1,142 @@
+"""What a resin says, as a typed result: its tables, its index at some wavelengths, its warnings.
+
+The interface: `facts_of` a resin gives `ResinFacts`; `listed` gives the library, `Listing`.
+"""
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from solen.errors import SolenError
+from solen.material.dispersion import Dispersion
+from solen.material.resin import Cure, Loss, Part, Resin, Source, Stiffness, library, library_resin
+from solen.results import HIDDEN, Result, reported
+from solen.spec.strict import Options, Wavelength, told_of
+
+LISTED_NM = (589.3, 860.0)
+"""Wavelengths that resins are listed at: sodium's yellow, where refractometers measure, and the paper's emitter."""
+
+
+class ShowOptions(Options):
+    """What of a resin is shown."""
+
+    at_nm: tuple[Wavelength, ...] = ()
+    """A wavelength in nm; repeatable."""
+
+
+@dataclass(frozen=True)
+class IndexAt:
+    """Index and its standard uncertainty at a wavelength; None where not known."""
+
+    wavelength_nm: float
+    n: float | None
+    u_n: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResinFacts(Result):
+    """Everything that a resin says.
+
+    Attributes
+    ----------
+    resin
+        Its name in the library, or its file.
+    at
+        Index at some wavelengths.
+    contents
+        The resin itself.
+    """
+
+    resin: str
+    at: tuple[IndexAt, ...]
+    contents: Resin = field(metadata=HIDDEN)
+
+    @reported
+    def name(self) -> str:
+        """The resin's name."""
+        return self.contents.name
+
+    @reported
+    def source(self) -> str:
+        """Where the numbers come from."""
+        return self.contents.source
+
+    @reported
+    def notes(self) -> str:
+        """Anything worth knowing."""
+        return self.contents.notes
+
+    @reported
+    def index(self) -> Dispersion | None:
+        """Formula or table of the index; None without one."""
+        return self.contents.index if self.contents.has("index") else None
+
+    @reported
+    def loss(self) -> Loss | None:
+        """Loss; None without one."""
+        return self.contents.loss if self.contents.has("loss") else None
+
+    @reported
+    def cure(self) -> Cure | None:
+        """Working curve; None without one."""
+        return self.contents.cure
+
+    @reported
+    def stiffness(self) -> Stiffness | None:
+        """Modulus and hyperelastic model; None without one."""
+        return self.contents.stiffness
+
+    @reported
+    def formulation(self) -> tuple[Part, ...]:
+        """Components of the mixture."""
+        return self.contents.formulation
+
+    @reported
+    def sources(self) -> tuple[Source, ...]:
+        """The files that the tables were measured from."""
+        return self.contents.sources
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether any of these was computed rather than measured."""
+        return any(source.simulated for source in self.sources)
+
+    @reported
+    def warnings(self) -> tuple[str, ...]:
+        """What a user of the resin must know."""
+        others = {"cure": self.cure, "stiffness": self.stiffness}
+        told = (f"{name}: {text}" for name, table in others.items() if table is not None for text in table.warnings)
+        return (*self.contents.warnings, *told)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Listing(Result):
+    """The resins of the library."""
+
+    resins: tuple[ResinFacts, ...]
+
+
+def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts:
+    """What a resin says, with its index at wavelengths, by default at `LISTED_NM`.
+
+    Raises
+    ------
+    DataError
+        Where its index is not known at a wavelength that is asked for.
+    """
+    with told_of(f"resin {resin.name}"):
+        for nm in at_nm:
+            resin.index.index(nm)
+    return ResinFacts(name, tuple(_at(resin, nm) for nm in at_nm or LISTED_NM), resin)
+
+
+def listed() -> Listing:
+    """The library's resins with their index."""
+    return Listing(tuple(facts_of(library_resin(name), name) for name in library()))
+
+
+def _at(resin: Resin, wavelength_nm: float) -> IndexAt:
+    """Index at a wavelength; None outside the known range."""
+    with contextlib.suppress(SolenError):
+        return IndexAt(wavelength_nm, resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm))
+    return IndexAt(wavelength_nm, None, None)
