@@ -9,8 +9,8 @@ from solen.errors import DataError
 from solen.fabricate.process import Images, dose_map, straight_edge_um, terms_at
 from solen.fabricate.process.field import fineness
 from solen.fabricate.process.growth import growth_um, with_growth
-from solen.fabricate.process.reference import cured_um, dose_at
 from solen.material.cure import cure_depth_um, stack_dose, stack_print_through_um
+from tests.fabricate.direct_dose import cured_um, dose_at
 from tests.fabricate.print_support import settings
 
 SMALL = {"halo_um": 40.0, "halo_per_depth": 0.1}

@@ -8,11 +8,26 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError, OutputError, SolenError, SpecError
-from solen.fabricate.process import Feature, default_process, parsed_process, printed_mm, process_text, read_process
+from solen.fabricate.process import (
+    MeasuredFeature,
+    Orientation,
+    PrintedDesign,
+    PrinterCalibration,
+    PrintOptions,
+    default_process,
+    parsed_process,
+    printed_mm,
+    process_of,
+    process_text,
+    read_features,
+    read_process,
+    with_resin,
+)
 from solen.lens.measured import read_profile
 from solen.pipeline.design.commands import open_design
-from solen.pipeline.print.calibrate import calibrate_printer, read_features
-from solen.pipeline.print.predict import Outputs, Print, printed, process_of, with_resin
+from solen.pipeline.print.calibrate import calibrate_printer
+from solen.pipeline.print.predict import predict
+from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.spec import template
 from tests.fabricate.print_support import settings
@@ -47,27 +62,27 @@ def strict(text: str) -> Any:
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]:
     """One print with all of its files, and what it told."""
     folder = tmp_path_factory.mktemp("print")
     sensor = folder / "sensor.toml"
     sensor.write_text(template(), encoding="utf-8")
-    outputs = Outputs(folder / "lens.json", folder / "drawn.toml", folder / "print.svg")
-    return folder, printed(sensor, Print(sure(folder)), outputs, response=False)
+    files = {"out": folder / "lens.json", "compensate": folder / "drawn.toml", "figure": folder / "print.svg"}
+    return folder, predict(sensor, PrintOptions(process=sure(folder)), response=False, **files).result
 
 
-def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, dict[str, Any]]) -> None:
-    folder, told = made
+def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, PrintedDesign]) -> None:
+    folder, found = made
+    told = found.to_dict()
     strict(json.dumps(told, allow_nan=False))
     assert told["simulated"] is True
-    assert told["deviation_um"]["rms"] > 20.0
-    assert told["walls_um"]["layers"] == 160
+    assert found.deviation.rms_um > 20.0
+    assert told["walls"]["layers"] == 160
     assert told["response"] is None
     assert told["sources"][0]["file"] == "process.toml"
-    compensation = told["compensation"]
-    assert compensation["before_um"]["rms"] == told["deviation_um"]["rms"]
-    assert compensation["after_um"]["rms"] < 5.0 < compensation["before_um"]["rms"]
-    assert "not the wanted shape" in compensation["label"]
+    assert told["settings"]["exposure_s"] == 2.0
+    assert found.compensation is not None
+    assert found.compensation.printed.rms_um < 5.0
     profile = read_profile(folder / "lens.json")
     assert profile.simulated
     assert profile.edge == "predicted"
@@ -79,7 +94,7 @@ def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, dict
     assert float(np.abs(1e3 * (again.z_mm - oval_z(np.abs(again.x_mm))))[20:-20].max()) < 5.0
 
 
-def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, dict[str, Any]]) -> None:
+def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, PrintedDesign]) -> None:
     from solen.pipeline.design.export import export
 
     folder, _ = made
@@ -95,7 +110,7 @@ def test_the_drawing_is_a_design_that_can_be_exported(made: tuple[Path, dict[str
     assert Path(files["stl"]).stat().st_size > 10_000
 
 
-def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, dict[str, Any]]) -> None:
+def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, PrintedDesign]) -> None:
     profile = (made[0] / "lens.json").as_posix()
     again = open_design(made[0] / "sensor.toml", ['lens.shape="measured"', f'lens.profile="{profile}"'])
     lens = Sensor.of(again).lens
@@ -104,28 +119,29 @@ def test_a_predicted_profile_goes_back_into_the_design(made: tuple[Path, dict[st
 
 
 def test_the_response_of_both_lenses_is_traced(sensor: Path, tmp_path: Path) -> None:
-    told = printed(sensor, Print(sure(tmp_path)), Outputs(), ["motion.step_deg=3.0"])
-    response = told["response"]
-    assert response["angle_deg"] == [-3.0, 0.0, 3.0]
-    designed, as_printed = (np.array(response["chip"]["contrast"][name]) for name in ("designed", "printed"))
+    response = predict(sensor, PrintOptions(process=sure(tmp_path)), ["motion.step_deg=3.0"]).result.response
+    assert response is not None
+    assert response.chip is not None
+    assert response.own.angle_deg.tolist() == [-3.0, 0.0, 3.0]
+    designed, as_printed = response.chip.contrast_designed, response.chip.contrast_printed
     # a mirror image of a symmetric sensor, within the step of a ray of 16384
     assert np.allclose(designed, -designed[::-1], atol=5e-3)
     assert np.allclose(as_printed, -as_printed[::-1], atol=5e-3)
     # a chip of 0.2 mm: 0.90 at 3 deg as designed; the printed lens gives up some of it
     assert designed[0] == pytest.approx(0.90, abs=0.01)
     assert 0.0 < designed[0] - as_printed[0] < 0.15
-    assert 0.0 < response["chip"]["slope_lost_percent"] < 50.0
+    assert response.chip.slope_lost_percent is not None
+    assert 0.0 < response.chip.slope_lost_percent < 50.0
 
 
 @pytest.mark.parametrize("orientation", ["upright", "on-edge"])
-def test_other_orientations_are_told_with_their_steps(sensor: Path, tmp_path: Path, orientation: str) -> None:
-    told = printed(
-        sensor, Print(sure(tmp_path), orientation=orientation), Outputs(figure=tmp_path / "a.svg"), response=False
-    )
-    assert told["walls_um"] is None
-    assert told["ripple_um"]["along"] == "profile"
-    assert 5.0 < told["ripple_um"]["peak_to_valley"] < 40.0
-    assert any("steps of the layers" in text for text in told["warnings"])
+def test_other_orientations_have_steps(sensor: Path, tmp_path: Path, orientation: Orientation) -> None:
+    options = PrintOptions(process=sure(tmp_path), orientation=orientation)
+    found = predict(sensor, options, response=False, figure=tmp_path / "a.svg").result
+    assert found.walls is None
+    assert found.ripple.along == "profile"
+    assert 5.0 < found.ripple.peak_to_valley_um < 40.0
+    assert any("steps of the layers" in text for text in found.warnings)
 
 
 def test_what_is_left_out_of_a_process_is_the_default(tmp_path: Path) -> None:
@@ -172,58 +188,55 @@ def test_bad_processes_are_refused_in_one_line(line: str) -> None:
 
 def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path: Path) -> None:
     process = sure(tmp_path, layer_um=100.0, exposure_s=0.9, Dp_um=100.0)
-    told = printed(sensor, Print(process), Outputs(), response=False)
-    assert told["cure_depth_um"] < 100.0
-    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in told["warnings"])
+    found = predict(sensor, PrintOptions(process=process), response=False).result
+    assert found.cure_depth_um < 100.0
+    assert any(text.startswith("the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings)
 
 
 @pytest.mark.parametrize(
-    ("how", "outputs", "error", "match"),
+    ("options", "files", "error", "match"),
     [
-        (Print(orientation="tilted"), Outputs(), SpecError, "must be one of flat, upright"),
-        (Print(at="top"), Outputs(), SpecError, "must be middle, mean, or a height in mm from 0 to 4"),
-        (Print(at="4.1"), Outputs(), SpecError, "from 0 to 4"),
-        (Print(at="nan"), Outputs(), SpecError, "from 0 to 4"),
-        (Print(orientation="upright", at="mean"), Outputs(), SpecError, "is of a part printed flat"),
-        (
-            Print(orientation="on-edge"),
-            Outputs(compensate=Path("d.toml")),
-            SpecError,
-            "steps of layers cannot be drawn",
-        ),
-        (Print(), Outputs(compensate=Path("d.json")), OutputError, "a design ends in .toml"),
-        (Print(), Outputs(out=Path("lens.toml")), OutputError, "a result ends in .json"),
-        (Print(), Outputs(figure=Path("lens.gif")), OutputError, "a figure ends in"),
-        (Print(process=Path("nowhere.toml")), Outputs(), DataError, "no such file"),
-        (Print(printer="asiga-max-x72"), Outputs(), DataError, "not in the library"),
+        ({"orientation": "tilted"}, {}, SpecError, "orientation = 'tilted'; must be 'flat', 'upright'"),
+        ({"at": "top"}, {}, SpecError, "must be middle, mean, or a height in mm from 0 to 4"),
+        ({"at": "4.1"}, {}, SpecError, "from 0 to 4"),
+        ({"at": "nan"}, {}, SpecError, "from 0 to 4"),
+        ({"orientation": "upright", "at": "mean"}, {}, SpecError, "--at = 'mean'; is for parts printed flat"),
+        ({"orientation": "on-edge"}, {"compensate": "d.toml"}, SpecError, "--compensate is for parts printed flat"),
+        ({"orientation": "on-edge"}, {"solid": "d.stl"}, SpecError, "--solid is for parts printed flat"),
+        ({}, {"compensate": "d.json"}, OutputError, "a design ends in .toml"),
+        ({}, {"solid": "d.step"}, OutputError, "a solid ends in .stl"),
+        ({}, {"out": "lens.toml"}, OutputError, "a result ends in .json"),
+        ({}, {"figure": "lens.gif"}, OutputError, "a figure ends in"),
+        ({"process": "nowhere.toml"}, {}, DataError, "no such file"),
+        ({"printer": "asiga-max-x72"}, {}, DataError, "not in the library"),
     ],
 )
 def test_bad_demands_are_refused(
-    sensor: Path, how: Print, outputs: Outputs, error: type[SolenError], match: str
+    sensor: Path, options: dict[str, str], files: dict[str, str], error: type[SolenError], match: str
 ) -> None:
     with pytest.raises(error, match=match):
-        printed(sensor, how, outputs, response=False)
+        predict(sensor, PrintOptions(**options), response=False, **{name: Path(file) for name, file in files.items()})
 
 
 def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
-    process, _ = process_of(Print(printer="asiga-max-x43"))
+    process, _ = process_of(PrintOptions(printer="asiga-max-x43"))
     assert process.process.pixel_um == 43.0
     assert process.source["pixel_um"].endswith("Asiga MAX X43")
     assert process.uncertainty == default_process().uncertainty
     with pytest.raises(DataError, match=r"process\.layer_um = 900\.0; Asiga MAX X43 prints layers of"):
-        process_of(Print(process=sure(tmp_path, layer_um=900.0, exposure_s=300.0), printer="asiga-max-x43"))
+        process_of(PrintOptions(process=sure(tmp_path, layer_um=900.0, exposure_s=300.0), printer="asiga-max-x43"))
     calibration = "[calibration]\nkeys = ['growth_um']\ncovariance = [[0.04]]\nfeatures = 9\n"
     calibrated = _written(tmp_path / "mine.toml", KNOWN + calibration)
-    assert process_of(Print(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
+    assert process_of(PrintOptions(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
     with pytest.raises(DataError, match="the process was calibrated with pixels of 27 µm"):
-        process_of(Print(process=calibrated, printer="asiga-max-x43"))
+        process_of(PrintOptions(process=calibrated, printer="asiga-max-x43"))
 
 
 def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path) -> None:
     coarse = sure(tmp_path, pixel_um=250.0, sigma_um=120.0, halo_um=200.0)
     out = tmp_path / "lens.json"
     with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 µm"):
-        printed(sensor, Print(coarse), Outputs(out=out), response=False)
+        predict(sensor, PrintOptions(process=coarse), response=False, out=out)
     assert not out.exists()
 
 
@@ -231,7 +244,7 @@ def features_file(path: Path, **changes: Any) -> Path:
     """Simulated coupons of a blurred process."""
     one = settings(sigma_um=20.0, Ec_mJ_per_cm2=3.0)
     nominal = [("pillar", 0.06), ("pillar", 0.1), ("pillar", 0.3), ("pillar", 1.0), ("gap", 0.5), ("hole", 1.5)]
-    features = [Feature(kind, size, None, None, True) for kind, size in nominal]  # type: ignore[arg-type]
+    features = [MeasuredFeature(kind, size, None, None, True) for kind, size in nominal]  # type: ignore[arg-type]
     found = [
         {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_mm": 0.003, "resolved": True} | changes
         for (kind, size), made in zip(nominal, printed_mm(one, features), strict=True)
@@ -243,7 +256,8 @@ def features_file(path: Path, **changes: Any) -> Path:
 def test_a_calibration_is_written_as_a_process(tmp_path: Path) -> None:
     coupons = features_file(tmp_path / "a.json")
     out = tmp_path / "p.toml"
-    told = calibrate_printer([coupons], out=out, figure=tmp_path / "c.svg")
+    outcome: Outcome[PrinterCalibration] = calibrate_printer([coupons], out=out, figure=tmp_path / "c.svg")
+    told = outcome.to_dict()
     strict(json.dumps(told, allow_nan=False))
     assert told["warnings"][0] == "the features are simulated, not measured"
     assert told["sources"][0]["simulated"] is True
@@ -291,15 +305,15 @@ def _written(path: Path, text: str) -> Path:
 
 
 BAD_FEATURES: list[tuple[dict[str, Any], str]] = [
-    ({"kind": "cone"}, r"features\[0\]: kind = 'cone'; must be one of pillar, hole, gap, step"),
-    ({"nominal_mm": -1.0}, r"features\[0\]: nominal_mm = -1\.0; must be a number above 0"),
-    ({"nominal_mm": None}, r"features\[0\]: nominal_mm; missing"),
-    ({"measured_mm": "wide"}, r"features\[0\]: measured_mm = 'wide'"),
-    ({"measured_mm": 700.0}, r"at most 100 mm"),
-    ({"u_mm": None}, r"features\[0\]: u_mm; missing: a measured size without its uncertainty"),
-    ({"u_mm": 0}, r"features\[0\]: u_mm = 0; must be a number above 0"),
-    ({"resolved": "yes"}, r"features\[0\]: resolved = 'yes'; must be true or false"),
-    ({"resolved": False}, r"coupons = '0 of 6 features'; needs 3"),
+    ({"kind": "cone"}, r"features\[0\]\.kind = 'cone'; must be 'pillar', 'hole', 'gap' or 'step'"),
+    ({"nominal_mm": -1.0}, r"features\[0\]\.nominal_mm = -1\.0; must be greater than 0"),
+    ({"nominal_mm": None}, r"features\[0\]\.nominal_mm"),
+    ({"measured_mm": "wide"}, r"features\[0\]\.measured_mm = 'wide'"),
+    ({"measured_mm": 700.0}, r"at most 100"),
+    ({"u_mm": None}, r"features\[0\]\.u_mm; missing: a measured size without its uncertainty"),
+    ({"u_mm": 0}, r"features\[0\]\.u_mm = 0; must be greater than 0"),
+    ({"resolved": "yes"}, r"features\[0\]\.resolved = 'yes'"),
+    ({"resolved": False}, r"coupons = '0 of 6 features'; needs at least 3"),
 ]
 
 

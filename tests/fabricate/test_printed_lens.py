@@ -6,8 +6,8 @@ import pytest
 from solen.errors import DataError, DesignError
 from solen.fabricate.process import (
     Deviation,
-    Feature,
     FlatPrint,
+    MeasuredFeature,
     Process,
     SidePrint,
     Target,
@@ -49,7 +49,7 @@ def test_a_printed_disc_is_that_of_the_radial_integral() -> None:
     printed = FlatPrint.of([ring(0.2)], round_target(0.2), one, 6.0)
     # on the window side of a layer far inside, where coupons are looked at
     found = printed.offsets_um(3000.0 - 1e-6)
-    (wanted,) = printed_mm(one, [Feature("pillar", 0.4, None, None, True)])
+    (wanted,) = printed_mm(one, [MeasuredFeature("pillar", 0.4, None, None, True)])
     # scattered light is in four groups there, within 0.2 um
     assert float(found.mean()) == pytest.approx(0.5e3 * (wanted - 0.4), abs=0.2)
     # a grey value is 1/255 of a pixel of 6 um, 0.02 um; round the circle pixels leave some times that
@@ -115,7 +115,7 @@ def test_a_pre_compensated_lens_prints_within_5_um_where_another_does_not(body: 
     assert before.rms_um > 20.0
     assert made.printed.rms_um < 1.0
     # where lens and stem meet the corner is sharper than the blur; off the ends nothing is left
-    assert abs(made.printed.largest[0]) < 10.0
+    assert abs(made.printed.largest_um) < 10.0
     assert float(np.abs(made.printed.um[10:-10]).max()) < 3.0
     # what is told is what is drawn, printed again, and the oval is found by bisection, not by the code that drew it
     again = FlatPrint.of(rings_of(made.outlines), lens, one, 4.0).profile_um(2000.0)

@@ -9,11 +9,11 @@ import trimesh
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from solen.errors import DataError, OutputError, SpecError
-from solen.fabricate.process import Settings, default_process, printed_solid
-from solen.fabricate.process.light import terms_at
+from solen.errors import DataError
+from solen.fabricate.process import PrintOptions, Settings, default_process, printed_solid
 from solen.fabricate.process.solid import SLAB_UM, slabs
-from solen.pipeline.print.predict import Outputs, Print, printed
+from solen.fabricate.process.terms import terms_at
+from solen.pipeline.print.predict import predict
 from solen.spec import template
 from tests.fabricate.test_printed_command import sure
 
@@ -79,18 +79,10 @@ def test_the_command_s_solid_is_the_sensor(tmp_path: Path) -> None:
     design, target = tmp_path / "sensor.toml", tmp_path / "printed.stl"
     design.write_text(template(), encoding="utf-8")
     thin = ["body.thickness_mm=0.1"]
-    found = printed(design, Print(sure(tmp_path)), Outputs(solid=target), thin, response=False)
+    found = predict(design, PrintOptions(process=sure(tmp_path)), thin, solid=target, response=False).result
     mesh = trimesh.load(io.BytesIO(target.read_bytes()), file_type="stl")
     assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(found["solid_mm3"]["printed"], rel=1e-5)
-    assert found["solid_mm3"]["printed"] == pytest.approx(found["solid_mm3"]["designed"], rel=0.05)
+    assert found.part is not None
+    assert mesh.volume == pytest.approx(found.part.printed_mm3, rel=1e-5)
+    assert found.part.printed_mm3 == pytest.approx(found.part.designed_mm3, rel=0.05)
     assert b"simulated" in target.read_bytes()[:80]
-
-
-def test_a_solid_of_another_kind_or_of_an_upright_part_is_refused(tmp_path: Path) -> None:
-    design = tmp_path / "sensor.toml"
-    design.write_text(template(), encoding="utf-8")
-    with pytest.raises(OutputError, match=r"a solid ends in \.stl, \.3mf, \.glb"):
-        printed(design, Print(), Outputs(solid=tmp_path / "a.step"), response=False)
-    with pytest.raises(SpecError, match="is of a part printed flat"):
-        printed(design, Print(orientation="upright"), Outputs(solid=tmp_path / "a.stl"), response=False)

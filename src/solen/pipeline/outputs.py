@@ -67,6 +67,12 @@ def check_figure(figure: Path | None) -> None:
         raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
 
 
+def check_ending(path: Path | None, what: str, *endings: str) -> None:
+    """`OutputError` where a file is asked for that does not have one of some endings; ``what`` is what it holds."""
+    if path is not None and path.suffix.lower() not in endings:
+        raise OutputError(str(path), limit=f"{what} ends in {', '.join(endings)}", remedy="rename it")
+
+
 def check_out(out: Path | None) -> None:
     """`OutputError` where a result is asked for in a file that is not called JSON."""
     if out is not None and out.suffix.lower() != ".json":

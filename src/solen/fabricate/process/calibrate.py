@@ -1,20 +1,19 @@
 """A process's numbers from measured coupons: the blur, the dose that sets an edge, the shrinkage.
 
 The idea: least squares of printed sizes against measured ones, each weighed by its uncertainty. What the process was
-taken to be before goes in as weak observations, three times as uncertain as it says, so that what coupons cannot tell
-stays where it was, and is said. Large features tell how far an edge grows and how sizes scale; only features about as
-small as the blur tell the blur from the critical dose; washing moves every edge as the critical dose does, and stays as
-it was stated.
+taken to be before is a prior, three times as uncertain as stated, so that what coupons cannot determine stays where it
+was, with a warning. Large features show how far an edge grows and how sizes scale; only features about as small as the
+blur separate the blur from the critical dose; washing moves every edge as the critical dose does, and stays as stated.
 
 The critical dose that comes out is effective: with the blur it places edges where they were measured. A working curve's
 is another number, and a better one for depths.
 
-The interface: `calibrated` gives a `Fit`.
+The interface: `calibrated` gives a `PrinterCalibration`.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,9 +21,11 @@ from scipy.optimize import least_squares
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.fabricate.process.coupons import Feature, printed_mm
+from solen.fabricate.process.features import Kind, MeasuredFeature, printed_mm
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.fabricate.process.settings import Calibration, Process, Settings
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
 
 SOUGHT = ("sigma_um", "Ec_mJ_per_cm2", "shrinkage_percent")
 WEAK = 3.0
@@ -38,67 +39,118 @@ WIDE: dict[str, float] = {
     "shrinkage_z_percent": 2.0,
 }
 """Uncertainty of before where a process states none."""
-TOGETHER = 0.9
-"""Correlation from which on two numbers cannot be told apart."""
-TOLD = 0.5
-"""Share of its variance of before that a number must lose to count as told by the coupons."""
+INSEPARABLE = 0.9
+"""Correlation above which two numbers cannot be separated."""
+LEARNED = 0.5
+"""Share of its variance of before that a number must lose to count as determined by the coupons."""
 LEAST = 3
 _LOST_UM = 200.0  # residual of a feature that the model does not print, in µm
 _DOUBT = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Process that was found, and how well it tells the coupons.
+@dataclass(frozen=True)
+class CalibratedNumber:
+    """A number of the process with its standard uncertainty now and before; ``key`` ends in its unit.
+
+    ``growth_um`` stands for the critical dose: how far a straight wall grows beyond its image.
+    """
+
+    key: str
+    value: float
+    u: float
+    u_before: float
+
+    @property
+    def learned(self) -> float:
+        """Share of the variance of before that the coupons removed."""
+        return 1.0 - (self.u / self.u_before) ** 2
+
+
+@dataclass(frozen=True)
+class FittedFeature:
+    """A feature that was used: its size as drawn, as measured, and as the model prints it."""
+
+    kind: Kind
+    nominal_mm: float
+    measured_mm: float
+    u_mm: float
+    printed_mm: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrinterCalibration(Result):
+    """A calibrated process, and how well it explains the coupons.
 
     Attributes
     ----------
     process
         The process, with its calibration.
-    keys, value, u, u_before
-        Numbers that were sought, what they are, and their uncertainty now and before, (p,) each; ``growth_um`` stands
-        for the critical dose: how far a straight wall grows beyond its image.
+    simulated
+        Whether sizes were computed rather than measured.
+    numbers
+        Numbers that were sought.
     covariance
         Of the numbers, (p, p).
-    Ec
-        Effective critical dose in mJ/cm² and its uncertainty.
-    features, printed_mm
-        Features that were used, and what the model prints them as, (n,).
+    Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
+        Effective critical dose.
+    given, features
+        Number of features that were given, and those that were used.
     chi2, df
-        Sum of squared residuals over uncertainties, and features less numbers told.
+        Sum of squared residuals over uncertainties, and features less numbers that they determine.
     scale
-        By what uncertainties were multiplied because features scatter more than they say; 1 where they do not.
+        By what uncertainties were multiplied because features scatter more than they state; 1 where they do not.
     disagree
         Features that the model prints and that were not found, or the other way round.
-    warnings
-        What cannot be concluded.
+    sources, warnings
+        Files of the features, and what cannot be concluded.
     """
 
-    process: Process
-    keys: tuple[str, ...]
-    value: FloatArray
-    u: FloatArray
-    u_before: FloatArray
-    covariance: FloatArray
-    Ec: tuple[float, float]
-    features: tuple[Feature, ...]
-    printed_mm: FloatArray
+    process: Process = field(metadata=HIDDEN)
+    simulated: bool
+    numbers: tuple[CalibratedNumber, ...]
+    covariance: FloatArray = field(metadata=HIDDEN)
+    Ec_mJ_per_cm2: float
+    u_Ec_mJ_per_cm2: float
+    given: int
+    features: tuple[FittedFeature, ...]
     chi2: float
     df: int
     scale: float
-    disagree: tuple[Feature, ...]
+    disagree: tuple[MeasuredFeature, ...]
+    sources: tuple[Provenance, ...]
     warnings: tuple[str, ...]
 
-    @property
+    @reported
+    def name(self) -> str:
+        """Name of the process."""
+        return self.process.name
+
+    @reported
+    def settings(self) -> Settings:
+        """Values of the process."""
+        return self.process.process
+
+    @reported
+    def correlation(self) -> FloatArray:
+        """Correlations of the numbers, (p, p)."""
+        u = np.sqrt(np.diag(self.covariance))
+        return np.asarray(self.covariance / np.outer(u, u))
+
+    @reported
     def rms_um(self) -> float:
         """Root mean square of printed less measured sizes."""
-        off = [
-            1e3 * (size - (one.measured_mm or 0.0)) for size, one in zip(self.printed_mm, self.features, strict=True)
-        ]
-        return float(np.sqrt(np.nanmean(np.square(off))))
+        off_um = [1e3 * (feature.printed_mm - feature.measured_mm) for feature in self.features]
+        return float(np.sqrt(np.nanmean(np.square(off_um))))
 
 
-def calibrated(process: Process, features: Sequence[Feature], name: str, *, simulated: bool = False) -> Fit:
+def calibrated(
+    process: Process,
+    features: Sequence[MeasuredFeature],
+    name: str,
+    *,
+    simulated: bool = False,
+    sources: Sequence[Provenance] = (),
+) -> PrinterCalibration:
     """Process that prints coupons as they were measured.
 
     Parameters
@@ -111,6 +163,8 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
         What the numbers rest on, for the process file.
     simulated
         Whether sizes were computed rather than measured.
+    sources
+        Files of the features.
 
     Raises
     ------
@@ -120,7 +174,7 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
     used = tuple(one for one in features if one.resolved and one.measured_mm is not None and one.u_mm is not None)
     lateral = sum(one.kind != "step" for one in used)
     if lateral < LEAST:
-        limit = f"needs {LEAST} pillars, holes or gaps with a measured size at least"
+        limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     problem = _Problem(process, used, SOUGHT + (("shrinkage_z_percent",) if lateral < len(used) else ()))
     found = least_squares(
@@ -135,37 +189,47 @@ def calibrated(process: Process, features: Sequence[Feature], name: str, *, simu
     )
     jacobian, count = np.asarray(found.jac), len(used)
     chi2 = float(np.sum(found.fun[:count] ** 2))
-    told = 1.0 - np.diag(np.linalg.inv(jacobian.T @ jacobian)) / problem.before**2
-    df = max(count - int(np.count_nonzero(told > TOLD)), 1)
+    learned = 1.0 - np.diag(np.linalg.inv(jacobian.T @ jacobian)) / problem.before**2
+    df = max(count - int(np.count_nonzero(learned > LEARNED)), 1)
     scale = max(1.0, math.sqrt(chi2 / df))
-    # what features say counts for less by how much more they scatter; what was known before does not
+    # features that scatter more weigh less; what was known before keeps its weight
     weight = np.concatenate([np.full(count, scale**-2), np.ones(len(problem.keys))])
     covariance = np.linalg.inv((jacobian * weight[:, None]).T @ jacobian)
     settings = problem.settings(found.x)
     u_of_Ec = problem.u_of_Ec(found.x, covariance)
-    fit = Fit(
+    rows = zip(problem.sought, found.x, np.sqrt(np.diag(covariance)), problem.before, strict=True)
+    calibration = PrinterCalibration(
         process=_process(problem, settings, covariance, u_of_Ec, name, simulated),
-        keys=problem.sought,
-        value=np.asarray(found.x),
-        u=np.sqrt(np.diag(covariance)),
-        u_before=problem.before,
+        simulated=simulated,
+        numbers=tuple(CalibratedNumber(key, float(x), float(u), float(before)) for key, x, u, before in rows),
         covariance=covariance,
-        Ec=(settings.Ec_mJ_per_cm2, u_of_Ec),
-        features=used,
-        printed_mm=printed_mm(settings, used),
+        Ec_mJ_per_cm2=settings.Ec_mJ_per_cm2,
+        u_Ec_mJ_per_cm2=u_of_Ec,
+        given=len(features),
+        features=_fitted(settings, used),
         chi2=chi2,
         df=df,
         scale=scale,
         disagree=_disagreeing(settings, features),
-        warnings=(),
+        sources=tuple(sources),
+        warnings=("the features are simulated, not measured",) if simulated else (),
     )
-    return replace(fit, warnings=(*_untold(fit), *_together(fit, settings), *_of_fit(fit)))
+    more = (*_unknown(calibration), *_inseparable(calibration), *_of_fit(calibration))
+    return replace(calibration, warnings=(*calibration.warnings, *more))
+
+
+def _fitted(settings: Settings, used: Sequence[MeasuredFeature]) -> tuple[FittedFeature, ...]:
+    sizes = printed_mm(settings, used).tolist()
+    return tuple(
+        FittedFeature(one.kind, one.nominal_mm, one.measured_mm or math.nan, one.u_mm or math.nan, size)
+        for one, size in zip(used, sizes, strict=True)
+    )
 
 
 class _Problem:
     """Least squares in numbers that coupons tell apart best: the growth of a straight wall for critical dose."""
 
-    def __init__(self, process: Process, used: Sequence[Feature], keys: tuple[str, ...]) -> None:
+    def __init__(self, process: Process, used: Sequence[MeasuredFeature], keys: tuple[str, ...]) -> None:
         self.process, self.used, self.keys = process, used, keys
         self.sought = tuple("growth_um" if key == "Ec_mJ_per_cm2" else key for key in keys)
         self._measured = np.array([1e3 * (one.measured_mm or 0.0) for one in used])
@@ -232,39 +296,37 @@ def _process(
     return Process(**data)
 
 
-def _disagreeing(settings: Settings, features: Sequence[Feature]) -> tuple[Feature, ...]:
+def _disagreeing(settings: Settings, features: Sequence[MeasuredFeature]) -> tuple[MeasuredFeature, ...]:
     there = ~np.isnan(printed_mm(settings, features))
     return tuple(one for one, is_there in zip(features, there.tolist(), strict=True) if is_there != one.resolved)
 
 
-def _untold(fit: Fit) -> list[str]:
-    told = 1.0 - (fit.u / fit.u_before) ** 2
+def _unknown(fit: PrinterCalibration) -> list[str]:
     return [
-        f"{key} is not told by these coupons: it stays {value:.3g} ± {u:.2g}, as was assumed before"
-        for key, value, u, share in zip(fit.keys, fit.value, fit.u, told, strict=True)
-        if share < TOLD
+        f"these coupons do not determine {number.key}: it stays {number.value:.3g} ± {number.u:.2g}, as assumed before"
+        for number in fit.numbers
+        if number.learned < LEARNED
     ]
 
 
-def _together(fit: Fit, settings: Settings) -> list[str]:
-    """What coupons change alike."""
+def _inseparable(fit: PrinterCalibration) -> list[str]:
+    """What changes coupons alike."""
     found = [
-        "washing, critical dose, exposure and scattering move edges alike and cannot be told apart here: "
-        f"Ec_mJ_per_cm2 is an effective one, for edges beside wash_um = {settings.wash_um:g} and not for depths; "
-        "what is known is the growth of walls, and it is kept"
+        "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: Ec_mJ_per_cm2 "
+        f"is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for depths; what is known is "
+        "the growth of walls, and it is kept"
     ]
-    scale = fit.u
-    for i, j in combinations(range(len(scale)), 2):
-        correlation = float(fit.covariance[i, j] / (scale[i] * scale[j]))
-        if abs(correlation) > TOGETHER:
+    for i, j in combinations(range(len(fit.numbers)), 2):
+        correlation = float(fit.correlation[i, j])
+        if abs(correlation) > INSEPARABLE:
             found.append(
-                f"{fit.keys[i]} and {fit.keys[j]} cannot be told apart well (correlation {correlation:+.2f}): "
-                "measure features of more different sizes"
+                f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
+                f"{correlation:+.2f}): measure features of more different sizes"
             )
     return found
 
 
-def _of_fit(fit: Fit) -> list[str]:
+def _of_fit(fit: PrinterCalibration) -> list[str]:
     found = []
     if fit.scale > _DOUBT:
         found.append(

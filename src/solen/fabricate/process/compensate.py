@@ -10,18 +10,19 @@ against shrinkage.
 The interface: `compensated` gives a `Compensation`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from solen.arrays import FloatArray
-from solen.fabricate.process.drawn import DrawnFace, redrawn, rings_of
+from solen.fabricate.process.drawing import DrawnFace, redrawn, rings_of
 from solen.fabricate.process.flat import FlatPrint
-from solen.fabricate.process.light import straight_edge_um
+from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Deviation, Target
 from solen.geometry import Body
+from solen.results import HIDDEN, reported
 
 MOST_ROUNDS = 12
 SETTLED_UM = 0.02
@@ -48,12 +49,17 @@ class Compensation:
         Root mean square of that, round by round.
     """
 
-    outlines: list[list[DrawnFace]]
-    drawn_um: FloatArray
+    outlines: list[list[DrawnFace]] = field(metadata=HIDDEN)
+    drawn_um: FloatArray = field(metadata=HIDDEN)
     wall_um: float
     scale: float
     printed: Deviation
     rounds_um: tuple[float, ...]
+
+    @reported
+    def drawn_range_um(self) -> tuple[float, float]:
+        """Least and most that the lens is drawn beyond the wanted one."""
+        return float(self.drawn_um.min()), float(self.drawn_um.max())
 
 
 def compensated(
@@ -85,4 +91,4 @@ def compensated(
             break
         drawn = drawn - gaussian_filter1d(found.um, smooth, mode="nearest")
     assert best is not None  # noqa: S101  there is one round at least
-    return Compensation(best.outlines, best.drawn_um, wall_um, scale, best.printed, tuple(rounds))
+    return replace(best, rounds_um=tuple(rounds))

@@ -22,8 +22,8 @@ from scipy import fft, ndimage
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.fabricate.process.light import terms_at
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.terms import terms_at
 
 FAINTEST = 1e-6
 """Relative size of the narrowest blur's spectrum at the end of the fine grid's."""

@@ -23,7 +23,7 @@ from scipy import fft
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.field import DoseMap, Images, dose_map, fineness
-from solen.fabricate.process.light import straight_edge_um
+from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
 from solen.fabricate.raster import coverage

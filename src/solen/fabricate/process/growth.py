@@ -1,11 +1,12 @@
-"""How far edges grow far inside a part, and the critical dose that makes them do so.
+"""How far straight edges grow, and the critical dose that makes them do so.
 
 The idea: seen from above a part is as wide as on the window side of a layer far inside, where all layers are alike. How
 far a long straight wall stands beyond its image there is the one number that coupons tell best: blur, scattering,
 critical dose, exposure and washing all go into it. So a calibrated process keeps it: when another number of it is
 varied within its uncertainty, the critical dose is varied with it so that walls still grow as measured.
 
-The interface: `inside` is the light there, `growth_um` the growth, `with_growth` settings of a given one.
+The interface: `straight_edge_um` is how far a wall stands out at a height; `inside` is the light far inside,
+`growth_um` the growth there, `with_growth` gives settings of a given one.
 """
 
 import math
@@ -17,8 +18,8 @@ from scipy.special import ndtr
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.fabricate.process.light import terms_at
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.terms import terms_at
 
 _HALOS = 4  # groups of scattered light
 _WIDE = 8.0  # widths of a blur beyond which it adds nothing
@@ -60,13 +61,31 @@ def growth_um(settings: Settings) -> float:
     DataError
         Where nothing sets.
     """
-    dose, blur = inside(settings)
+    return _edge_um(*inside(settings), settings, "far inside") + settings.wash_um
+
+
+def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
+    """How far a long straight wall stands beyond its image at a height, µm; below 0 where it falls short.
+
+    Mean over the wall's places between pixels (see `Settings.edge_um`).
+
+    Raises
+    ------
+    DataError
+        Where nothing sets at that height.
+    """
+    terms = terms_at(settings, layers, height_um)
+    blur = np.hypot(terms.sigma_um, settings.pixel_um / math.sqrt(6.0))
+    return _edge_um(terms.dose, blur, settings, f"at a height of {height_um:g} µm")
+
+
+def _edge_um(dose: FloatArray, blur: FloatArray, settings: Settings, where: str) -> float:
+    """Distance x from a straight edge's image at which Σ E Φ(-x/σ) = Ec."""
     if float(dose.sum()) <= settings.Ec_mJ_per_cm2:
-        limit = f"even far inside {dose.sum():.3g} mJ/cm2 arrive, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
+        limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
     reach = _WIDE * float(blur.max())
-    edge = brentq(lambda x: float(dose @ ndtr(-x / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9)
-    return float(edge) + settings.wash_um
+    return float(brentq(lambda x: float(dose @ ndtr(-x / blur)) - settings.Ec_mJ_per_cm2, -reach, reach, xtol=1e-9))
 
 
 def with_growth(settings: Settings, growth: float) -> Settings:

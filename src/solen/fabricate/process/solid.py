@@ -19,8 +19,9 @@ from solen.errors import DataError
 from solen.fabricate.mesh import Mesh, closed_mesh
 from solen.fabricate.process.field import Images, dose_map
 from solen.fabricate.process.flat import FlatPrint, check_size, window
-from solen.fabricate.process.light import straight_edge_um, terms_at
+from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.terms import terms_at
 from solen.fabricate.raster import coverage
 
 SLAB_UM = 1.0

@@ -8,7 +8,7 @@ The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of what wa
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,6 +17,7 @@ from solen.arrays import FloatArray
 from solen.curve import Curve
 from solen.errors import DataError
 from solen.plane import Point
+from solen.results import HIDDEN, reported
 
 Field = Callable[[FloatArray], FloatArray]
 """What says of places (..., 2) in mm whether they are set: above 0 they are."""
@@ -128,25 +129,33 @@ def _refuse(target: Target, found: FloatArray) -> None:
 class Deviation:
     """How far a printed face is from the wanted one, along its normal: ``um`` (N,), above 0 where there is too much."""
 
-    target: Target
-    um: FloatArray
+    target: Target = field(metadata=HIDDEN)
+    um: FloatArray = field(metadata=HIDDEN)
 
-    @property
+    @reported
     def rms_um(self) -> float:
         """Root of the mean square over the face's length."""
         return float(np.sqrt(np.mean(self.um**2)))
 
-    @property
+    @reported
     def mean_um(self) -> float:
         """Mean over the face's length."""
         return float(np.mean(self.um))
 
+    @reported
+    def largest_um(self) -> float:
+        """Largest deviation, with its sign."""
+        return float(self.um[self._worst])
+
+    @reported
+    def largest_at_mm(self) -> Point:
+        """Place on the wanted face of the largest deviation: x, z."""
+        x, z = self.target.points_mm[self._worst].tolist()
+        return x, z
+
     @property
-    def largest(self) -> tuple[float, Point]:
-        """Largest deviation with its sign, and the wanted place that it is at."""
-        worst = int(np.argmax(np.abs(self.um)))
-        x, z = self.target.points_mm[worst].tolist()
-        return float(self.um[worst]), (x, z)
+    def _worst(self) -> int:
+        return int(np.argmax(np.abs(self.um)))
 
     @cached_property
     def shifted(self) -> tuple[float, "Deviation"]:

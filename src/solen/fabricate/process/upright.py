@@ -25,9 +25,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.field import DARK, fineness
 from solen.fabricate.process.flat import FEWEST_PIXELS
-from solen.fabricate.process.light import FAINT
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
+from solen.fabricate.process.terms import FAINT
 
 Side = Literal["upright", "upright-lens-first", "on-edge"]
 SIDES: tuple[Side, ...] = ("upright", "upright-lens-first", "on-edge")

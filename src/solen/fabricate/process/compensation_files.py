@@ -1,7 +1,7 @@
-"""Files of a drawing that prints as wanted: a design whose body is that outline, and what it is predicted to print as.
+"""Files of a drawing that prints as wanted: a design whose body is that outline, and the profile that it prints.
 
 The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
-what is needed to read it is in it, and its name says that it is not the shape that is wanted.
+what is needed to read it is in it, and its name states that it is not the wanted shape.
 """
 
 import dataclasses
@@ -9,10 +9,11 @@ import json
 from pathlib import Path
 from typing import Any
 
-from solen import files
 from solen.curve import Curve
-from solen.fabricate.process import Compensation, curve_of
-from solen.lens.measured import MeasuredProfile, profile_text
+from solen.fabricate.process.compensate import Compensation
+from solen.fabricate.process.drawing import curve_of
+from solen.fabricate.process.print_design import PrintedDesign
+from solen.lens.measured import profile_text
 from solen.sensor import Sensor
 from solen.spec import Design, dumps
 from solen.spec.objects import CURVES
@@ -24,15 +25,15 @@ COMMENT = """\
 """
 
 
-def contents(
-    target: Path, sensor: Sensor, made: Compensation, process: str, printed: MeasuredProfile
-) -> dict[Path, files.Content]:
-    """Contents of the design file, the outline beside it, and the profile that it is predicted to print as."""
-    outline = target.with_name(f"{target.stem}-outline.json")
-    profile = target.with_name(f"{target.stem}-printed.json")
-    text = COMMENT.format(name=sensor.design.name, process=process) + dumps(_design(sensor, outline.name))
-    drawn = json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
-    return {target: text.encode(), outline: drawn.encode(), profile: profile_text(printed).encode()}
+def compensation_files(target: Path, sensor: Sensor, found: PrintedDesign) -> dict[Path, bytes]:
+    """Contents of the design file, the outline and the predicted profile beside it; none without a compensation."""
+    profile = found.compensated_profile
+    if found.compensation is None or profile is None:
+        return {}
+    outline, printed = (target.with_name(f"{target.stem}-{end}.json") for end in ("outline", "printed"))
+    text = COMMENT.format(name=found.name, process=found.process) + dumps(_design(sensor, outline.name))
+    drawn = json.dumps(_outline(sensor, found.compensation), indent=1, allow_nan=False) + "\n"
+    return {target: text.encode(), outline: drawn.encode(), printed: profile_text(profile).encode()}
 
 
 def _design(sensor: Sensor, outline: str) -> Design:

@@ -5,16 +5,13 @@ e^(-depth/Dp) on its way from the window (Jacobs, Rapid Prototyping & Manufactur
 blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The blur of each part
 is a Gaussian; a halo of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
 
-The interface: `terms_at` gives the `Terms` of a height, for reference and fast field alike to be judged by;
-`straight_edge_um` is how far a straight wall grows by them.
+The interface: `terms_at` gives the `Terms` of a height.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import ndtr
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -25,7 +22,7 @@ FAINT = 1e-9
 """Share of the dose below which later layers are left out."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Terms:
     """Blurred images that a dose is the sum of: number of the layer, dose in mJ/cm² and blur in µm, (T,) each."""
 
@@ -67,26 +64,3 @@ def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
         np.concatenate([(1.0 - share) * seen, share * seen]),
         np.concatenate([np.full(len(number), settings.sigma_um), halo]),
     )
-
-
-def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
-    """How far a long straight wall stands beyond its image at a height, µm; below 0 where it falls short.
-
-    Mean over the wall's places between pixels (see `Settings.edge_um`): where Σ E Φ(-x/σ) = Ec.
-
-    Raises
-    ------
-    DataError
-        Where nothing sets at that height.
-    """
-    terms = terms_at(settings, layers, height_um)
-    if terms.total <= settings.Ec_mJ_per_cm2:
-        limit = f"at most {terms.total:.3g} mJ/cm2 arrive there, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
-        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="expose for longer")
-    blur = np.hypot(terms.sigma_um, settings.pixel_um / math.sqrt(6.0))
-
-    def excess(x_um: float) -> float:
-        return float(terms.dose @ ndtr(-x_um / blur)) - settings.Ec_mJ_per_cm2
-
-    reach = 8.0 * float(blur.max())
-    return float(brentq(excess, -reach, reach, xtol=1e-9))

@@ -1,28 +1,35 @@
-"""Coupons of fidelity as the model prints them: pillars, holes, gaps between pillars, steps.
+"""Features of printed coupons: read from files, and as the model prints them: pillars, holes, gaps, steps.
 
 The idea: seen from above, a feature is as wide as it is where it is widest: on the window side of a layer far inside. A
 round image blurred by a Gaussian is a one-dimensional integral, so a coupon is printed without any image, its place
 between pixels averaged over (`Settings.edge_um`). A pillar is not there where even its middle is short of the critical
 dose; a hole is closed and a gap merged where their middle gets it.
 
-The interface: `Feature` as measured; `printed_mm` of some of them under some settings.
+The interface: `read_features` gives each `MeasuredFeature` of a file; `printed_mm` is what some settings print of them.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal, get_args
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import ConfigDict, Field
 from scipy.optimize import elementwise
 from scipy.special import i0e
 
 from solen.arrays import FloatArray
+from solen.errors import DataError, SolenError
 from solen.fabricate.process.growth import Light, inside
 from solen.fabricate.process.settings import Settings
+from solen.recording import Provenance
+from solen.recording.source import load
+from solen.spec.objects import parsed
+from solen.spec.strict import Strict, told_of
 
 Kind = Literal["pillar", "hole", "gap", "step"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
+Length = Annotated[float, Field(strict=True, gt=0, le=100)]
 GAP_PILLAR_MM = 0.3
 """Diameter of the pillars that a gap is between where the file does not say: that of the published group B."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
@@ -31,7 +38,7 @@ _EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # of an
 
 
 @dataclass(frozen=True)
-class Feature:
+class MeasuredFeature:
     """One feature of a coupon.
 
     Attributes
@@ -41,13 +48,11 @@ class Feature:
     nominal_mm
         As drawn.
     measured_mm, u_mm
-        As found and its standard uncertainty; None where it is not there.
+        As measured and its standard uncertainty; None where it is not there.
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
         Of the pillars beside a gap.
-    where
-        How an error names it.
     """
 
     kind: Kind
@@ -56,10 +61,64 @@ class Feature:
     u_mm: float | None
     resolved: bool
     diameter_mm: float = GAP_PILLAR_MM
-    where: str = ""
 
 
-def printed_mm(settings: Settings, features: Sequence[Feature]) -> FloatArray:
+class _Row(Strict):
+    """A feature of a file; other keys, such as those that `solen print fidelity --out` adds, are left alone."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    kind: Kind
+    nominal_mm: Length
+    measured_mm: Length | None = None
+    u_mm: Length | None = None
+    resolved: Annotated[bool, Field(strict=True)]
+    diameter_mm: Length | None = None
+
+
+class _File(Strict):
+    model_config = ConfigDict(extra="ignore")
+    error: ClassVar[type[SolenError]] = DataError
+
+    coupon: str = ""
+    simulated: Annotated[bool, Field(strict=True)] = False
+    features: tuple[_Row, ...]
+
+
+def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
+    """Features of a JSON file, and its provenance.
+
+    The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
+    …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
+
+    Raises
+    ------
+    DataError
+        Where it holds none, or one that is not possible.
+    """
+    source = load(path)
+    data = parsed(source.text(), str(path))
+    if not isinstance(data, dict) or not isinstance(data.get("features"), list):
+        raise DataError(str(path), limit='not a file of features: it has no list "features"')
+    with told_of(str(path)):
+        file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
+    for number, row in enumerate(file.features):
+        if row.measured_mm is not None and row.u_mm is None:
+            limit = "missing: a measured size without its uncertainty cannot be weighed"
+            raise DataError(f"{path}: features[{number}].u_mm", limit=limit, remedy="state it")
+    rows = (row.model_dump() for row in file.features)
+    features = [MeasuredFeature(**row | {"diameter_mm": row["diameter_mm"] or GAP_PILLAR_MM}) for row in rows]
+    about = {"coupon": file.coupon}
+    return features, Provenance(source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated)
+
+
+def _sized(row: Any) -> Any:
+    """A row without the sizes of what is not resolved, such as a step of no height: these are not used."""
+    resolved = not isinstance(row, dict) or row.get("resolved") is not False
+    return row if resolved else row | {"measured_mm": None, "u_mm": None}
+
+
+def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
     """Sizes (n,) in mm that features are printed in; NaN for what is not there or is closed."""
     found = np.full(len(features), np.nan)
     light = inside(settings)

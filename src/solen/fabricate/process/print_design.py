@@ -1,0 +1,413 @@
+"""A design as a printer makes it: the printed lens beside the wanted one, what that costs, and drawing against it.
+
+The idea: one call for what a print of a design does. The lens is predicted with its uncertainty and compared with the
+wanted one; the response of both is traced; on demand the drawing that prints as wanted is found, and the whole part
+that comes out is made.
+
+The interface: `print_design` returns a `PrintedDesign`.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import SolenError, SpecError
+from solen.fabricate.label import Label, label_of
+from solen.fabricate.measures import area_mm2
+from solen.fabricate.mesh import Mesh
+from solen.fabricate.process.compensate import Compensation, compensated
+from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
+from solen.fabricate.process.flat import walls_um
+from solen.fabricate.process.predict import Orientation, Prediction, points_for, predicted
+from solen.fabricate.process.settings import Process, Settings
+from solen.fabricate.process.solid import printed_solid
+from solen.fabricate.process.source import PrintOptions, process_of, with_resin
+from solen.fabricate.process.target import Deviation, Target
+from solen.lens.measured import MeasuredProfile, profile_of
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+from solen.sensor import Sensor
+from solen.sensor.print_loss import PrintLoss, print_loss
+
+PROFILE_POINTS = 401
+NUMERICAL_UM = 0.1
+"""What the model's own numbers may be off by from point to point."""
+_MOST = (2.5, 97.5)
+_TAPER_UM = 2.0
+"""Taper of the walls that is worth a warning."""
+_WELL_KNOWN_UM = 3.0
+
+
+@dataclass(frozen=True)
+class Ripple:
+    """Ripple of the layers, along the thickness of a flat part and else along the profile."""
+
+    along: str
+    peak_to_valley_um: float
+    rms_um: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Walls:
+    """Straight walls of a flat part, layer by layer.
+
+    Attributes
+    ----------
+    height_um, beyond_um
+        Middle heights of the layers (n,), and how far a wall stands beyond its image there, shrinkage left out.
+    """
+
+    height_um: FloatArray = field(metadata=HIDDEN)
+    beyond_um: FloatArray = field(metadata=HIDDEN)
+
+    @reported
+    def layers(self) -> int:
+        """Number of layers."""
+        return len(self.beyond_um)
+
+    @reported
+    def first_um(self) -> float:
+        """How far a wall stands beyond its image at the first layer."""
+        return float(self.beyond_um[0])
+
+    @reported
+    def middle_um(self) -> float:
+        """The same in the middle of the thickness."""
+        return float(self.beyond_um[self.layers // 2])
+
+    @reported
+    def last_um(self) -> float:
+        """The same at the last layer."""
+        return float(self.beyond_um[-1])
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What deviation is left after the best shift along z."""
+
+    shift_z_um: float
+    rms_um: float
+    largest_um: float
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedPart:
+    """The whole part as it is printed flat, and its volume beside the designed one's."""
+
+    mesh: Mesh = field(metadata=HIDDEN)
+    label: Label = field(metadata=HIDDEN)
+    printed_mm3: float
+    designed_mm3: float
+    triangles: int
+    slabs: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PrintedDesign(Result):
+    """A design as a process prints it; simulated.
+
+    Attributes
+    ----------
+    name, simulated
+        Of the design; always simulated.
+    orientation, profile_at
+        How the part lies, and the height of the profile in words.
+    process, settings
+        Name and values of the process.
+    lens
+        The printed lens.
+    deviation
+        From the wanted lens, along its normal; above 0 there is more material.
+    u_rms_um, u_max_um
+        Standard uncertainty of the deviation along the lens.
+    shape
+        The deviation after the best shift along z.
+    ripple, walls
+        Ripple of the layers, and straight walls of a flat part.
+    contributions_um
+        What each uncertain number contributes to the uncertainty, root mean square along the lens, the largest first.
+    response
+        The response that is lost; None where it was not traced.
+    compensation, compensated_response
+        The drawing that prints as wanted, and the response with the lens that it prints.
+    part
+        The whole printed part; None where it was not asked for.
+    sources, warnings
+        The process's file, and what cannot be concluded.
+    """
+
+    name: str
+    simulated: bool
+    orientation: Orientation
+    profile_at: str
+    process: str
+    settings: Settings
+    lens: Prediction = field(metadata=HIDDEN)
+    deviation: Deviation
+    u_rms_um: float
+    u_max_um: float
+    shape: Shape
+    ripple: Ripple
+    walls: Walls | None
+    contributions_um: dict[str, float]
+    response: PrintLoss | None
+    compensation: Compensation | None
+    compensated_response: PrintLoss | None
+    part: PrintedPart | None
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+    @reported
+    def cure_depth_um(self) -> float:
+        """How deep one ordinary layer's exposure sets resin."""
+        return self.settings.cure_depth_um
+
+    @reported
+    def inside_mJ_per_cm2(self) -> float:
+        """Mean dose far inside the part."""
+        return self.settings.inside_mJ_per_cm2()
+
+    @property
+    def profile(self) -> MeasuredProfile:
+        """Profile of the printed lens, as `[lens] profile` of a design takes it."""
+        return self._profile(self.deviation)
+
+    @property
+    def compensated_profile(self) -> MeasuredProfile | None:
+        """Profile of the lens that the compensated drawing prints."""
+        return None if self.compensation is None else self._profile(self.compensation.printed)
+
+    def _profile(self, deviation: Deviation) -> MeasuredProfile:
+        return profile_of_print(deviation, self.name, self.process, self.u_rms_um, self.sources)
+
+
+def print_design(
+    sensor: Sensor,
+    options: PrintOptions = PrintOptions(),
+    *,
+    response: bool = True,
+    compensate: bool = False,
+    part: bool = False,
+    progress: Progress | None = None,
+) -> PrintedDesign:
+    """Predict what a printer makes of a design.
+
+    Parameters
+    ----------
+    sensor
+        The sensor with its designed lens.
+    options
+        The process and the orientation.
+    response, compensate, part
+        Whether the response is traced with both lenses, the drawing that prints as wanted is found, and the whole
+        part is made.
+    progress
+        Called with the share done, up to 1.
+
+    Raises
+    ------
+    SolenError
+        Where the process is not possible, the lens cannot be printed by it, or what is asked for is of flat parts.
+    """
+    _check_flat(options, compensate=compensate, part=part)
+    process, sources = process_of(options)
+    made = _Print(sensor, with_resin(process, sensor.design), options)
+    lens = made.lens(None if progress is None else lambda done: progress(0.5 * done))
+    found = PrintedDesign(
+        name=sensor.design.name,
+        simulated=True,
+        orientation=options.orientation,
+        profile_at=made.profile_at,
+        process=made.process.name,
+        settings=made.process.process,
+        lens=lens,
+        deviation=lens.deviation,
+        u_rms_um=_rms(lens.u_um),
+        u_max_um=float(lens.u_um.max()),
+        shape=_shape(lens.deviation),
+        ripple=_ripple(lens, options.orientation),
+        walls=made.walls,
+        contributions_um=lens.contributions_um,
+        response=None,
+        compensation=made.compensation() if compensate else None,
+        compensated_response=None,
+        part=made.part() if part else None,
+        sources=sources,
+        warnings=(),
+    )
+    found = replace(found, warnings=(*made.process.warnings(), *_of_layers(found), *_of_compensation(found)))
+    return _with_response(found, sensor, progress) if response else found
+
+
+@dataclass(frozen=True, eq=False)
+class _Print:
+    """A sensor, the process that prints it, and how."""
+
+    sensor: Sensor
+    process: Process
+    options: PrintOptions
+
+    @cached_property
+    def target(self) -> Target:
+        return Target.of(lens_face(self.sensor.body()).curve, points_for(self.options.orientation))
+
+    @cached_property
+    def rings(self) -> list[FloatArray]:
+        return rings_of(as_designed(self.sensor.body()))
+
+    @property
+    def thickness_mm(self) -> float:
+        return self.sensor.design.body.thickness_mm
+
+    @property
+    def layers(self) -> int:
+        """Number of layers of a part that lies flat."""
+        return max(1, round(1e3 * self.thickness_mm / self.process.process.layer_um))
+
+    @cached_property
+    def height_um(self) -> float | None:
+        """Height whose profile is meant; None for the mean."""
+        thickness_um = self.layers * self.process.process.layer_um
+        at = self.options.at
+        if at in ("mean", "middle"):
+            return None if at == "mean" else 0.5 * thickness_um
+        try:
+            height_um = 1e3 * float(at)
+        except ValueError:
+            height_um = -1.0
+        if not 0.0 <= height_um <= thickness_um:
+            limit = f"must be middle, mean, or a height in mm from 0 to {1e-3 * thickness_um:g}"
+            raise SpecError("--at", value=at, limit=limit)
+        return height_um
+
+    @property
+    def profile_at(self) -> str:
+        if self.options.orientation != "flat":
+            return "the whole thickness: nothing changes along it"
+        if self.height_um is None:
+            return "mean over the thickness"
+        return f"{1e-3 * self.height_um:g} mm above the platform, mean over its layer"
+
+    @property
+    def walls(self) -> Walls | None:
+        flat = self.options.orientation == "flat"
+        return Walls(*walls_um(self.process.process, self.layers)) if flat else None
+
+    def lens(self, progress: Progress | None) -> Prediction:
+        orientation, height_um = self.options.orientation, self.height_um
+        return predicted(self.rings, self.target, self.process, self.thickness_mm, orientation, height_um, progress)
+
+    def compensation(self) -> Compensation:
+        settings = self.process.process
+        return compensated(self.sensor.body(), self.target, settings, self.thickness_mm, self.height_um)
+
+    def part(self) -> PrintedPart:
+        design, body = self.sensor.design, self.sensor.body()
+        centre = self.target.centre
+        mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name)
+        label = label_of(design, f"simulated: as printed by the model, {self.process.name}")
+        label = replace(label, name=f"simulated print of {label.name}")  # an STL has room for the name alone
+        designed_mm3 = area_mm2(body.outlines) * self.thickness_mm
+        return PrintedPart(mesh, label, mesh.volume_mm3, designed_mm3, len(mesh.triangles), len(slabs))
+
+
+def profile_of_print(
+    deviation: Deviation, name: str, process: str, u_um: float, sources: tuple[Provenance, ...] = ()
+) -> MeasuredProfile:
+    """Profile of a printed lens, marked as simulated.
+
+    Its ``u_mm`` is what may differ from point to point. What the process leaves open, ``u_um``, moves all points
+    together and is a warning: taken for noise of single points it would have the profile smoothed away.
+    """
+    points = deviation.points_mm
+    chosen = np.unique(np.linspace(0, len(points) - 1, PROFILE_POINTS).round().astype(int))
+    x, z = _forwards(points[chosen]).T
+    profile = profile_of(
+        x,
+        z,
+        1e-3 * NUMERICAL_UM,
+        name=f"{name}, printed by the model",
+        simulated=True,
+        edge="predicted",
+        sources=tuple(source.as_dict() for source in sources),
+    )
+    warnings = (
+        f"predicted by a print model ({process}), not measured",
+        f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, moves all points together and "
+        "is not in u_mm",
+    )
+    return replace(profile, warnings=warnings)
+
+
+def _forwards(points: FloatArray) -> FloatArray:
+    """Points (N, 2) of which each lies farther right than all before it."""
+    highest = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
+    return points[points[:, 0] > highest + 1e-9]
+
+
+def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
+    """`SpecError` where something that only a flat part has is asked for of another."""
+    if options.orientation == "flat":
+        return
+    if options.at != "middle":
+        raise SpecError("--at", value=options.at, limit="is for parts printed flat", remedy="leave it out")
+    for asked, option in ((compensate, "--compensate"), (part, "--solid")):
+        if asked:
+            limit = f"{option} is for parts printed flat"
+            raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="print it flat")
+
+
+def _with_response(found: PrintedDesign, sensor: Sensor, progress: Progress | None) -> PrintedDesign:
+    try:
+        response = print_loss(sensor, found.profile, progress)
+        compensated = found.compensated_profile
+        again = None if compensated is None else print_loss(sensor, compensated)
+        return replace(found, response=response, compensated_response=again)
+    except SolenError as bad:
+        return replace(found, warnings=(*found.warnings, f"no response: {bad}"))
+
+
+def _shape(deviation: Deviation) -> Shape:
+    shift, left = deviation.shifted
+    return Shape(shift, left.rms_um, left.largest_um)
+
+
+def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
+    if orientation == "flat":
+        return Ripple("thickness", lens.ripple_through_um, None)
+    low, high = np.percentile(lens.ripple_um, _MOST)
+    return Ripple("profile", float(high - low), _rms(lens.ripple_um))
+
+
+def _of_layers(found: PrintedDesign) -> list[str]:
+    """What layers do to the lens that the profile does not hold."""
+    walls = found.walls
+    if walls is None:
+        return [
+            f"the steps of the layers, {found.ripple.rms_um:.2g} µm root mean square along the profile, scatter light; "
+            "the traced profile is without them"
+        ]
+    first, middle, last = walls.first_um, walls.middle_um, walls.last_um
+    if max(first, middle, last) - min(first, last) < _TAPER_UM:
+        return []
+    return [
+        f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
+        f"{last:+.3g} at the last: light at another height meets another lens"
+    ]
+
+
+def _of_compensation(found: PrintedDesign) -> list[str]:
+    """A drawing against the print is worth no more than the process is known."""
+    u_um = found.u_rms_um
+    if found.compensation is None or u_um < max(2.0 * found.compensation.printed.rms_um, _WELL_KNOWN_UM):
+        return []
+    return [
+        f"compensated, the lens is {found.compensation.printed.rms_um:.2g} µm off in the model, which knows it to "
+        f"{u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the drawing"
+    ]
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

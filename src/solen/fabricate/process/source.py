@@ -1,0 +1,82 @@
+"""Which process a design is printed by: a file or the default, with the pixels of a printer and the cure of a resin.
+
+The interface: `PrintOptions` is how a design is printed; `process_of` gives the process, `with_printer` and
+`with_resin` adapt one.
+"""
+
+import hashlib
+from pathlib import Path
+
+from solen.errors import DataError
+from solen.fabricate.process.predict import Orientation
+from solen.fabricate.process.settings import Calibration, Process, default_process, read_process
+from solen.material.resin import resin_of
+from solen.parts import printer_of
+from solen.recording import Provenance
+from solen.spec import Design
+from solen.spec.strict import Options
+
+
+class PrintOptions(Options):
+    """How a design is printed."""
+
+    process: Path | None = None
+    """Process file; default: published settings with assumed optics."""
+    printer: str | None = None
+    """Printer whose pixels are taken: a name of solen print printers, or a printer's .toml."""
+    orientation: Orientation = "flat"
+    """How the part lies in the printer; upright makes the lens last."""
+    at: str = "middle"
+    """Height of a flat part whose profile is meant: middle of the thickness, mean over it, or a height in mm."""
+
+
+def process_of(options: PrintOptions) -> tuple[Process, tuple[Provenance, ...]]:
+    """Process that was named, with the pixels of a named printer, and the provenance of its file."""
+    if options.process is None:
+        return with_printer(default_process(), options.printer), ()
+    process = read_process(options.process)
+    simulated = process.calibration is not None and process.calibration.simulated
+    digest = hashlib.sha256(options.process.read_bytes()).hexdigest()
+    source = Provenance(options.process.name, digest, "solen-process", simulated=simulated)
+    return with_printer(process, options.printer), (source,)
+
+
+def with_printer(process: Process, name: str | None) -> Process:
+    """Process with the pixels of a printer, by its name in the library or its file; as it is without one.
+
+    Raises
+    ------
+    DataError
+        Where there is no such printer, it does not print layers as thin or thick, or the process was calibrated with
+        other pixels.
+    """
+    if name is None:
+        return process
+    printer = printer_of(name)
+    pitch_um, layer_um = printer.pitch_um.usual, process.process.layer_um
+    least, most = printer.layers_um
+    if not least <= layer_um <= most:
+        limit = f"{printer.name} prints layers of {least:g} to {most:g} µm"
+        raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
+    if process.calibration is not None and abs(pitch_um - process.process.pixel_um) > 1e-6 * pitch_um:
+        limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
+        remedy = "leave --printer out, or calibrate that printer"
+        raise DataError("--printer", value=f"{printer.name}, {pitch_um:g} µm", limit=limit, remedy=remedy)
+    changed = process.with_settings(pixel_um=pitch_um)
+    source = f"{printer.pitch_um.basis}: {printer.name}"
+    return changed.model_copy(update={"source": changed.source | {"pixel_um": source}})
+
+
+def with_resin(process: Process, design: Design) -> Process:
+    """Process with the working curve of the design's resin, where it has one and the process only assumes its own."""
+    resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
+    keys = ("Dp_um", "Ec_mJ_per_cm2")
+    if resin is None or resin.cure is None or process.calibration is not None or set(keys) - set(process.assumptions):
+        return process
+    cure, calibration = resin.cure, None
+    if cure.covariance is not None:
+        simulated = any(source.simulated for source in resin.sources if source.of == "cure")
+        calibration = Calibration(keys=keys, covariance=cure.covariance, simulated=simulated)
+    changed = process.with_settings(Dp_um=cure.Dp_um, Ec_mJ_per_cm2=cure.Ec_mJ_per_cm2)
+    source = changed.source | dict.fromkeys(keys, f"resin: {resin.name}")
+    return changed.model_copy(update={"source": source, "calibration": calibration})

@@ -1,0 +1,153 @@
+"""The response that a printed lens loses: contrast, slope and light beside those of the designed lens.
+
+Both are traced by power with the same fan of rays, so that what differs is the lens. A point emitter shows every ripple
+of a lens, and none is a point: beside it a small chip is compared.
+
+The interface: `print_loss` of a sensor and a profile, which returns a `PrintLoss`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import DesignError
+from solen.lens import OvalLens
+from solen.lens.build import measured_lens
+from solen.lens.measured import MeasuredProfile
+from solen.results import reported
+from solen.sensor.practice import CHIP_MM, spread
+from solen.sensor.response import contrast, powers
+from solen.sensor.sensor import Sensor
+from solen.spec import with_values
+
+RAYS = 2**14
+MOST_ANGLES = 13
+SLOPE_DEG = 0.1
+"""Angle to either side of 0 over which the slope about the null is taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class EmitterLoss:
+    """Responses of one emitter with the designed and the printed lens, at the same N angles.
+
+    Attributes
+    ----------
+    width_mm
+        Width of the emitter; 0 for a point.
+    angle_deg
+        Angles (N,).
+    contrast_designed, contrast_printed
+        Contrast (N,); NaN without light.
+    light_designed, light_printed
+        Light (N,) of both receivers, as a fraction of the emitted power.
+    slope_designed_per_deg, slope_printed_per_deg
+        Slope of the contrast about 0; None without light.
+    """
+
+    width_mm: float
+    angle_deg: FloatArray
+    contrast_designed: FloatArray
+    contrast_printed: FloatArray
+    light_designed: FloatArray
+    light_printed: FloatArray
+    slope_designed_per_deg: float | None
+    slope_printed_per_deg: float | None
+
+    @reported
+    def slope_lost_percent(self) -> float | None:
+        """Share of the slope that is lost; below 0 where it is steeper."""
+        return _lost_percent(self.slope_designed_per_deg, self.slope_printed_per_deg)
+
+    @reported
+    def light_lost_percent(self) -> float | None:
+        """Share of the light that is lost, all angles together."""
+        return _lost_percent(float(sum(self.light_designed)), float(sum(self.light_printed)))
+
+    @reported
+    def largest_change(self) -> float | None:
+        """Largest change of the contrast, with its sign."""
+        return None if self._worst is None else float(self._change[self._worst])
+
+    @reported
+    def largest_change_at_deg(self) -> float | None:
+        """Angle of the largest change."""
+        return None if self._worst is None else float(self.angle_deg[self._worst])
+
+    @property
+    def _change(self) -> FloatArray:
+        return self.contrast_printed - self.contrast_designed
+
+    @property
+    def _worst(self) -> int | None:
+        change = np.abs(self._change)
+        return int(np.nanargmax(change)) if np.isfinite(change).any() else None
+
+
+@dataclass(frozen=True, eq=False)
+class PrintLoss:
+    """Responses with the design's own emitter, and with a chip of `CHIP_MM` where that is a point."""
+
+    own: EmitterLoss
+    chip: EmitterLoss | None
+    rays: int = RAYS
+
+    @property
+    def real(self) -> EmitterLoss:
+        """Responses of an emitter that has a width: the chip, or the design's own."""
+        return self.chip or self.own
+
+
+def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | None = None) -> PrintLoss:
+    """Compare the response of a sensor with its designed lens and with a printed profile in its place.
+
+    Raises
+    ------
+    DesignError
+        Where the lens is not a Cartesian oval of a Y, or a body cannot be built.
+    """
+    sensor.check_pair()
+    own = _compared(sensor, profile)
+    if progress is not None:
+        progress(0.75)
+    if own.width_mm > 0.0:
+        return PrintLoss(own, None)
+    return PrintLoss(own, _compared(Sensor.of(with_values(sensor.design, {"emitter.width_mm": CHIP_MM})), profile))
+
+
+def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
+    if not isinstance(sensor.cut, OvalLens):
+        limit = "a printed profile is traced in place of a Cartesian oval of a Y"
+        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
+    printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
+    angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
+    (designed_contrast, designed_light), (printed_contrast, printed_light) = (
+        _traced(one, [*angles, -SLOPE_DEG, SLOPE_DEG]) for one in (sensor, printed)
+    )
+    return EmitterLoss(
+        width_mm=sensor.light.width_mm,
+        angle_deg=np.asarray(angles, float),
+        contrast_designed=designed_contrast[:-2],
+        contrast_printed=printed_contrast[:-2],
+        light_designed=designed_light[:-2],
+        light_printed=printed_light[:-2],
+        slope_designed_per_deg=_slope(designed_contrast),
+        slope_printed_per_deg=_slope(printed_contrast),
+    )
+
+
+def _traced(sensor: Sensor, angles_deg: list[float]) -> tuple[FloatArray, FloatArray]:
+    """Contrast and light of both receivers at some angles, (N,) each."""
+    readings = [powers(sensor.trace(angle, "power", RAYS)) for angle in angles_deg]
+    contrasts = [contrast(reading["right"], reading["left"]) for reading in readings]
+    return np.array(contrasts, float), np.array([reading["right"] + reading["left"] for reading in readings])
+
+
+def _slope(contrasts: FloatArray) -> float | None:
+    """Slope between the last two of some contrasts, which are those about 0."""
+    slope = float((contrasts[-1] - contrasts[-2]) / (2.0 * SLOPE_DEG))
+    return slope if np.isfinite(slope) else None
+
+
+def _lost_percent(designed: float | None, printed: float | None) -> float | None:
+    return None if not designed or printed is None else 100.0 * (1.0 - printed / designed)
