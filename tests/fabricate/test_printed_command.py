@@ -67,8 +67,15 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
     folder = tmp_path_factory.mktemp("print")
     sensor = folder / "sensor.toml"
     sensor.write_text(template(), encoding="utf-8")
-    files = {"out": folder / "lens.json", "compensate": folder / "drawn.toml", "figure": folder / "print.svg"}
-    return folder, predict(sensor, PrintOptions(process=sure(folder)), response=False, **files).result
+    outcome = predict(
+        sensor,
+        PrintOptions(process=sure(folder)),
+        response=False,
+        out=folder / "lens.json",
+        compensate=folder / "drawn.toml",
+        figure=folder / "print.svg",
+    )
+    return folder, outcome.result
 
 
 def test_a_print_is_told_with_its_profile_and_its_drawing(made: tuple[Path, PrintedDesign]) -> None:
@@ -214,8 +221,9 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
 def test_bad_demands_are_refused(
     sensor: Path, options: dict[str, str], files: dict[str, str], error: type[SolenError], match: str
 ) -> None:
+    paths: dict[str, Any] = {name: Path(file) for name, file in files.items()}
     with pytest.raises(error, match=match):
-        predict(sensor, PrintOptions(**options), response=False, **{name: Path(file) for name, file in files.items()})
+        predict(sensor, PrintOptions(**options), response=False, **paths)
 
 
 def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
