@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.material.gather import BuildOptions
+from solen.material.index.options import IndexOptions
 from solen.pipeline.resin import cure, cutback, index, library, stiffness
-from solen.pipeline.resin.indexroute import IndexOptions
 from solen.sensor import Sensor
 from solen.sensor.off_index import off_indices
 from solen.spec import loads, template, with_values
@@ -25,7 +25,7 @@ def table(file: Path, header: str, *columns: ArrayLike) -> Path:
 def results(folder: Path) -> dict[str, Path]:
     """Results of four measurements: a clear layer of 1.48 + 0.005/λ², guides, cured discs, a neo-Hookean cube."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
-    layer = IndexOptions(thickness_um=50.0, u={"T": "0.001", "R": "0.001"}, baseline="air")
+    layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
     t, r = (one / (n**2 + 1) + NOISE(0, 1e-3, nm.size) for one in (2 * n, (n - 1) ** 2))
     index.index(table(folder / "layer.csv", "wavelength_nm,T,R", nm, t, r), layer, out=out["index"])

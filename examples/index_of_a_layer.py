@@ -8,7 +8,7 @@ for the share of the light that stays in the layer: it gives numbers that look l
 import numpy as np
 
 from solen.material.index import IndexSpectrum, Length, absorptance, as_published, forward, lossless, measured, reading
-from solen.material.index.light import index_in, led
+from solen.material.index.illuminant import index_in, led
 
 THICKNESS_UM, U = 80.0, 1e-3
 WAVELENGTH_NM = np.arange(450.0, 951.0, 2.0)

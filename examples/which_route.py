@@ -6,10 +6,9 @@ refractometer. Each takes the errors that usually go in; the uncertainties are t
 
 import numpy as np
 
-from solen.material.index import Length, forward, measured, reading
-from solen.material.index.layered import Setup, lossless_on_substrate, measured_on_substrate
-from solen.material.index.prior import refractometer
-from solen.material.index.stack import Substrate, on_substrate
+from solen.material.index import Length, forward, lossless, measured, reading
+from solen.material.index.refractometer import refractometer
+from solen.material.index.stack import Setup, Substrate, on_substrate
 
 NM, N, K, LAYER_UM, PET, PET_UM = 860.0, 1.48, 1e-4, 25.0, 1.57, 100.0
 U_T = 1e-3
@@ -24,18 +23,18 @@ def free(u_r: float) -> float:
 def on_pet(u_pet: float, *, both: bool = True) -> float:
     """R and T of the layer on its sheet, or T alone of a clear one, against the bare sheet."""
     sheet = Substrate(PET, 0.0, PET_UM, u_n=u_pet)
-    t, r = on_substrate(N, K if both else 0.0, LAYER_UM, NM, sheet)
+    t, r = on_substrate(N, K if both else 0.0, LAYER_UM, NM, Setup(sheet))
     if both:
-        found = measured_on_substrate([NM], reading([t], U_T), reading([r], 1e-3), Length(LAYER_UM), Setup(sheet))
+        found = measured([NM], reading([t], U_T), reading([r], 1e-3), Length(LAYER_UM), Setup(sheet))
     else:
-        found = lossless_on_substrate([NM], reading([t], U_T), Setup(sheet))
+        found = lossless([NM], reading([t], U_T), Setup(sheet))
     return float(found.n.u[0])
 
 
 def by_refractometer(*wavelength_nm: float) -> float:
     """Values at some wavelengths, good to 0.0005, and the dispersion that polymers have."""
     n = 1.4733 + 0.0045 / (np.array(wavelength_nm) * 1e-3) ** 2
-    return float(refractometer(n, 5e-4, wavelength_nm).index(NM)[1][0])
+    return float(refractometer(n, 5e-4, wavelength_nm).fit.along(NM)[1][0])
 
 
 def main() -> dict[str, float]:

@@ -31,7 +31,7 @@ def test_json_is_one_object_with_what_scripts_rely_on(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
     found = json.loads(done.stdout)
     arrays = ("wavelength_nm", "n", "u_n", "k", "u_k", "reason")
-    assert {*arrays, "mode", "lossless", "thickness_um", "fit", "sources", "warnings"} <= found.keys()
+    assert {*arrays, "mode", "lossless_n", "options", "fit", "sources", "warnings"} <= found.keys()
     assert {len(found[key]) for key in arrays} == {NM.size}
     assert found["n"][0] == 1.49 + 4e3 / 400.0**2 or abs(found["n"][0] - 1.49 - 4e3 / 400.0**2) < 1e-9
     assert picture.read_bytes().startswith(b"\x89PNG")

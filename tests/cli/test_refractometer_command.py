@@ -16,7 +16,7 @@ def test_json_is_one_object(tmp_path: Path) -> None:
     done = run("1.487", "--u", "0.0005", "--at-nm", "860", "--json", "--out", str(result))
     assert (done.returncode, done.stderr) == (0, "")
     found = json.loads(done.stdout)
-    assert {"wavelength_nm", "n", "u_n", "mode", "fit", "sources", "warnings", "out"} <= found.keys()
+    assert {"wavelength_nm", "n", "u_n", "mode", "fit", "sources", "warnings", "files"} <= found.keys()
     assert abs(found["at"][0]["n"] - 1.4796) < 5e-4
     assert json.loads(result.read_text(encoding="utf-8"))["kind"] == "refractometer"
 

@@ -13,7 +13,7 @@ import pytest
 
 from solen.cli import run_command
 from solen.material import Tabulated, load_resin
-from solen.material.index.slab import forward
+from solen.material.index.stack import forward
 from solen.spec import template
 from tests.command_support import refusal
 

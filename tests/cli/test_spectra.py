@@ -1,4 +1,4 @@
-"""`solen resin spectra`: one JSON object or lines, one line and exit code 2 for what cannot be read, a figure on request."""
+"""`solen resin spectra`: one JSON object or lines, one line and exit code 2 for a bad file, a figure on request."""
 
 import json
 from pathlib import Path
@@ -33,7 +33,7 @@ def as_json(capsys: pytest.CaptureFixture[str], *arguments: object) -> dict[str,
 
 def test_every_trace_with_its_kind_and_reach(export: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = as_json(capsys, export)
-    keys = ("name", "quantity", "unit", "points", "wavelength_nm")
+    keys = ("name", "quantity", "unit", "points", "range_nm")
     assert [tuple(one[key] for key in keys) for one in found["traces"]] == [
         ("film 1", "transmittance", "%", 40, [705.0, 900.0]),
         ("film 2", "transmittance", "%", 37, [720.0, 900.0]),
@@ -60,7 +60,7 @@ def test_traces_are_chosen_by_name(export: Path, capsys: pytest.CaptureFixture[s
 def test_a_figure_has_a_panel_for_each_kind(export: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     figure = export.with_name(f"drawn{suffix}")
     found = as_json(capsys, export, "--figure", figure)
-    assert found["figure"] == str(figure)
+    assert found["files"] == {"figure": str(figure)}
     first = figure.read_bytes()
     as_json(capsys, export, "--figure", figure)
     assert figure.read_bytes() == first
@@ -96,5 +96,5 @@ def test_a_trace_without_numbers_has_no_reach(tmp_path: Path, capsys: pytest.Cap
     path = tmp_path / "file.csv"
     path.write_text("wavelength_nm,T (%),sample (au)\n400,,0.1\n500,,0.2\n", encoding="utf-8")
     first, second = as_json(capsys, path)["traces"]
-    assert (first["values"], first["empty"], first["points"]) == ([None, None], 2, 2)
+    assert (first["range_values"], first["empty"], first["points"]) == (None, 2, 2)
     assert (second["quantity"], second["unit"]) == (None, None)

@@ -9,16 +9,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from solen.errors import DataError
-from solen.material.cure.colour import attenuation, penetration_depth_um
-from solen.material.cure.exposure import trend
+from solen.material.cure.exposures import trend
 from solen.material.cure.layers import (
     cure_depth_um,
     dose_below,
     stack_dose,
     stack_print_through_um,
 )
+from solen.material.cure.penetration import attenuation, penetration_depth_um
 from solen.material.cure.stated import PAPER, binding, largest_Ec
-from solen.material.index.light import led, lines, measured_light
+from solen.material.index.illuminant import led, lines, measured_light
 
 
 def summed(height_um: float, Dp_um: float, layer_um: float, doses: list[float]) -> float:
@@ -161,14 +161,14 @@ def test_noise_beside_a_lamp_is_left_out() -> None:
 def test_a_trend_is_a_line_with_an_interval() -> None:
     found = trend([2.0, 4.0, 6.0], [0.90, 0.89, 0.87])
     assert found is not None
-    assert found.slope == pytest.approx(-0.0075)
-    assert found.u_slope == pytest.approx(math.sqrt(0.01**2 / 6 / 8))  # residual 0.01/√6, Σ(x − x̄)² = 8
+    assert found.slope_per_s == pytest.approx(-0.0075)
+    assert found.u_slope_per_s == pytest.approx(math.sqrt(0.01**2 / 6 / 8))  # residual 0.01/√6, Σ(x − x̄)² = 8
     half = 12.7062 * math.sqrt(0.01**2 / 6 / 8)  # t of one degree of freedom
-    assert found.interval95 == pytest.approx((-0.0075 - half, -0.0075 + half))
+    assert found.interval95_slope_per_s == pytest.approx((-0.0075 - half, -0.0075 + half))
     assert (found.samples, found.exposures) == (3, 3)
     assert found.value([4.0]) == pytest.approx([0.88667], abs=1e-5)
     two = trend([2.0, 4.0, 6.0], [0.9, math.nan, 0.8])
     assert two is not None
-    assert two.slope == pytest.approx(-0.025)
-    assert two.interval95 is None
+    assert two.slope_per_s == pytest.approx(-0.025)
+    assert two.interval95_slope_per_s is None
     assert trend([2.0, 2.0], [0.9, 0.8]) is None

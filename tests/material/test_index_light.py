@@ -8,7 +8,7 @@ import pytest
 from solen.errors import DataError
 from solen.material.index import Length, forward, measured, reading
 from solen.material.index.fringes import fringe_warnings
-from solen.material.index.light import index_in, led, lines, measured_light
+from solen.material.index.illuminant import index_in, led, lines, measured_light
 from solen.material.index.spectrum import IndexSpectrum
 
 NM = np.arange(700.0, 1001.0, 2.0)
@@ -51,11 +51,11 @@ def test_what_scatters_averages_out_and_what_is_common_does_not() -> None:
     rows = r + rng.normal(0.0, 1e-3, (20, NM.size))
     noisy = measured(NM, reading(t, 0.0), reading(rows, 5e-4), Length(50.0))
     at, wide = index_in(noisy, lines([850.0], [1.0])), index_in(noisy, led(850.0, 30.0))
-    assert at.u_random is not None
-    assert wide.u_random is not None
-    assert wide.u_common == pytest.approx(at.u_common, rel=0.05)
-    assert wide.u_random < 0.4 * at.u_random
-    assert wide.u_n == pytest.approx(math.hypot(wide.u_random, wide.u_common or 0.0))
+    assert at.u_random_n is not None
+    assert wide.u_random_n is not None
+    assert wide.u_common_n == pytest.approx(at.u_common_n, rel=0.05)
+    assert wide.u_random_n < 0.4 * at.u_random_n
+    assert wide.u_n == pytest.approx(math.hypot(wide.u_random_n, wide.u_common_n or 0.0))
 
 
 def test_masked_wavelengths_are_bridged_and_told() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.index.masks import WORDS, Why
+from solen.material.index.masks import Why
 from solen.material.index.reading import Length, combined, reading, student
 from solen.material.index.routes import (
     AS_PUBLISHED,
@@ -16,8 +16,8 @@ from solen.material.index.routes import (
     lossless_index,
     measured,
 )
-from solen.material.index.slab import forward
 from solen.material.index.spectrum import IndexSpectrum
+from solen.material.index.stack import forward
 
 NM = np.linspace(400.0, 900.0, 501)
 H = Length(25.0, 0.5)
@@ -130,7 +130,7 @@ def test_an_opaque_layer_has_a_lower_bound_of_k() -> None:
     k = 0.05
     r, t = forward(1.5, k, 25.0, [600.0])
     found = measured([600.0], reading(t, 1e-3), reading(r, 1e-3), Length(25.0))
-    assert found.reason == (f"k: {WORDS[Why.DARK]}",)
+    assert found.reason == (f"k: {Why.DARK.words}",)
     assert found.n.value[0] == pytest.approx(1.5, abs=1e-9)
     assert 0.0 < found.k_low95[0] < k
     assert np.isnan(found.k_high95[0])

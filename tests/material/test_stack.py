@@ -11,9 +11,9 @@ from solen.errors import DataError
 from solen.material.index.stack import (
     Baseline,
     Powers,
+    Setup,
     Side,
     Substrate,
-    bare,
     incoherent,
     interface_reflectance,
     internal_transmittance,
@@ -109,20 +109,20 @@ def test_a_substrate_of_air_leaves_a_free_slab(n: float, k: float) -> None:
     """Against T = (1 − F)² τ / (1 − F² τ²) and R = F (1 + τT), the sum over the passes of one slab."""
     face, tau = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2), np.exp(-4 * np.pi * k * LAYER_UM * 1e3 / NM)
     through = (1 - face) ** 2 * tau / (1 - (face * tau) ** 2)
-    found = on_substrate(n, k, LAYER_UM, NM, Substrate(1.0, 0.0, 100.0))
+    found = on_substrate(n, k, LAYER_UM, NM, Setup(Substrate(1.0, 0.0, 100.0)))
     assert found == pytest.approx((through, face * (1 + tau * through)), abs=1e-14)
 
 
 def test_a_layer_like_its_substrate_is_a_thicker_substrate() -> None:
     found = incoherent((1.57, 1.57), (1e-5, 1e-5), (25.0, 100.0), NM)
-    whole: Powers = bare(1.57, 1e-5, 125.0, NM)
+    whole: Powers = incoherent([1.57], [1e-5], [125.0], NM)
     assert tuple(map(float, found)) == pytest.approx(tuple(map(float, whole)), abs=1e-15)
-    assert float(on_substrate(1.57, 0.0, 25.0, NM, PET).T) == pytest.approx(1.0, abs=1e-12)
+    assert float(on_substrate(1.57, 0.0, 25.0, NM, Setup(PET)).T) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_a_clear_resin_on_pet_reads_more_than_everything() -> None:
     """Lossless, measured against the bare sheet: above 1 for every index of a printing resin, as a coating would be."""
-    read = on_substrate(np.array([1.42, 1.45, 1.49, 1.52, 1.55]), 0.0, LAYER_UM, NM, PET).T
+    read = on_substrate(np.array([1.42, 1.45, 1.49, 1.52, 1.55]), 0.0, LAYER_UM, NM, Setup(PET)).T
     assert (np.diff(read) < 0).all()
     assert read == pytest.approx([1.0167, 1.0140, 1.0098, 1.0063, 1.0026], abs=1e-4)
 
@@ -153,7 +153,7 @@ def test_the_tracer_finds_the_same_stack(side: Side) -> None:
     ray = Rays(((0.0, -1.0),), ((0.0, 1.0),))
     fine = Limits(min_weight=1e-15, max_hits=1000)
     result = trace(Scene(tuple(media), tuple(faces), (ray,), (behind, before), open_media=True), "power", limits=fine)
-    read = on_substrate(n, k, LAYER_UM, NM, sheet, side=side, baseline="air")
+    read = on_substrate(n, k, LAYER_UM, NM, Setup(sheet, side=side, baseline="air"))
     assert result.monitors["behind"].power == pytest.approx(float(read.T), abs=1e-9)
     assert result.ledger.escaped == pytest.approx(float(read.T + read.R), abs=1e-9)
 
@@ -161,8 +161,11 @@ def test_the_tracer_finds_the_same_stack(side: Side) -> None:
 @pytest.mark.parametrize("baseline", ["air", "substrate"])
 @pytest.mark.parametrize("baseline_r", ["air", "substrate"])
 def test_a_reading_is_the_ratio_to_its_baseline(baseline: Baseline, baseline_r: Baseline) -> None:
-    sheet, whole = bare(1.57, 1.4e-6, 100.0, NM), incoherent((1.47, 1.57), (1e-5, 1.4e-6), (25.0, 100.0), NM)
-    read = on_substrate(1.47, 1e-5, LAYER_UM, NM, PET, baseline=baseline, baseline_r=baseline_r)
+    sheet, whole = (
+        incoherent([1.57], [1.4e-6], [100.0], NM),
+        incoherent((1.47, 1.57), (1e-5, 1.4e-6), (25.0, 100.0), NM),
+    )
+    read = on_substrate(1.47, 1e-5, LAYER_UM, NM, Setup(PET, baseline=baseline, baseline_r=baseline_r))
     t, r = {"air": 1.0, "substrate": sheet.through}[baseline], {"air": 1.0, "substrate": sheet.front}[baseline_r]
     assert float(read.T) == pytest.approx(float(whole.through / t), abs=1e-15)
     assert float(read.R) == pytest.approx(float(whole.front / r), abs=1e-15)

@@ -6,10 +6,15 @@ from typing import Any
 import pytest
 
 from solen.errors import DataError
-from solen.pipeline.resin.index import index
-from solen.pipeline.resin.indexroute import IndexOptions
+from solen.material.index.options import IndexOptions
+from solen.pipeline.resin import index as pipeline
 
 REPEATS = tuple(f"VG05_1_{i}" for i in range(1, 6))
+
+
+def index(*arguments: Any, **named: Any) -> dict[str, Any]:
+    """The result as its JSON holds it."""
+    return pipeline.index(*arguments, **named).to_dict()
 
 
 @pytest.fixture
@@ -27,11 +32,11 @@ def at(found: dict[str, Any], nm: float) -> int:
 
 
 def test_the_lossless_index_drifts_over_the_repeats_and_that_is_told(raw: Path) -> None:
-    alone = [index(raw, IndexOptions(chosen={"T": [name]})) for name in REPEATS]
+    alone = [index(raw, IndexOptions(transmittance=[name])) for name in REPEATS]
     assert [round(one["n"][at(one, 1775.0)], 3) for one in alone] == [3.472, 3.469, 3.465, 3.464, 3.463]
-    together = index(raw, IndexOptions(chosen={"T": REPEATS}))
+    together = index(raw, IndexOptions(transmittance=REPEATS))
     assert together["mode"] == "lossless"
-    assert together["repeats"]["lossless_n"] == pytest.approx([one["n"][at(one, 1775.0)] for one in alone])
+    assert together["repeats_lossless_n"] == pytest.approx([one["n"][at(one, 1775.0)] for one in alone])
     assert any("lossless n(1775 nm) of the 5 repeats, in their order: 3.472 … 3.463" in w for w in together["warnings"])
     assert any("5 repeats of T drift in one direction" in line for line in together["warnings"])
     # the uncertainty is that of one repeat: it spans the drift and does not shrink with their number
@@ -41,7 +46,7 @@ def test_the_lossless_index_drifts_over_the_repeats_and_that_is_told(raw: Path) 
 
 
 def test_the_cleaned_table_gives_the_known_index(cleaned: Path) -> None:
-    found = index(cleaned, IndexOptions(chosen={"T": ["VG05"]}, at_nm=(2400.0,), u={"T": "0.1%"}))
+    found = index(cleaned, IndexOptions(transmittance=["VG05"], at_nm=(2400.0,), u_T="0.1%"))
     assert found["at"][0]["n"] == pytest.approx(3.461, abs=0.005)
     assert found["n"][at(found, 2400.0)] == found["at"][0]["n"]
 
@@ -53,15 +58,15 @@ def test_sixty_one_traces_are_not_chosen_from_by_guess(raw: Path) -> None:
 
 def test_as_published_it_is_refused_as_a_measurement(raw: Path, cleaned: Path) -> None:
     for file, trace, nm in ((raw, REPEATS[0], 1775.0), (cleaned, "VG05", 2400.0)):
-        chosen = {"T": [trace]}
+        chosen = {"transmittance": [trace]}
         # never by itself, and not under the name of a measurement
-        assert index(file, IndexOptions(thickness_um=500.0, chosen=chosen))["mode"] == "lossless"
+        assert index(file, IndexOptions(thickness_um=500.0, **chosen))["mode"] == "lossless"
         with pytest.raises(DataError, match=r"a measured index; does not follow from T alone, .* n\(.* nm\) = 3\.[45]"):
-            index(file, IndexOptions(thickness_um=500.0, chosen=chosen, mode="measured"))
-        found = index(file, IndexOptions(thickness_um=500.0, chosen=chosen, mode="as-published"))
+            index(file, IndexOptions(thickness_um=500.0, **chosen, mode="measured"))
+        found = index(file, IndexOptions(thickness_um=500.0, **chosen, mode="as-published"))
         assert not found["measurement"]
         assert "refused as a measurement" in found["warnings"][0]
         here = at(found, nm)
         assert found["n"][here] == pytest.approx(2.197, abs=0.006)  # where silicon has 3.44
         assert found["u_n"][here] is None
-        assert found["lossless"]["n"][here] > 3.4
+        assert found["lossless_n"][here] > 3.4

@@ -7,11 +7,11 @@ import pytest
 import yaml
 
 from solen.arrays import FloatArray
-from solen.material.index.fit import fit_cauchy
+from solen.material.index.fit import fit
 from solen.material.index.literature import materials
-from solen.material.index.prior import refractometer
-from solen.material.index.stack import Substrate, on_substrate
-from solen.material.index.substrate import extinction, invert, invert_lossless
+from solen.material.index.refractometer import refractometer
+from solen.material.index.stack import Setup, Substrate, on_substrate
+from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate
 
 
 def published(outside: Path, name: str) -> FloatArray:
@@ -28,12 +28,12 @@ def test_layers_on_pet_come_back_as_they_went(outside: Path, name: str, thicknes
     nm, n, k = published(outside, name)
     sheet = published(outside, "PET_Zhang")
     pet = Substrate(np.interp(nm, sheet[0], sheet[1]), np.interp(nm, sheet[0], sheet[2]), 100.0)
-    read = on_substrate(n, k, thickness_um, nm, pet)
-    found = invert(read.T, read.R, nm, thickness_um, pet, near=float(n.mean()))
+    read = on_substrate(n, k, thickness_um, nm, Setup(pet))
+    found = invert_on_substrate(read.T, read.R, nm, thickness_um, Setup(pet, near=float(n.mean())))
     assert found.n == pytest.approx(n, abs=1e-9)
     assert found.k == pytest.approx(k, abs=1e-12)
-    assert extinction(read.T, n, nm, thickness_um, pet).k == pytest.approx(k, abs=1e-12)
-    clear = invert_lossless(read.T, nm, pet, near=float(n.mean()))
+    assert extinction(read.T, n, nm, thickness_um, Setup(pet)).k == pytest.approx(k, abs=1e-12)
+    clear = invert_lossless(read.T, nm, Setup(pet, near=float(n.mean())))
     assert (clear.n[~np.isnan(clear.n)] >= n[~np.isnan(clear.n)] - 1e-9).all()  # an upper bound
 
 
@@ -42,7 +42,7 @@ def test_layers_on_pet_come_back_as_they_went(outside: Path, name: str, thicknes
 )
 def test_published_points_follow_a_cauchy_formula(outside: Path, name: str, scatter: float) -> None:
     nm, n = published(outside, name)[:2]
-    found = fit_cauchy(nm, n)
+    found = fit("cauchy", nm, n)
     assert found.rms < scatter
     assert found.model.index(589.0) == pytest.approx(float(np.interp(589.0, nm, n)), abs=3 * scatter)
 
@@ -61,5 +61,5 @@ def test_the_shipped_table_holds_the_published_numbers(outside: Path, name: str)
 def test_a_refractometer_value_leads_to_the_published_curve(outside: Path, name: str) -> None:
     """n at 589.3 nm alone; within three stated uncertainties and the published scatter everywhere."""
     nm, n = published(outside, name)[:2]
-    value, u = refractometer(float(np.interp(589.3, nm, n)), 5e-4).index(nm)
+    value, u = refractometer(float(np.interp(589.3, nm, n)), 5e-4).fit.along(nm)
     assert (abs(value - n) < 3.3 * u + 1e-3).all()

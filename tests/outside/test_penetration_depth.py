@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from solen.arrays import FloatArray
-from solen.material.cure.colour import Attenuation, attenuation
-from solen.material.index.light import Light, led, measured_light
+from solen.material.cure.penetration import Attenuation, attenuation
+from solen.material.index.illuminant import Illuminant, led, measured_light
 from solen.recording import read, spectra
 
 PATH_UM = 93.0
@@ -30,8 +30,8 @@ def resin(outside: Path) -> tuple[FloatArray, FloatArray]:
 
 
 @pytest.fixture(scope="module")
-def asiga(outside: Path) -> Light:
-    """Light of the printer, its peak at 412 nm; the noise beside it lies on both sides of 0."""
+def asiga(outside: Path) -> Illuminant:
+    """Illuminant of the printer, its peak at 412 nm; the noise beside it lies on both sides of 0."""
     file = outside / "working_curve" / "gregnordin" / "asiga_2015-06-27.csv"
     (found,) = spectra(read(file, columns=("wavelength_nm", "power")))
     assert found.channel.values.min() < 0.0
@@ -79,7 +79,7 @@ def test_the_published_value_at_405_nm_is_that_of_a_shorter_wavelength(resin: tu
         assert found == pytest.approx(nm, abs=0.7)
 
 
-def test_the_printer_s_light_is_no_exponential(resin: tuple[FloatArray, FloatArray], asiga: Light) -> None:
+def test_the_printer_s_light_is_no_exponential(resin: tuple[FloatArray, FloatArray], asiga: Illuminant) -> None:
     """Its spectrum reaches from where PR48 absorbs to where it hardly does: Dp rises with depth without end."""
     found = attenuation(PATH_UM, *resin, asiga)
     assert found.local_um() == pytest.approx(158.6, abs=0.2)

@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 
 from solen.errors import SolenError
 from solen.material.cure import CureOptions
+from solen.material.cure.exposures import ExposureOptions
+from solen.material.cure.penetration import PenetrationOptions
 from solen.pipeline.resin.cure import cure
 from solen.pipeline.resin.cutback import cutback
 from solen.pipeline.resin.exposures import exposures
-from solen.pipeline.resin.penetration import Lamp, penetration
+from solen.pipeline.resin.penetration import penetration
 
 QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 NUMBERS = st.one_of(
@@ -67,7 +69,8 @@ def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None
 def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) -> None:
     path = kept(tmp_path / "resin.csv", "wavelength_nm,absorbance", rows)
     try:
-        is_sound(penetration(path, path_um=93.0, lamp=Lamp(peak_nm=nm, fwhm_nm=10.0), figure=tmp_path / "resin.svg"))
+        options = PenetrationOptions(path_um=93.0, led_nm=nm, led_fwhm_nm=10.0)
+        is_sound(penetration(path, options, figure=tmp_path / "resin.svg").to_dict())
     except SolenError as refusal:
         one_line(refusal)
 
@@ -77,6 +80,7 @@ def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) 
 def test_any_exposures(tmp_path: Path, rows: list[tuple[str, ...]]) -> None:
     path = kept(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R", [(s, "450", t, r) for s, t, r in rows])
     try:
-        is_sound(exposures([path], wavelengths_nm=[450.0], thickness_um=25.0, figure=tmp_path / "long.svg"))
+        options = ExposureOptions(wavelength_nm=(450.0,), thickness_um=25.0)
+        is_sound(exposures([path], options, figure=tmp_path / "long.svg").to_dict())
     except SolenError as refusal:
         one_line(refusal)

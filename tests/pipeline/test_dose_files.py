@@ -11,9 +11,9 @@ import pytest
 from solen.cli import run_command
 from solen.errors import DataError, SolenError, SpecError
 from solen.material.cure import CureOptions, curve_of_discs
+from solen.material.cure.exposures import ExposureOptions, ExposureTrends, exposure_trends
+from solen.material.cure.penetration import Penetration, PenetrationOptions, penetration_of
 from solen.material.loss import CutbackOptions, guide_loss
-from solen.pipeline.resin.exposures import exposures
-from solen.pipeline.resin.penetration import Lamp, penetration
 from solen.recording import read
 
 DP, EC = 110.0, 6.0
@@ -285,49 +285,60 @@ def resin(path: Path, header: str = "wavelength_nm,absorbance") -> Path:
     return write(path, "\n".join(["# simulated", header, *rows]) + "\n")
 
 
+def penetration(path: Path, path_um: float = 93.0, **more: Any) -> Penetration:
+    return penetration_of(read(path), PenetrationOptions(path_um=path_um, **more))
+
+
 def test_penetration_of_a_file(tmp_path: Path) -> None:
     path = resin(tmp_path / "resin.csv")
-    alone = penetration(path, path_um=93.0)
-    assert alone["Dp_um"] is None
-    assert any("no lamp is named" in told for told in alone["warnings"])
-    at = alone["wavelength_nm"].index(380.0)
-    assert alone["Dp_spectrum_um"][at] == pytest.approx(93.0 / math.log(10.0))
-    line = penetration(path, path_um=93.0, lamp=Lamp(peak_nm=400.0), u_path_um=2.0, u_absorbance=0.01)
-    assert line["Dp_um"] == pytest.approx(93.0 / (0.6 * math.log(10.0)))
-    assert line["u_Dp_um"] == pytest.approx(line["Dp_um"] * math.hypot(2.0 / 93.0, 0.01 / 0.6))
-    broad = penetration(path, path_um=93.0, lamp=Lamp(peak_nm=400.0, fwhm_nm=15.0))
-    assert broad["Dp_um"] == pytest.approx(line["Dp_um"], rel=0.01)  # absorbance is straight there
-    assert broad["between"]["Dp_um"] > 1.05 * broad["Dp_um"]
-    assert any("no exponential" in told for told in broad["warnings"])
+    alone = penetration(path)
+    assert alone.Dp_um is None
+    assert any("no lamp is named" in told for told in alone.warnings)
+    at = alone.wavelength_nm.tolist().index(380.0)
+    assert alone.spectral_Dp_um[at] == pytest.approx(93.0 / math.log(10.0))
+    line = penetration(path, led_nm=400.0, u_path_um=2.0, u_absorbance=0.01)
+    assert line.Dp_um == pytest.approx(93.0 / (0.6 * math.log(10.0)))
+    assert line.Dp_um is not None
+    assert line.u_Dp_um == pytest.approx(line.Dp_um * math.hypot(2.0 / 93.0, 0.01 / 0.6))
+    broad = penetration(path, led_nm=400.0, led_fwhm_nm=15.0)
+    assert broad.Dp_um == pytest.approx(line.Dp_um, rel=0.01)  # absorbance is straight there
+    assert broad.Dp_um is not None
+    assert broad.between_Dp_um is not None
+    assert broad.between_Dp_um > 1.05 * broad.Dp_um
+    assert any("no exponential" in told for told in broad.warnings)
 
 
 def test_penetration_from_a_transmittance(tmp_path: Path) -> None:
-    found = penetration(resin(tmp_path / "t.csv", "wavelength_nm,T (%)"), path_um=93.0, lamp=Lamp(peak_nm=380.0))
-    assert found["Dp_um"] == pytest.approx(93.0 / math.log(10.0), rel=1e-4)
-    assert any("faces reflect" in told for told in found["warnings"])
+    found = penetration(resin(tmp_path / "t.csv", "wavelength_nm,T (%)"), led_nm=380.0)
+    assert found.Dp_um == pytest.approx(93.0 / math.log(10.0), rel=1e-4)
+    assert any("faces reflect" in told for told in found.warnings)
 
 
 @pytest.mark.parametrize(
     ("lamp", "told"),
     [
-        (Lamp(peak_nm=300.0), "known from 360 to 440 nm only"),
-        (Lamp(fwhm_nm=10.0), "--led-fwhm-nm"),
-        (Lamp(peak_nm=-5.0), "--led-nm = -5.0"),
-        (Lamp(name="VSMY1850", peak_nm=385.0), "--led"),
-        (Lamp(name="VSMY1850"), "known from 360 to 440 nm only"),
+        ({"led_nm": 300.0}, "known from 360 to 440 nm only"),
+        ({"led_fwhm_nm": 10.0}, "led_fwhm_nm"),
+        ({"led_nm": -5.0}, "led_nm = -5.0"),
+        ({"led": "VSMY1850", "led_nm": 385.0}, "led"),
+        ({"led": "VSMY1850"}, "known from 360 to 440 nm only"),
     ],
 )
-def test_penetration_refuses_a_lamp_that_is_none(tmp_path: Path, lamp: Lamp, told: str) -> None:
+def test_penetration_refuses_a_lamp_that_is_none(tmp_path: Path, lamp: dict[str, Any], told: str) -> None:
     with pytest.raises(SolenError, match=told):
-        penetration(resin(tmp_path / "resin.csv"), path_um=93.0, lamp=lamp)
+        penetration(resin(tmp_path / "resin.csv"), **lamp)
 
 
 def test_penetration_refuses_what_is_no_absorbance(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="--path-um"):
+    with pytest.raises(SpecError, match="path_um"):
         penetration(resin(tmp_path / "resin.csv"), path_um=0.0)
     other = write(tmp_path / "r.csv", "wavelength_nm,R (%)\n400,4\n500,4\n")
     with pytest.raises(DataError, match="holds no absorbance"):
-        penetration(other, path_um=93.0)
+        penetration(other)
+
+
+def exposures(files: list[Path], **more: Any) -> ExposureTrends:
+    return exposure_trends([read(file) for file in files], ExposureOptions(**more))
 
 
 def layers(path: Path, seconds: tuple[int, ...] = (2, 4, 6)) -> Path:
@@ -339,14 +350,16 @@ def layers(path: Path, seconds: tuple[int, ...] = (2, 4, 6)) -> Path:
 
 def test_exposures_of_traces_that_are_named(tmp_path: Path) -> None:
     found = exposures([layers(tmp_path / "layers.csv")], irradiance_mW_per_cm2=13.0)
-    assert found["exposure_s"] == [2.0, 4.0, 6.0]
-    assert found["dose_mJ_per_cm2"] == [26.0, 52.0, 78.0]
-    assert [row["wavelength_nm"] for row in found["wavelengths"]] == [450.0, 500.0, 860.0]
-    for row in found["wavelengths"]:
-        assert row["trend_T_per_s"]["slope"] == pytest.approx(-0.005, abs=1e-9)
-        assert row["trend_n_per_s"] is None
-    assert any("may be thicker" in told for told in found["warnings"])
-    assert any("no reflectance" in told for told in found["warnings"])
+    assert found.exposure_s.tolist() == [2.0, 4.0, 6.0]
+    assert found.dose_mJ_per_cm2 is not None
+    assert found.dose_mJ_per_cm2.tolist() == [26.0, 52.0, 78.0]
+    assert [row.wavelength_nm for row in found.wavelengths] == [450.0, 500.0, 860.0]
+    for row in found.wavelengths:
+        assert row.trend_T is not None
+        assert row.trend_T.slope_per_s == pytest.approx(-0.005, abs=1e-9)
+        assert row.trend_n is None
+    assert any("may be thicker" in told for told in found.warnings)
+    assert any("no reflectance" in told for told in found.warnings)
 
 
 def test_exposures_of_files_that_are_named(tmp_path: Path) -> None:
@@ -354,10 +367,12 @@ def test_exposures_of_files_that_are_named(tmp_path: Path) -> None:
     for seconds in (2, 4):
         text = f"wavelength_nm,T\n450,{0.9 - 0.01 * seconds}\n500,{0.9 - 0.01 * seconds}\n"
         files.append(write(tmp_path / f"maPU_{seconds}s.csv", text))
-    found = exposures(files, wavelengths_nm=[450.0])
-    assert found["wavelengths"][0]["trend_T_per_s"]["slope"] == pytest.approx(-0.01)
-    assert found["wavelengths"][0]["trend_T_per_s"]["interval95"] is None
-    assert any("two exposures" in told for told in found["warnings"])
+    found = exposures(files, wavelength_nm=[450.0])
+    line = found.wavelengths[0].trend_T
+    assert line is not None
+    assert line.slope_per_s == pytest.approx(-0.01)
+    assert line.interval95_slope_per_s is None
+    assert any("two exposures" in told for told in found.warnings)
 
 
 def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path) -> None:
@@ -368,18 +383,19 @@ def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path)
         rows.extend(f"{seconds},{nm},{(1.0 - r) / (1.0 + r):.12f},{2.0 * r / (1.0 + r):.12f}" for nm in (450, 500))
     path = write(tmp_path / "long.csv", "exposure_s,wavelength_nm,T,R\n" + "\n".join(rows) + "\n")
     found = exposures([path], thickness_um=25.0)
-    for row in found["wavelengths"]:
-        assert row["n"] == pytest.approx([1.48, 1.49, 1.50], abs=1e-6)
-        assert row["trend_n_per_s"]["slope"] == pytest.approx(0.005, abs=1e-6)
+    for row in found.wavelengths:
+        assert row.n == pytest.approx([1.48, 1.49, 1.50], abs=1e-6)
+        assert row.trend_n is not None
+        assert row.trend_n.slope_per_s == pytest.approx(0.005, abs=1e-6)
     without = exposures([path])
-    assert without["wavelengths"][0]["n"] == [None, None, None]
-    assert any("--thickness-um" in told for told in without["warnings"])
+    assert np.isnan(without.wavelengths[0].n).all()
+    assert any("--thickness-um" in told for told in without.warnings)
 
 
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "does not tell its exposure"),
+        ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "does not state its exposure"),
         ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend needs two at least"),
         ("a.csv", "wavelength_nm,x 2 s (%T),x 4 s (%T)\n600,90,80\n601,91,82\n", "not all samples were measured at"),
     ],
@@ -388,7 +404,7 @@ def test_exposures_refuse_what_gives_no_trend(tmp_path: Path, name: str, text: s
     with pytest.raises(DataError, match=told):
         exposures([write(tmp_path / name, text)])
     with pytest.raises(DataError, match="within 10 nm"):
-        exposures([layers(tmp_path / "layers.csv")], wavelengths_nm=[1000.0])
+        exposures([layers(tmp_path / "layers.csv")], wavelength_nm=[1000.0])
 
 
 def commands(folder: Path) -> list[list[str]]:

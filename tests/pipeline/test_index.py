@@ -10,13 +10,18 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.material.index import forward
+from solen.material.index.options import IndexOptions
 from solen.material.index.routes import AS_PUBLISHED
-from solen.pipeline.resin.index import index
-from solen.pipeline.resin.indexroute import IndexOptions
+from solen.pipeline.resin import index as pipeline
 
 NM = np.arange(500.0, 901.0, 10.0)
 N = 1.48 + 5e3 / NM**2
 R, T = forward(N, 2e-5, 50.0, NM)
+
+
+def index(*arguments: Any, **named: Any) -> dict[str, Any]:
+    """The result as its JSON holds it."""
+    return pipeline.index(*arguments, **named).to_dict()
 
 
 def table(folder: Path, columns: dict[str, FloatArray], name: str = "layer.csv") -> Path:
@@ -46,8 +51,8 @@ def test_the_simplest_table_gives_n_and_k(tmp_path: Path) -> None:
     assert np.abs(np.array(found["k"]) - 2e-5).max() < 1e-12
     assert found["reason"] == [None] * NM.size
     assert found["u_n"] == found["u_k"] == [None] * NM.size
-    assert found["masked"] == {"n": 0, "k": 0}
-    assert len(found["lossless"]["n"]) == NM.size
+    assert (found["masked_n"], found["masked_k"]) == (0, 0)
+    assert len(found["lossless_n"]) == NM.size
     assert found["sources"][0]["file"] == "layer.csv"
     assert json.loads(json.dumps(found, allow_nan=False)) == found
 
@@ -62,10 +67,11 @@ def test_percent_and_descending_wavelengths_are_the_same(tmp_path: Path) -> None
 
 def test_stated_uncertainties_go_through(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    found = index(file, options(u={"T": "0.1%", "R": "0.001"}, u_thickness_um=2.0))
+    found = index(file, options(u_T="0.1%", u_R="0.001", u_thickness_um=2.0))
     assert found["u_n"][-1] == pytest.approx(0.001 * np.hypot(3.9, 0.31), rel=0.05)
     assert found["u_k"][-1] == pytest.approx(np.hypot(2e-5 * 0.04, 0.001 * 900 / (4e3 * np.pi * 50) * 1.4), rel=0.1)
-    assert found["u95_n"][0] == pytest.approx(1.959964 / 1.0 * found["u_n"][0], rel=1e-5)
+    low, high = found["interval95_n"][0]
+    assert (high - low) / 2 == pytest.approx(1.959964 * found["u_n"][0], rel=1e-5)
     assert not [line for line in found["warnings"] if "uncertainty" in line]
 
 
@@ -77,14 +83,14 @@ def test_masked_values_are_null_with_their_reason(tmp_path: Path) -> None:
     assert found["n"][3] is None
     assert found["k"][5] is None
     assert found["reason"][3] == found["reason"][5] == "n, k: R is not between 0 and 1"
-    assert found["masked"] == {"n": 2, "k": 2}
+    assert (found["masked_n"], found["masked_k"]) == (2, 2)
 
 
 def test_t_alone_gives_the_lossless_index_and_says_so(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T})
-    found = index(file, IndexOptions(u={"T": "0.1%"}))
-    assert (found["mode"], found["thickness_um"]) == ("lossless", None)
-    assert found["n"] == found["lossless"]["n"]
+    found = index(file, IndexOptions(u_T="0.1%"))
+    assert (found["mode"], found["options"]["thickness_um"]) == ("lossless", None)
+    assert found["n"] == found["lossless_n"]
     assert (np.array(found["n"]) > N).all()
     assert "k = 0 is assumed" in found["warnings"][0]
 
@@ -93,7 +99,7 @@ def test_an_absorptance_is_taken_where_it_is_said_to_be_one(tmp_path: Path) -> N
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
     with pytest.raises(SpecError, match=r"^--absorbance-kind; must be stated for A: log10, ln, absorptance"):
         index(file, options())
-    found = index(file, options(absorbance_kind="absorptance", u={"T": "0.1%", "A": "0"}))
+    found = index(file, options(absorbance_kind="absorptance", u_T="0.1%", u_A="0"))
     assert found["mode"] == "absorptance"
     assert np.abs(np.array(found["n"]) - N).max() < 1e-9
     assert found["u_n"][-1] == pytest.approx(0.0042, rel=0.05)
@@ -113,11 +119,11 @@ def test_an_absorbance_alone_is_a_transmittance(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "Abs": -np.log10(T)})
     with pytest.raises(SpecError, match="--absorbance-kind; must be stated for Abs"):
         index(file, options())
-    found = index(file, options(absorbance_kind="log10", u={"A": "0.001"}))
+    found = index(file, options(absorbance_kind="log10", u_A="0.001"))
     np.testing.assert_allclose(found["T"], T, rtol=1e-12)
-    alone = index(table(tmp_path, {"wavelength_nm": NM, "T": T}, "t.csv"), options(u={"T": "0.001"}))
+    alone = index(table(tmp_path, {"wavelength_nm": NM, "T": T}, "t.csv"), options(u_T="0.001"))
     np.testing.assert_allclose(found["u_n"], np.log(10.0) * T * np.array(alone["u_n"]), rtol=1e-9)
-    with pytest.raises(DataError, match="of an absorptance alone no index follows"):
+    with pytest.raises(DataError, match="does not follow from an absorptance alone"):
         index(file, options(absorbance_kind="absorptance"))
 
 
@@ -140,7 +146,7 @@ def test_as_published_takes_no_other_absorbance(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
     with pytest.raises(DataError, match="trace A; is not −log10 T, which the as-published mode takes for A"):
         index(file, options(mode="as-published"))
-    with pytest.raises(SpecError, match="there, A is log10"):
+    with pytest.raises(SpecError, match="takes A as log10"):
         index(file, options(mode="as-published", absorbance_kind="ln"))
 
 
@@ -153,9 +159,9 @@ def test_an_absorbance_of_another_baseline_is_told(tmp_path: Path) -> None:
 def test_a_substrate_as_baseline_is_no_free_standing_layer(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T * 1.12, "R": R})
     found = index(file, options())
-    assert found["masked"]["n"] == NM.size
-    assert "then say --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
-    with pytest.raises(SolenError, match="--substrate; is missing"):
+    assert found["masked_n"] == NM.size
+    assert "if so, state --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
+    with pytest.raises(SolenError, match="substrate; is missing"):
         index(file, options(baseline="substrate"))
 
 
@@ -167,7 +173,7 @@ def test_as_published_has_no_use_for_the_baseline(tmp_path: Path) -> None:
 
 def test_the_baseline_is_asked_for(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    assert "say --baseline" in warned(index(file, options()), "the baseline is not stated")
+    assert "state --baseline" in warned(index(file, options()), "the baseline is not stated")
     assert not [line for line in index(file, options(baseline="air"))["warnings"] if "baseline" in line]
 
 
@@ -176,24 +182,24 @@ def test_repeats_make_an_uncertainty_and_tell_their_drift(tmp_path: Path) -> Non
     columns = {f"scan{i}": T + 5e-4 * i + rng.normal(0.0, 2e-4, NM.size) for i in range(5)}
     file = table(tmp_path, {"wavelength_nm": NM, **columns})
     names = list(columns)
-    found = index(file, IndexOptions(chosen={"T": names}, mode="lossless"))
+    found = index(file, IndexOptions(transmittance=names, mode="lossless"))
     assert found["traces"] == {"T": names}
-    assert found["repeats"]["traces"] == names
-    first, last = found["repeats"]["lossless_n"][0], found["repeats"]["lossless_n"][-1]
+    first, *_, last = found["repeats_lossless_n"]
+    assert found["repeats_nm"] == 900.0
     assert first > last
     assert f"{first:.3f} … {last:.3f}" in warned(found, "lossless n(900 nm) of the 5 repeats")
     assert "drift in one direction" in warned(found, "5 repeats of T")
     assert "state it with --u-T" in warned(found, "the instrument's own accuracy")
-    assert found["u_n_common"][0] > 5 * found["u_n_random"][0]
+    assert found["u_common_n"][0] > 5 * found["u_random_n"][0]
 
 
 def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
     with pytest.raises(DataError, match=r"holds 2 traces of T: one, two; choose by --transmittance NAME"):
         index(file, options())
-    found = index(file, options(chosen={"T": ["two"], "R": ["R"]}))
+    found = index(file, options(transmittance=["two"], reflectance=["R"]))
     assert (found["mode"], found["traces"]) == ("measured", {"T": ["two"], "R": ["R"]})
-    alone = index(file, options(chosen={"T": ["two"]}))
+    alone = index(file, options(transmittance=["two"]))
     assert alone["mode"] == "lossless"
     assert "not used: one, R" in alone["warnings"]
 
@@ -201,16 +207,16 @@ def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("chosen", "line"),
     [
-        ({"T": ["three"]}, "trace three; not in layer.csv"),
-        ({"R": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
-        ({"T": ["one", "one"]}, "--transmittance; names a trace twice"),
-        ({"R": ["R"]}, "transmittance; is missing; an index needs T"),
+        ({"transmittance": ["three"]}, "trace three; not in layer.csv"),
+        ({"reflectance": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
+        ({"transmittance": ["one", "one"]}, "--transmittance; names a trace twice"),
+        ({"reflectance": ["R"]}, "transmittance; is missing; an index needs T"),
     ],
 )
 def test_traces_that_cannot_be_taken_are_told(tmp_path: Path, chosen: dict[str, list[str]], line: str) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
     with pytest.raises(SolenError) as refusal:
-        index(file, options(chosen=chosen))
+        index(file, options(**chosen))
     assert str(refusal.value).startswith(line)
 
 
@@ -231,20 +237,20 @@ def test_files_without_usable_spectra_are_told(tmp_path: Path, columns: dict[str
 @pytest.mark.parametrize(
     ("values", "line"),
     [
-        ({"mode": "best"}, "--mode = 'best'; must be one of measured, absorptance, as-published, lossless"),
-        ({"baseline": "glass"}, "--baseline = 'glass'; must be one of air, substrate"),
-        ({"absorbance_kind": "log2"}, "--absorbance-kind = 'log2'"),
-        ({"thickness_um": -1.0}, "--thickness-um = -1.0; must be finite and above 0"),
+        ({"mode": "best"}, "mode = 'best'; must be 'measured', 'absorptance'"),
+        ({"baseline": "glass"}, "baseline = 'glass'; must be 'substrate' or 'air'"),
+        ({"absorbance_kind": "log2"}, "absorbance_kind = 'log2'"),
+        ({"thickness_um": -1.0}, "thickness_um = -1.0; must be greater than 0"),
         ({"thickness_um": None}, "--thickness-um; is missing; measure it"),
-        ({"bandwidth_nm": float("nan")}, "--bandwidth-nm = nan"),
-        ({"at_nm": (0.0,)}, "--at-nm = 0.0"),
-        ({"at_nm": (0.86,)}, "--at-nm = 0.86; must be 100 to 20000, in nm; did you mean 860?"),
-        ({"u": {"T": "0.3"}}, "--u-T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
-        ({"u": {"R": "nothing"}}, "--u-R = 'nothing'"),
-        ({"u": {"R": "1%%"}}, "--u-R = '1%%'"),
+        ({"bandwidth_nm": float("nan")}, "bandwidth_nm = nan"),
+        ({"at_nm": (0.0,)}, "at_nm = 0.0"),
+        ({"at_nm": (0.86,)}, "at_nm = 0.86; must be 100 to 20000, in nm; did you mean 860?"),
+        ({"u_T": "0.3"}, "u_T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
+        ({"u_R": "nothing"}, "u_R = 'nothing'"),
+        ({"u_R": "1%%"}, "u_R = '1%%'"),
         ({"mode": "absorptance"}, "--mode absorptance; needs the absorptance, measured"),
         ({"u_thickness_um": 60.0}, "uncertainty of the thickness = '60 µm'"),
-        ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is no emitter"),
+        ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is not an emitter"),
     ],
 )
 def test_bad_options_are_told_in_one_line(tmp_path: Path, values: dict[str, Any], line: str) -> None:
@@ -264,7 +270,7 @@ def test_nothing_is_written_where_something_is_refused(tmp_path: Path) -> None:
 
 def test_in_an_led_and_at_a_wavelength(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    found = index(file, options(u={"T": "0.1%", "R": "0.1%"}, at_nm=(600.0, 655.0, 1000.0), led="VSMY1850"))
+    found = index(file, options(u_T="0.1%", u_R="0.1%", at_nm=(600.0, 655.0, 1000.0), led="VSMY1850"))
     assert [one["n"] for one in found["at"][:2]] == pytest.approx([1.48 + 5e3 / 600**2, 1.48 + 5e3 / 655**2], abs=1e-5)
     assert found["at"][2]["reason"] == "100% of the light lies outside 500 to 900 nm, where n is known"
     assert found["led"]["source"] == "VSMY1850, peak at 850 nm, 30 nm wide"
@@ -314,7 +320,7 @@ def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
     rng = np.random.default_rng(9)
     noisy = {"wavelength_nm": NM, "T": T, "R": R + rng.normal(0.0, 1e-4, NM.size)}
     file = table(tmp_path, noisy)
-    found = index(file, options(u={"T": "0.1%", "R": "0.1%"}))
+    found = index(file, options(u_T="0.1%", u_R="0.1%"))
     assert found["fit"]["kind"] == "cauchy"
     assert found["fit"]["model"]["A"] == pytest.approx(1.48, abs=2e-3)
     curve = found["fit"]
@@ -326,13 +332,13 @@ def test_a_formula_goes_with_the_index(tmp_path: Path) -> None:
     assert index(file, options(fit="none"))["fit"] is None
     published = index(file, options(mode="as-published"))
     assert published["fit"] is None
-    with pytest.raises(SpecError, match="--fit = 'spline'"):
+    with pytest.raises(SpecError, match="fit = 'spline'"):
         index(file, options(fit="spline"))
 
 
 def test_where_no_formula_can_be_had_that_is_told(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM[:2], "T": T[:2], "R": R[:2]})
-    assert "no formula goes with it" in warned(index(file, options()), "no formula")
+    assert "no formula is fitted" in warned(index(file, options()), "no formula")
     with pytest.raises(DataError):
         index(file, options(fit="cauchy"))
 

@@ -11,9 +11,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
 from solen.material import Cauchy, Sellmeier, library_resin
 from solen.material.index import forward
-from solen.material.index.stack import Substrate, on_substrate
-from solen.pipeline.resin.index import index
-from solen.pipeline.resin.indexroute import IndexOptions
+from solen.material.index.options import IndexOptions
+from solen.material.index.stack import Setup, Substrate, on_substrate
+from solen.pipeline.resin import index as pipeline
 
 NM = np.arange(420.0, 901.0, 5.0)
 N = 1.472 + 0.0049 / (NM * 1e-3) ** 2
@@ -33,7 +33,7 @@ def table(folder: Path, **columns: FloatArray) -> Path:
 
 
 def found(folder: Path, columns: dict[str, FloatArray], **more: Any) -> dict[str, Any]:
-    result = index(table(folder, **columns), IndexOptions(**{"thickness_um": 25.0} | more))
+    result = pipeline.index(table(folder, **columns), IndexOptions(**{"thickness_um": 25.0} | more)).to_dict()
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     return result
 
@@ -43,8 +43,8 @@ def warned(result: dict[str, Any], words: str) -> bool:
 
 
 def test_a_layer_measured_against_its_bare_substrate(tmp_path: Path) -> None:
-    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET)
-    result = found(tmp_path, {"T": t, "R": r}, **ON_PET, u={"T": "0.05%", "R": "0.05%"})
+    t, r = on_substrate(N, 5e-5, 25.0, NM, Setup(SHEET))
+    result = found(tmp_path, {"T": t, "R": r}, **ON_PET, u_T="0.05%", u_R="0.05%")
     assert (result["mode"], result["baseline"]) == ("measured", "substrate")
     assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
     assert result["k"] == pytest.approx([5e-5] * NM.size, abs=1e-12)
@@ -52,27 +52,27 @@ def test_a_layer_measured_against_its_bare_substrate(tmp_path: Path) -> None:
     assert warned(result, "most of u(n) = 0.04")
     assert warned(result, "0.01 in the substrate's index")
     assert not warned(result, "say --baseline substrate")
-    assert result["substrate"]["name"] == "pet"
-    known = found(tmp_path, {"T": t, "R": r}, **ON_PET, u={"T": "0.05%", "R": "0.05%"}, u_substrate_n=0.001)
+    assert result["options"]["substrate"] == "pet"
+    known = found(tmp_path, {"T": t, "R": r}, **ON_PET, u_T="0.05%", u_R="0.05%", u_substrate_n=0.001)
     assert known["u_n"][0] < 0.01
     assert not warned(known, "most of u(n)")
 
 
 def test_side_and_baselines_are_heard(tmp_path: Path) -> None:
     way: Any = {"side": "substrate", "baseline": "air", "baseline_r": "substrate"}
-    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET, **way)
+    t, r = on_substrate(N, 5e-5, 25.0, NM, Setup(SHEET, **way))
     said = {**ON_PET, "baseline": "air", "side": "substrate", "r_baseline": "substrate"}
     assert found(tmp_path, {"T": t, "R": r}, **said)["n"] == pytest.approx(N.tolist(), abs=1e-9)
 
 
 def test_a_substrate_is_a_file_or_a_number_too(tmp_path: Path) -> None:
-    t = on_substrate(N, 0.0, 25.0, NM, Substrate(1.6, 0.0, 100.0)).T
+    t = on_substrate(N, 0.0, 25.0, NM, Setup(Substrate(1.6, 0.0, 100.0))).T
     resin = tmp_path / "sheet.toml"
     resin.write_text(
         'schema = 1\nname = "sheet"\nsource = "own"\n[index]\nkind = "number"\nn = 1.6\nu_n = 0.02\n', encoding="utf-8"
     )
     for name, u in ((str(resin), None), ("1.6", 0.02)):
-        result = found(tmp_path, {"T": t}, **{**ON_PET, "substrate": name}, u_substrate_n=u, u={"T": "0.0001"})
+        result = found(tmp_path, {"T": t}, **{**ON_PET, "substrate": name}, u_substrate_n=u, u_T="0.0001")
         assert result["mode"] == "lossless"
         assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
         assert result["u_n"][0] == pytest.approx(0.02 * 1.0, rel=0.2)
@@ -82,7 +82,7 @@ def test_a_substrate_is_a_file_or_a_number_too(tmp_path: Path) -> None:
 
 def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
     """A clear resin with an absorption tail in the blue, T alone: n would fall 2.6 times as fast as any polymer's."""
-    t = on_substrate(N, 2e-5 * (420 / NM) ** 4, 25.0, NM, SHEET).T
+    t = on_substrate(N, 2e-5 * (420 / NM) ** 4, 25.0, NM, Setup(SHEET)).T
     result = found(tmp_path, {"T": t}, **ON_PET)
     assert warned(result, "lossless: k = 0 is assumed, so that n is an upper bound")
     assert warned(result, "2.6 times the largest")
@@ -92,22 +92,22 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "line"),
     [
-        ({"baseline": "substrate"}, "--substrate; is missing beside --baseline substrate; say --substrate pet"),
-        ({"substrate": "pet"}, "--baseline; is missing beside --substrate"),
-        ({"substrate": "pet", "baseline": "air"}, "--substrate-thickness-um; is missing beside --substrate"),
-        ({"side": "layer"}, "--side; is of a layer on a substrate"),
-        ({"u_substrate_n": 0.1}, "--u-substrate-n; is of a layer on a substrate"),
-        ({**ON_PET, "mode": "as-published"}, "--mode = 'as-published'; knows no substrate"),
+        ({"baseline": "substrate"}, "substrate; is missing beside --baseline substrate; add --substrate pet"),
+        ({"substrate": "pet"}, "baseline; is missing beside --substrate"),
+        ({"substrate": "pet", "baseline": "air"}, "substrate_thickness_um; is missing beside --substrate"),
+        ({"side": "layer"}, "side; is of a layer on a substrate"),
+        ({"u_substrate_n": 0.1}, "u_substrate_n; is of a layer on a substrate"),
+        ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; cannot take a substrate"),
         ({**ON_PET, "mode": "measured"}, "--mode measured; needs R of layer and substrate together"),
         ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
         ({**ON_PET, "substrate": "pett"}, "did you mean pet?"),
-        ({**ON_PET, "side": "top"}, "--side = 'top'; must be one of layer, substrate"),
-        ({"fit": "spline"}, "--fit = 'spline'; must be one of cauchy, sellmeier, none"),
-        ({"polymers": ("wax",)}, "--polymer = 'wax'; must be one of acrylate"),
+        ({**ON_PET, "side": "top"}, "side = 'top'; must be 'layer' or 'substrate'"),
+        ({"fit": "spline"}, "fit = 'spline'; must be 'cauchy', 'sellmeier' or 'none'"),
+        ({"polymer": ("wax",)}, "polymer = 'wax'; must be 'acrylate'"),
     ],
 )
 def test_what_is_not_said_or_cannot_be_is_refused(tmp_path: Path, more: dict[str, Any], line: str) -> None:
-    t = on_substrate(N, 0.0, 25.0, NM, SHEET).T
+    t = on_substrate(N, 0.0, 25.0, NM, Setup(SHEET)).T
     with pytest.raises((SpecError, DataError)) as refusal:
         found(tmp_path, {"T": t}, **more)
     assert line in str(refusal.value)
@@ -115,7 +115,7 @@ def test_what_is_not_said_or_cannot_be_is_refused(tmp_path: Path, more: dict[str
 
 
 def test_a_substrate_that_is_not_known_there_is_told(tmp_path: Path) -> None:
-    t = on_substrate(N, 0.0, 25.0, NM, SHEET).T
+    t = on_substrate(N, 0.0, 25.0, NM, Setup(SHEET)).T
     with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; known from 436\.8 to 1052 nm only"):
         found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "pc"})
 
@@ -127,15 +127,15 @@ def free(**noise: float) -> dict[str, FloatArray]:
 
 
 def test_a_formula_goes_through_n_with_its_covariance(tmp_path: Path) -> None:
-    result = found(tmp_path, free(r=5e-4), fit="cauchy", u={"R": "0.001", "T": "0.001"}, at_nm=(860.0,), led="VSMY1850")
+    result = found(tmp_path, free(r=5e-4), fit="cauchy", u_R="0.001", u_T="0.001", at_nm=(860.0,), led="VSMY1850")
     fit = result["fit"]
     assert fit["kind"] == "cauchy"
     model = Cauchy(**{key: tuple(one) if key == "valid_nm" else one for key, one in fit["model"].items()})
     assert model.index(860.0) == pytest.approx(1.472 + 0.0049 / 0.86**2, abs=1e-3)
     # the stated accuracy is common to all wavelengths: a fit does not average it away
     assert model.u_index(860.0) == pytest.approx(0.001 * np.hypot(3.9, 0.31), rel=0.1)
-    assert fit["at"][0]["n"] == pytest.approx(model.index(860.0), abs=1e-12)
-    assert fit["led"]["n"] == pytest.approx(model.index(850.0), abs=1e-4)
+    assert result["fit_at"][0]["n"] == pytest.approx(model.index(860.0), abs=1e-12)
+    assert result["fit_led"]["n"] == pytest.approx(model.index(850.0), abs=1e-4)
     assert len(fit["n"]) == len(fit["wavelength_nm"]) == len(fit["u_n"])
     one = found(tmp_path, free(r=5e-4), fit="sellmeier")["fit"]
     assert Sellmeier(**{key: tuple(v) if key == "valid_nm" else v for key, v in one["model"].items()}).index(600) > 1.4
@@ -147,20 +147,25 @@ def test_repeats_weight_a_formula(tmp_path: Path) -> None:
     r, t = forward(N, 5e-5, 25.0, NM)
     columns = {f"R{i}": r + 1e-3 * rng.standard_normal(NM.size) for i in range(5)} | {"T": t}
     result = found(
-        tmp_path, columns, fit="cauchy", chosen={"R": tuple(f"R{i}" for i in range(5)), "T": ("T",)}, u={"T": "0.0001"}
+        tmp_path,
+        columns,
+        fit="cauchy",
+        reflectance=tuple(f"R{i}" for i in range(5)),
+        transmittance=("T",),
+        u_T="0.0001",
     )
     fit = result["fit"]
     assert fit["chi2_reduced"] == pytest.approx(1.0, abs=0.5)
-    assert fit["at"] == []
+    assert result["fit_at"] == []
     i = fit["wavelength_nm"].index(600.0)
     assert abs(fit["n"][i] - 1.472 - 0.0049 / 0.36) < 3 * fit["u_n"][i] < 2e-3
 
 
 def test_what_is_no_measurement_gets_a_formula_without_uncertainty(tmp_path: Path) -> None:
-    result = found(tmp_path, {"T": free()["T"]}, fit="cauchy", mode="as-published", u={"T": "0.001"})
+    result = found(tmp_path, {"T": free()["T"]}, fit="cauchy", mode="as-published", u_T="0.001")
     fit = result["fit"]
-    assert "covariance" not in fit["model"]
-    assert not fit["measurement"]
+    assert fit["model"]["covariance"] is None
+    assert not result["measurement"]
     assert set(fit["u_n"]) == {None}
 
 
@@ -175,14 +180,14 @@ def test_a_formula_that_cannot_be_is_refused_with_its_reason(tmp_path: Path) -> 
 def test_the_class_of_polymers_is_asked_for(tmp_path: Path) -> None:
     r, t = forward(N - 0.08, 5e-5, 25.0, NM)
     assert warned(found(tmp_path, {"T": t, "R": r}), "below the literature of acrylates and photoresins")
-    assert not warned(found(tmp_path, {"T": t, "R": r}, polymers=("silicone",)), "the literature of")
+    assert not warned(found(tmp_path, {"T": t, "R": r}, polymer=("silicone",)), "the literature of")
 
 
 def test_the_figure_shows_layer_and_formula(tmp_path: Path) -> None:
-    t, r = on_substrate(N, 5e-5, 25.0, NM, SHEET)
+    t, r = on_substrate(N, 5e-5, 25.0, NM, Setup(SHEET))
     figure = tmp_path / "n.svg"
-    options = IndexOptions(thickness_um=25.0, fit="cauchy", u={"T": "0.001", "R": "0.001"}, **ON_PET)
-    index(table(tmp_path, T=t, R=r), options, figure=figure)
+    options = IndexOptions(thickness_um=25.0, fit="cauchy", u_T="0.001", u_R="0.001", **ON_PET)
+    pipeline.index(table(tmp_path, T=t, R=r), options, figure=figure)
     text = figure.read_text(encoding="utf-8")
     assert "index of a layer on its substrate from R and T, both measured" in text
     assert "cauchy fit ± u" in text

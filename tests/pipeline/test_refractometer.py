@@ -9,36 +9,35 @@ import pytest
 
 from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.material import Cauchy
-from solen.pipeline.resin.refractometer import RefractometerOptions, refractometer
+from solen.material.index.refractometer import RefractometerOptions
+from solen.pipeline.resin.refractometer import refractometer
 
 
 def found(*n: float, u: float = 5e-4, **more: Any) -> dict[str, Any]:
-    return refractometer(RefractometerOptions(n=n, u=(u,), **more))
+    return refractometer(n, RefractometerOptions(u=(u,), **more)).to_dict()
 
 
 def test_the_arrays_are_those_of_an_index() -> None:
     result = found(1.487)
-    arrays = ("wavelength_nm", "n", "u_n", "k", "u_k", "reason", "u95_n")
+    arrays = ("wavelength_nm", "n", "u_n", "interval95_n")
     assert {len(result[key]) for key in arrays} == {121}
     assert result["mode"] == "refractometer"
-    assert set(result["k"]) == {None}
-    assert result["reason"][0] == "k: a refractometer does not measure it"
     assert json.loads(json.dumps(result, allow_nan=False)) == result
     fit = result["fit"]
-    model = Cauchy(**{key: value if key != "valid_nm" else tuple(value) for key, value in fit["model"].items()})
+    model = Cauchy(**{key: value if key != "valid_nm" else tuple(value) for key, value in fit.items()})
     at = result["wavelength_nm"].index(860.0)
     assert model.index(860.0) == pytest.approx(result["n"][at], abs=1e-15)
     assert model.u_index(860.0) == pytest.approx(result["u_n"][at], rel=1e-9)
-    assert result["line"]["n"] == pytest.approx(1.487, abs=1e-13)
+    assert result["n_D"] == pytest.approx(1.487, abs=1e-13)
     assert result["sources"][0]["instrument"] == "refractometer"
 
 
 def test_what_is_known_of_the_material_narrows_the_dispersion() -> None:
-    usual, stated, silicone = found(1.487), found(1.487, abbe=55.0, u_abbe=3.0), found(1.41, polymers=("silicone",))
+    usual, stated, silicone = found(1.487), found(1.487, abbe=55.0, u_abbe=3.0), found(1.41, polymer=("silicone",))
     at = usual["wavelength_nm"].index(860.0)
     assert stated["u_n"][at] < usual["u_n"][at] / 2
-    assert stated["dispersion"]["abbe"] == pytest.approx(55)
-    assert "of silicones" in silicone["dispersion"]["prior"]["source"]
+    assert stated["abbe"] == pytest.approx(55)
+    assert "of silicones" in silicone["prior"]["source"]
     assert len(silicone["warnings"]) == 1
     assert any("below the literature of acrylates and photoresins" in line for line in found(1.41)["warnings"])
 
@@ -61,14 +60,14 @@ def test_light_beyond_the_formula_gets_no_index(tmp_path: Path) -> None:
 
 def test_temperature_goes_into_the_uncertainty() -> None:
     cold, warm = found(1.487), found(1.487, u_temperature_k=10.0, dn_dt_per_k=-3e-4)
-    assert warm["line"]["u_n"] == pytest.approx(np.hypot(cold["line"]["u_n"], 3e-3), rel=1e-6)
-    assert warm["temperature"] == {"u_temperature_k": 10.0, "dn_dt_per_k": -3e-4}
+    assert warm["u_n_D"] == pytest.approx(np.hypot(cold["u_n_D"], 3e-3), rel=1e-6)
+    assert (warm["options"]["u_temperature_k"], warm["options"]["dn_dt_per_k"]) == (10.0, -3e-4)
 
 
 def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
-    options = RefractometerOptions(n=(1.5, 1.49), u=(5e-4,), wavelength_nm=(450.0, 600.0))
+    n, options = (1.5, 1.49), RefractometerOptions(u=(5e-4,), wavelength_nm=(450.0, 600.0))
     out, figure = tmp_path / "n.json", tmp_path / "n.svg"
-    result = refractometer(options, out=out, figure=figure)
+    result = refractometer(n, options, out=out, figure=figure).to_dict()
     written = json.loads(out.read_text(encoding="utf-8"))
     assert written["kind"] == "refractometer"
     assert written["n"] == result["n"]
@@ -76,25 +75,28 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
     assert "literature of acrylates and photoresins" in text
     assert "measured" in text
     with pytest.raises(OutputError, match="a figure ends in"):
-        refractometer(options, out=tmp_path / "other.json", figure=tmp_path / "n.gif")
+        refractometer(n, options, out=tmp_path / "other.json", figure=tmp_path / "n.gif")
     assert not (tmp_path / "other.json").exists()
 
 
 @pytest.mark.parametrize(
     ("more", "error", "line"),
     [
-        ({"n": (1.5, 1.49)}, SpecError, "--wavelength-nm; is missing; say it once for each index, in their order"),
-        ({"abbe": 50.0}, SpecError, "--u-abbe; is missing beside --abbe; state both"),
-        ({"u_abbe": 5.0}, SpecError, "--abbe; is missing beside --u-abbe; state both"),
-        ({"abbe": 50.0, "u_abbe": 5.0, "polymers": ("acrylate",)}, SpecError, "--polymer; cannot go with --abbe"),
-        ({"polymers": ("rubber",)}, SpecError, "--polymer = 'rubber'; must be one of acrylate, photoresin, silicone"),
-        ({"at_nm": (300.0,)}, SpecError, "--at-nm = 300.0; must be from 400 to 1000"),
+        ({"n": (1.5, 1.49)}, SpecError, "--wavelength-nm; is missing; state it once for each index, in their order"),
+        ({"abbe": 50.0}, SpecError, "u_abbe; is missing beside --abbe; state both"),
+        ({"u_abbe": 5.0}, SpecError, "abbe; is missing beside --u-abbe; state both"),
+        ({"abbe": 50.0, "u_abbe": 5.0, "polymer": ("acrylate",)}, SpecError, "polymer; cannot go with --abbe"),
+        ({"polymer": ("rubber",)}, SpecError, "polymer = 'rubber'; must be 'acrylate'"),
+        ({"at_nm": (300.0,)}, SpecError, "at_nm = 300.0; must be at least 400"),
         ({"u": (0.0,)}, DataError, "u_n = 0.0; must be above 0 and below 0.5"),
         ({"led": "no-such-part"}, SolenError, "no-such-part"),
     ],
 )
 def test_bad_input_is_one_line(more: dict[str, Any], error: type[SolenError], line: str) -> None:
+    n = more.get("n", (1.49,))
     with pytest.raises(error) as refusal:
-        refractometer(RefractometerOptions(**{"n": (1.49,), "u": (5e-4,)} | more))
+        refractometer(
+            n, RefractometerOptions(**{"u": (5e-4,)} | {key: value for key, value in more.items() if key != "n"})
+        )
     assert line in str(refusal.value)
     assert len(str(refusal.value).splitlines()) == 1

@@ -17,8 +17,10 @@ from itertools import pairwise
 from typing import ClassVar, Literal, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, nearest, refused
 from solen.units import um_from_nm
@@ -129,6 +131,18 @@ class Dispersion(Strict, ABC):
         variance = self._variance(wavelength_nm)
         return None if variance is None else math.sqrt(variance)
 
+    def along(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Index and its standard uncertainty at several wavelengths in nm; NaN where no uncertainty is known.
+
+        Raises
+        ------
+        DataError
+            As `index` does.
+        """
+        nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float)).tolist()
+        u = [self.u_index(each) for each in nm]
+        return np.array([self.index(each) for each in nm]), np.array([math.nan if each is None else each for each in u])
+
     def _refuse_outside(self, wavelength_nm: float) -> None:
         low, high = self.range_nm
         if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
@@ -136,9 +150,9 @@ class Dispersion(Strict, ABC):
             remedy = "take a wavelength inside, or data that reach there"
             raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
-    @abstractmethod
     def _data_range_nm(self) -> tuple[float, float]:
-        """Range that the data themselves give."""
+        """Range that the data themselves give; a formula gives none."""
+        return 0.0, math.inf
 
     @abstractmethod
     def _index(self, wavelength_nm: float) -> float:
@@ -174,9 +188,6 @@ class Constant(Dispersion):
     kind: Literal["number"] = "number"
     n: Positive = Field(ge=1, lt=5, description="the refractive index, 1 to 5.")
     u_n: NotNegative | None = Field(None, description="Standard uncertainty of n.")
-
-    def _data_range_nm(self) -> tuple[float, float]:
-        return 0.0, math.inf
 
     def _index(self, wavelength_nm: float) -> float:  # noqa: ARG002
         return self.n
@@ -249,9 +260,6 @@ class Cauchy(Dispersion):
         refuse_covariance(self.covariance, 3)
         return self
 
-    def _data_range_nm(self) -> tuple[float, float]:
-        return 0.0, math.inf
-
     def _index(self, wavelength_nm: float) -> float:
         square = um_from_nm(wavelength_nm) ** 2
         return self.A + self.B_um2 / square + self.C_um4 / square**2
@@ -277,9 +285,6 @@ class Sellmeier(Dispersion):
             raise refused("C_um2", f"must have {len(self.B)} entries, one per B", value=len(self.C_um2))
         refuse_covariance(self.covariance, 2 * len(self.B))
         return self
-
-    def _data_range_nm(self) -> tuple[float, float]:
-        return 0.0, math.inf
 
     def _index(self, wavelength_nm: float) -> float:
         square = um_from_nm(wavelength_nm) ** 2

@@ -1,20 +1,23 @@
 """Spectra of a recording: each trace with its wavelengths in nm.
 
-The interface: `spectra` of a recording; `Spectrum.ratio` for values without percent.
+The interface: `spectra` of a recording; `Spectrum.ratio` for values without percent; `listing` for what a file holds.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import Channel, Recording
+from solen.recording.model import Channel, Provenance, Recording
+from solen.results import HIDDEN, Result
 
 _MOST_RATIO = 2.0  # a ratio of light beyond this has a percentage in it
+_MOST_NAMES = 4  # traces that a warning names
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Spectrum:
     """One trace of a recording.
 
@@ -30,15 +33,70 @@ class Spectrum:
     channel: Channel
 
     def ratio(self) -> FloatArray:
-        """Values as pure numbers, 0.91 for 91 %; `DataError` for a unit that is none, or values that need one."""
+        """Values as pure numbers, 0.91 for 91 %; `DataError` for another unit, or values that need one."""
         channel = self.channel
         if channel.unit:
             return channel.to("1")
         top = float(np.nanmax(np.abs(channel.values), initial=0.0))
         if channel.quantity in {"transmittance", "reflectance", "absorptance"} and top > _MOST_RATIO:
             remedy = f"write {channel.name} (%) in the header if it is in percent"
-            raise DataError(channel.name, value=top, limit="has no unit and is no fraction", remedy=remedy)
+            raise DataError(channel.name, value=top, limit="has no unit and is not a fraction", remedy=remedy)
         return channel.values
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What a spectrum is, and how far it reaches.
+
+    Attributes
+    ----------
+    name
+        Name of the trace.
+    quantity, unit
+        What it is; null where the file does not tell.
+    points, empty
+        Number of points, and of those without a value.
+    range_nm, range_values
+        Least and greatest wavelength and value; null where there is no number.
+    note
+        What a reader must know.
+    """
+
+    name: str
+    quantity: str | None
+    unit: str | None
+    points: int
+    empty: int
+    range_nm: tuple[float, float] | None
+    range_values: tuple[float, float] | None
+    note: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Listing(Result):
+    """The spectra in a file.
+
+    Attributes
+    ----------
+    file, format
+        Name of the file, and what it was read as.
+    traces
+        What each spectrum is, in the order of the file.
+    simulated
+        Whether the spectra were simulated.
+    sources
+        Where they come from.
+    warnings
+        What must be known of the traces and their axes.
+    """
+
+    file: str
+    format: str
+    traces: tuple[Trace, ...]
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    spectra: tuple[Spectrum, ...] = field(metadata=HIDDEN)
 
 
 def spectra(recording: Recording) -> tuple[Spectrum, ...]:
@@ -49,3 +107,44 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
         remedy = "name the column of wavelengths wavelength_nm" if not axes else "add a column of values"
         raise DataError(recording.provenance.file or "recording", limit="holds no spectrum", remedy=remedy)
     return found
+
+
+def listing(recording: Recording, names: Sequence[str] = ()) -> Listing:
+    """What spectra a recording holds: those of some names, or all; `DataError` where there is none of a name."""
+    every, source = spectra(recording), recording.provenance
+    for name in names:
+        if recording.channel(name).name not in {one.channel.name for one in every}:
+            raise DataError(f"trace {name}", limit="runs along no wavelength", remedy="name another")
+    chosen = tuple(one for one in every if not names or one.channel.name in names)
+    used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
+    remarks: dict[str, list[str]] = {}
+    for channel in recording.channels:
+        if channel.note and channel.name in used:
+            remarks.setdefault(channel.note, []).append(channel.name)
+    warnings = tuple(f"{_listed(channels)}: {note}" for note, channels in remarks.items())
+    traces = tuple(_trace(one) for one in chosen)
+    return Listing(source.file, source.format, traces, source.simulated, (source,), warnings, chosen)
+
+
+def _trace(spectrum: Spectrum) -> Trace:
+    channel = spectrum.channel
+    return Trace(
+        name=channel.name,
+        quantity=channel.quantity or None,
+        unit=channel.unit or None,
+        points=int(channel.values.size),
+        empty=int(np.sum(np.isnan(channel.values))),
+        range_nm=_range(spectrum.wavelength_nm),
+        range_values=_range(channel.values),
+        note=channel.note,
+    )
+
+
+def _range(values: FloatArray) -> tuple[float, float] | None:
+    there = values[np.isfinite(values)]
+    return (float(there.min()), float(there.max())) if there.size else None
+
+
+def _listed(names: list[str]) -> str:
+    more = len(names) - _MOST_NAMES
+    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

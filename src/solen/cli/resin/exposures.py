@@ -1,68 +1,49 @@
 """The command of layers against their exposure."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from cyclopts import Parameter
+import numpy as np
 
-from solen.cli.app import FigureFile, Json, Out, show
+from solen.cli.app import FLAT, FigureFile, Out, Sheet, lines
+from solen.material.cure.exposures import ExposureOptions, ExposureTrends, Trend
+from solen.results import Outcome
 
 
 def exposures(
-    files: Annotated[list[Path], Parameter(negative=())],
+    files: list[Path],
     /,
     *,
-    wavelength_nm: Annotated[list[float] | None, Parameter(negative=())] = None,
-    irradiance_mW_per_cm2: Annotated[float | None, Parameter(name="--irradiance-mW-per-cm2")] = None,
-    thickness_um: float | None = None,
-    sheet: str | None = None,
+    options: Annotated[ExposureOptions, FLAT] = ExposureOptions(),
+    sheet: Sheet = None,
     figure: FigureFile = None,
     out: Out = None,
-    as_json: Json = False,
-) -> None:
-    """Show how the transmittance of layers changes with their exposure, and the index where R was measured.
+) -> Outcome[ExposureTrends]:
+    """Compare the transmittance of layers by their exposure, and the index where R was measured.
 
     Parameters
     ----------
     files
         Spectra whose traces, or files, are named by their exposure ("2 s"), or tables of exposure_s, wavelength_nm, T.
-    wavelength_nm
-        A wavelength to look at; repeatable. By default 450, 500 and 860 nm.
-    irradiance_mW_per_cm2
-        Irradiance at the window; makes doses of the exposures.
-    thickness_um
-        Thickness of the layers; the index needs it.
-    sheet
-        Sheet of a workbook; by default the only one with numbers.
     """
     from solen.pipeline.resin import exposures as pipeline
 
-    found = pipeline.exposures(
-        files,
-        wavelengths_nm=tuple(wavelength_nm or ()),
-        irradiance_mW_per_cm2=irradiance_mW_per_cm2,
-        thickness_um=thickness_um,
-        sheet=sheet,
-        figure=figure,
-        out=out,
-    )
-    show(found, as_json, lambda: _lines(found))
+    return pipeline.exposures(files, options, sheet=sheet, out=out, figure=figure)
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
-    lines = ["exposure (s)  " + "  ".join(f"{seconds:7g}" for seconds in found["exposure_s"])]
-    for row in found["wavelengths"]:
-        lines.append(f"T {row['wavelength_nm']:7g} nm  " + "  ".join(f"{value:7.4f}" for value in row["T"]))
-        lines.append(f"    {_slope(row['trend_T_per_s'], 'T')}")
-        if row["trend_n_per_s"] is not None:
-            values = ("      -" if value is None else f"{value:7.4f}" for value in row["n"])
-            lines.append(f"n {row['wavelength_nm']:7g} nm  " + "  ".join(values))
-            lines.append(f"    {_slope(row['trend_n_per_s'], 'n')}")
-    lines += [f"warning: {warning}" for warning in found["warnings"]]
-    return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
+@lines.register
+def _(trends: ExposureTrends) -> Iterator[str]:
+    yield "exposure (s)  " + "  ".join(f"{seconds:7g}" for seconds in trends.exposure_s)
+    for row in trends.wavelengths:
+        for name, values, line in (("T", row.T, row.trend_T), ("n", row.n, row.trend_n)):
+            if line is not None:
+                texts = ("      -" if np.isnan(value) else f"{value:7.4f}" for value in values)
+                yield f"{name} {row.wavelength_nm:7g} nm  " + "  ".join(texts)
+                yield f"    {name} changes by {_slope(line)}"
 
 
-def _slope(trend: dict[str, Any], name: str) -> str:
-    ends = trend["interval95"]
-    told = "no interval from two samples" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
-    return f"{name} changes by {trend['slope']:+.3g} per s ({told})"
+def _slope(line: Trend) -> str:
+    ends = line.interval95_slope_per_s
+    interval = "no interval from two samples" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
+    return f"{line.slope_per_s:+.3g} per s ({interval})"

@@ -1,14 +1,13 @@
 """Cure: how deep light hardens a resin, and what dose the parts of a print receive.
 
 `curve` fits the working curve, `discs` finds the columns of a table for it and says what it means for a print, `layers`
-adds up the doses in a print, `colour` computes the penetration depth from an absorbance, `stated` turns statements of
-the kind "200 µm at 39 mJ/cm²" into bounds, `exposure` compares the optics of layers by their exposure.
+adds up the doses in a print, `penetration` computes the penetration depth from an absorbance, `stated` turns statements
+of the kind "200 µm at 39 mJ/cm²" into bounds, `exposures` compares the optics of layers by their exposure.
 """
 
-from solen.material.cure.colour import Attenuation, attenuation, penetration_depth_um
 from solen.material.cure.curve import Disc, LackOfFit, LeftOut, WorkingCurve, working_curve
 from solen.material.cure.discs import CureOptions, MeasuredCurve, curve_of_discs
-from solen.material.cure.exposure import Sample, Trend, trend
+from solen.material.cure.exposures import Sample, Trend, trend
 from solen.material.cure.layers import (
     StackDose,
     cure_depth_um,
@@ -16,6 +15,7 @@ from solen.material.cure.layers import (
     stack_dose,
     stack_print_through_um,
 )
+from solen.material.cure.penetration import Attenuation, attenuation, penetration_depth_um
 from solen.material.cure.stated import PAPER, Statement, binding, largest_Ec
 
 __all__ = [

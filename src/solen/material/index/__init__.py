@@ -4,17 +4,18 @@ The idea: an index is never read off a curve that carries no information about i
 a name, states what it assumes, and masks with a reason what it cannot tell. Wavelengths are in nm, thicknesses in µm,
 reflectance and transmittance are fractions; arrays of any shapes that broadcast.
 
-`solen.material.index.slab` is the forward model of a free-standing layer and `solen.material.index.inversion` its exact
-inverse, both tested against `solen.material.index.reference` at fifty digits; `solen.material.index.reading` holds what
-was measured and what is known of its errors, `solen.material.index.routes` the ways to an `IndexSpectrum`, and
-`solen.material.index.masks` the reasons why a value is not told.
+The interface: `index_of_layer` goes from a recording to a `LayerIndex`. Behind it, `solen.material.index.stack` is the
+forward model, `solen.material.index.inversion` its exact inverse for a layer in air and
+`solen.material.index.substrate` that on a substrate; `solen.material.index.reading` holds what was measured and what is
+known of its errors, `solen.material.index.routes` the ways to an `IndexSpectrum`, and `solen.material.index.masks` the
+reasons why a value is masked.
 """
 
 from solen.material.index.inversion import Inverted, invert, invert_many, slopes
 from solen.material.index.reading import Length, Reading, reading
 from solen.material.index.routes import absorptance, as_published, is_absorbance, lossless, measured
-from solen.material.index.slab import forward, fringe_spacing_nm
 from solen.material.index.spectrum import Estimate, IndexSpectrum
+from solen.material.index.stack import forward
 
 __all__ = [
     "Estimate",
@@ -25,7 +26,6 @@ __all__ = [
     "absorptance",
     "as_published",
     "forward",
-    "fringe_spacing_nm",
     "invert",
     "invert_many",
     "is_absorbance",

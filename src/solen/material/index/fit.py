@@ -13,13 +13,13 @@ How many terms is decided by Akaike's criterion for small samples, AICc (K. P. B
 Selection and Multimodel Inference, 2002), in its form for overdispersed data where the points scatter beyond their
 uncertainties, unless the caller says.
 
-The interface: `fit` with a name of `FITS`, or `fit_cauchy` and `fit_sellmeier`; both give a `Fit`.
+The interface: `fit` with a name of `FITS` gives a `Fit`.
 """
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,15 +27,17 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
-from solen.material.index.formulas import CauchyForm, Form, SellmeierForm, UnfitError, resonance_nm
+from solen.material.index.formulas import CauchyForm, Form, OnePole, TwoPoles, UnfitError, covariance_rows, resonance_nm
 from solen.material.index.squares import Points, Solved, points_of, solved
+from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
+_CURVE_NM = 5.0
 _SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Result):
     """A formula through an index spectrum.
 
     Attributes
@@ -56,7 +58,7 @@ class Fit:
         Correlation of a residual with the next one.
     widened
         What the independent uncertainties were multiplied with for scatter and neighbours; 1 where they suffice.
-    scores
+    aicc
         AICc by number of terms, of those that were tried; the least one wins.
     refused
         By number of terms, why a fit was not taken.
@@ -68,99 +70,36 @@ class Fit:
     terms: int
     model: Cauchy | Sellmeier
     points: int
-    residuals: FloatArray
+    residuals: FloatArray = field(metadata=HIDDEN)
     rms: float
     chi2_reduced: float | None
     neighbours: float
     widened: float
-    scores: Mapping[int, float]
+    aicc: Mapping[int, float]
     refused: Mapping[int, str]
     warnings: tuple[str, ...]
 
-    def index(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Index and its standard uncertainty at wavelengths inside the formula's range, in nm."""
-        at = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
-        n = np.array([self.model.index(float(one)) for one in at])
-        return n, np.array([self.model.u_index(float(one)) or 0.0 for one in at])
+    @reported
+    def wavelength_nm(self) -> FloatArray:
+        """Wavelengths of the curve: the ends of the range and every 5 nm between them."""
+        low, high = self.model.range_nm
+        nm = np.unique(np.append(np.arange(np.ceil(low / _CURVE_NM) * _CURVE_NM, high, _CURVE_NM), [low, high]))
+        return np.asarray(nm[(nm >= low) & (nm <= high)])
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same as plain data, for JSON; the residuals by their root mean square alone."""
-        coefficients = self.model.model_dump(mode="json", exclude_none=True, exclude={"mode", "warnings"})
-        return {
-            "kind": self.kind,
-            "terms": self.terms,
-            "model": coefficients,
-            "points": self.points,
-            "rms": self.rms,
-            "chi2_reduced": self.chi2_reduced,
-            "neighbours": self.neighbours,
-            "widened": self.widened,
-            "aicc": {str(terms): score for terms, score in self.scores.items()},
-            "refused": {str(terms): why for terms, why in self.refused.items()},
-        }
+    @reported
+    def n(self) -> FloatArray:
+        """Index along the curve."""
+        return self.model.along(self.wavelength_nm)[0]
+
+    @reported
+    def u_n(self) -> FloatArray:
+        """Its standard uncertainty; NaN where none is known."""
+        return self.model.along(self.wavelength_nm)[1]
 
 
-def fit_cauchy(
-    wavelength_nm: ArrayLike,
-    n: ArrayLike,
-    u_n: ArrayLike | None = None,
-    *,
-    shared: ArrayLike | None = None,
-    terms: int | None = None,
-) -> Fit:
-    """Cauchy's formula n = A + B/λ² + C/λ⁴ through a spectrum.
-
-    Parameters
-    ----------
-    wavelength_nm, n
-        Shape (points,), in any order; a NaN in n is passed over.
-    u_n
-        Standard uncertainties that are independent from point to point, above 0, one or one for each; a NaN masks its
-        point. None: taken from the scatter.
-    shared
-        Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each.
-        One number is an offset.
-    terms
-        1, 2 (A and B) or 3; None lets AICc choose 2 or 3.
-
-    Raises
-    ------
-    DataError
-        Where there are too few points, a number is not one, or no formula can be had, with the reason.
-    """
-    return fit("cauchy", wavelength_nm, n, u_n, shared=shared, terms=terms)
-
-
-def fit_sellmeier(
-    wavelength_nm: ArrayLike,
-    n: ArrayLike,
-    u_n: ArrayLike | None = None,
-    *,
-    shared: ArrayLike | None = None,
-    terms: int | None = None,
-) -> Fit:
-    """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C) through a spectrum.
-
-    Parameters
-    ----------
-    wavelength_nm, n, u_n, shared
-        As of `fit_cauchy`.
-    terms
-        1 or 2; None lets AICc choose, of those that the points determine.
-
-    Raises
-    ------
-    DataError
-        As `fit_cauchy`; also where a resonance falls inside the range, or two terms cannot be told apart.
-    """
-    return fit("sellmeier", wavelength_nm, n, u_n, shared=shared, terms=terms)
-
-
-_Forms = Mapping[int, Callable[[FloatArray], Form]]
-
-FITS: Mapping[str, _Forms] = {
-    "cauchy": {terms: lambda um, terms=terms: CauchyForm(um, terms) for terms in (1, 2, 3)},  # type: ignore[misc]
-    "sellmeier": {terms: lambda um, terms=terms: SellmeierForm.of(um, terms) for terms in (1, 2)},  # type: ignore[misc]
+FITS: Mapping[str, Mapping[int, Callable[[FloatArray], Form]]] = {
+    "cauchy": {terms: partial(CauchyForm, terms=terms) for terms in (1, 2, 3)},
+    "sellmeier": {1: OnePole, 2: TwoPoles},
 }
 """By name, the formulas by number of terms."""
 
@@ -177,7 +116,29 @@ def fit(
     shared: ArrayLike | None = None,
     terms: int | None = None,
 ) -> Fit:
-    """Formula of a kind of `FITS` through a spectrum; as `fit_cauchy` and `fit_sellmeier`."""
+    """Cauchy's formula n = A + B/λ² + C/λ⁴ or Sellmeier's n² = 1 + Σ B λ²/(λ² − C) through a spectrum.
+
+    Parameters
+    ----------
+    kind
+        ``cauchy`` or ``sellmeier``.
+    wavelength_nm, n
+        Shape (points,), in any order; a NaN in n is passed over.
+    u_n
+        Standard uncertainties that are independent from point to point, above 0, one or one for each; a NaN masks its
+        point. None: taken from the scatter.
+    shared
+        Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each.
+        One number is an offset.
+    terms
+        Of Cauchy's formula 1, 2 (A and B) or 3, of Sellmeier's 1 or 2; None lets AICc choose, but for Cauchy's of 1.
+
+    Raises
+    ------
+    DataError
+        Where there are too few points, a number is not one, or no formula can be had, with the reason: a resonance
+        inside the range, two terms that cannot be told apart.
+    """
     if kind not in FITS:
         raise DataError("fit", value=kind, limit=f"must be one of {', '.join(FITS)}")
     if terms is not None and terms not in FITS[kind]:
@@ -197,14 +158,10 @@ def fit(
     if not found:
         count, why = next(iter(refused.items()))
         remedy = "take fewer terms or the other formula" if terms is None or terms > 1 else "take the other formula"
-        raise DataError(f"{kind} fit of {_spelt(count)}", limit=why, remedy=remedy)
+        raise DataError(f"{kind} fit of {count} term{'s' if count > 1 else ''}", limit=why, remedy=remedy)
     scores = _scores(found, points)
     best = min(scores, key=lambda count: scores[count])
-    return _told(kind, best, found, points, scores, refused)
-
-
-def _spelt(count: int) -> str:
-    return f"{count} term{'s' if count > 1 else ''}"
+    return _delivered(kind, best, found, points, scores, refused)
 
 
 def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
@@ -225,7 +182,7 @@ def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
     return scores
 
 
-def _told(
+def _delivered(
     kind: str,
     terms: int,
     found: Mapping[int, Solved],
@@ -273,13 +230,7 @@ def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[in
         off = np.array([one.A, one.B_um2, one.C_um4]) - here
         total += weights[count] * (np.array(one.covariance) + np.outer(off, off))
     covariance = total / sum(weights.values())
-    return Cauchy(
-        A=chosen.A,
-        B_um2=chosen.B_um2,
-        C_um4=chosen.C_um4,
-        covariance=tuple(tuple(float(value) for value in row) for row in covariance),
-        valid_nm=chosen.valid_nm,
-    )
+    return chosen.model_copy(update={"covariance": covariance_rows(covariance)})
 
 
 def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: Points) -> None:

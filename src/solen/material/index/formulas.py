@@ -4,8 +4,8 @@ The idea: A, B and C of Cauchy's formula are nearly the same thing over a short 
 of Sellmeier's. A fit works in parameters that are not: Legendre polynomials of 1/λ² scaled to its range, the straight
 line that 1/(n² − 1) of one Sellmeier term is in 1/λ², logarithms for two terms.
 
-The interface: a `Form` has `start`, `value`, `check` and `model`; `CauchyForm`, `SellmeierForm.of`. What a form cannot
-be it tells by raising `UnfitError`.
+The interface: a `Form` has `start`, `value`, `check` and `model`; `CauchyForm`, `OnePole` and `TwoPoles`. A form raises
+`UnfitError` where it cannot follow the points.
 """
 
 import math
@@ -84,20 +84,14 @@ class CauchyForm(Form):
                 turn[: i + 1, j] += factor * shifted.coef
         own = turn[:, : self.size]
         a, b, c = (float(one) for one in own @ inner)
-        return Cauchy(A=a, B_um2=b, C_um4=c, covariance=_rows(own @ covariance @ own.T), valid_nm=span_nm)
+        return Cauchy(A=a, B_um2=b, C_um4=c, covariance=covariance_rows(own @ covariance @ own.T), valid_nm=span_nm)
 
 
-class SellmeierForm(Form):
-    """A form of Sellmeier's formula."""
+class OnePole(Form):
+    """Sellmeier's formula of one term.
 
-    @classmethod
-    def of(cls, um: FloatArray, terms: int) -> "SellmeierForm":
-        """Form of one or two terms."""
-        return OnePole(um) if terms == 1 else TwoPoles(um)
-
-
-class OnePole(SellmeierForm):
-    """One term: 1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose middle and rise are the inner parameters."""
+    1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose middle and rise are the inner parameters.
+    """
 
     size = 2
 
@@ -140,12 +134,15 @@ class OnePole(SellmeierForm):
         level, fall = self._line(inner)
         line = np.array([[1.0, -self._middle / self._half], [0.0, -1 / self._half]])
         turn = np.array([[-1 / level**2, 0.0], [-fall / level**2, 1 / level]]) @ line
-        spread = _rows(turn @ covariance @ turn.T)
+        spread = covariance_rows(turn @ covariance @ turn.T)
         return Sellmeier(B=(1 / level,), C_um2=(fall / level,), covariance=spread, valid_nm=span_nm)
 
 
-class TwoPoles(SellmeierForm):
-    """Two terms in the logarithms of B1, B2, C1 and C2; the second resonance beyond either end of the range."""
+class TwoPoles(Form):
+    """Sellmeier's formula of two terms, in the logarithms of B1, B2, C1 and C2.
+
+    The second resonance lies beyond either end of the range.
+    """
 
     size = 4
 
@@ -224,10 +221,12 @@ class TwoPoles(SellmeierForm):
         spread = np.outer(values, values) * covariance
         order = [0, 1, 2, 3] if values[2] <= values[3] else [1, 0, 3, 2]
         b1, b2, c1, c2 = (float(one) for one in values[order])
-        return Sellmeier(B=(b1, b2), C_um2=(c1, c2), covariance=_rows(spread[np.ix_(order, order)]), valid_nm=span_nm)
+        return Sellmeier(
+            B=(b1, b2), C_um2=(c1, c2), covariance=covariance_rows(spread[np.ix_(order, order)]), valid_nm=span_nm
+        )
 
 
-def _rows(covariance: FloatArray) -> tuple[tuple[float, ...], ...]:
+def covariance_rows(covariance: FloatArray) -> tuple[tuple[float, ...], ...]:
     """Covariance as a file has it, symmetric to the last bit."""
     even = (covariance + covariance.T) / 2
     return tuple(tuple(float(one) for one in row) for row in even)

@@ -1,16 +1,23 @@
-"""Where the two faces of a layer interfere, so that a formula that adds powers fails.
+"""Where the two faces of a layer interfere, so that adding their powers fails.
 
-The idea: fringes are λ²/(2nh) apart. A monochromator whose bandwidth is well above that averages over them and the slab
-formula holds; one whose bandwidth is below sees them, and so does a spectrum whose wavelengths are close enough to show
-them. Points that are too far apart show no fringe and are still off by it.
+The idea: fringes are λ²/(2nh) apart. A monochromator whose bandwidth is well above that averages over
+them and the powers add; one whose bandwidth is below sees them, and so does a spectrum whose wavelengths are close
+enough to show them. Points that are too far apart show no fringe and are still off by it.
 
 The interface: `fringe_warnings`, in sentences.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.material.index.slab import fringe_spacing_nm
+from solen.units import NM_PER_UM
+
+
+def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:
+    """Distance in nm between two maxima of the interference of a layer's two faces, λ²/(2nh)."""
+    wavelength = np.asarray(wavelength_nm, dtype=float)
+    return np.asarray(wavelength**2 / (2.0 * np.asarray(n) * np.asarray(thickness_um) * NM_PER_UM))
 
 
 def fringe_warnings(
@@ -29,12 +36,12 @@ def fringe_warnings(
         ends += f" and {spacing[-1]:.2g} nm at {wavelength_nm[-1]:g} nm"
     what = f"fringes of a layer of {thickness_um:g} µm are {ends}"
     if bandwidth_nm is None:
-        return (f"{what}: the slab formula holds for a bandwidth above that; the instrument's is not stated",)
+        return (f"{what}: powers add for a bandwidth above that; the instrument's is not stated",)
     wide = spacing > bandwidth_nm
     if not wide.any():
         return ()
     lost = f"{what}, and from {wavelength_nm[np.argmax(wide)]:g} nm on more than the bandwidth of {bandwidth_nm:g} nm"
-    found = [f"{lost}: the spectrum follows the interference, which the slab formula does not know"]
+    found = [f"{lost}: the spectrum follows the interference, which the sum of powers leaves out"]
     step = float(np.median(np.diff(wavelength_nm))) if wavelength_nm.size > 1 else np.inf
     if step > spacing[wide].min() / 2.0:
         apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has one wavelength"

@@ -1,4 +1,4 @@
-"""From reflectance and transmittance of a slab in air back to n and k: exact, stable, with exact derivatives.
+"""From R and T of a free-standing layer back to n and k: exact, stable, with exact derivatives.
 
 The idea: the formulas as printed subtract nearly equal numbers, R_F = (B − S)/(2(2 − R)) at small R and R − R_F where
 little light comes through. Both have forms without a difference. With c = R(2 − R),
@@ -18,6 +18,7 @@ The interface: `invert` gives `Inverted`; `invert_many` the same n and k for mor
 """
 
 import os
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -28,7 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.material.index.slab import attenuation
+from solen.material.index.stack import optical_depth
 
 _IN_BLOCKS: dict[str, Any] = {
     "flags": ["external_loop", "buffered", "zerosize_ok"],
@@ -39,9 +40,9 @@ _IN_BLOCKS: dict[str, Any] = {
 _MUCH = 1 << 20  # numbers above which a call is shared among cores
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inverted:
-    """What a slab's R and T say, with nothing masked but what has no value: arrays of one shape.
+    """What R and T of a layer in air say, with nothing masked but what has no value: arrays of one shape.
 
     Attributes
     ----------
@@ -62,22 +63,36 @@ class Inverted:
     tau: FloatArray
 
 
-@dataclass(frozen=True)
-class Slopes:
-    """Derivatives of n and k by R, T and the thickness in µm: arrays of one shape."""
+Slopes = Mapping[str, FloatArray]
+"""Derivatives by what they are taken by: ``T``, ``R``, ``thickness_um``, and on a substrate what is known of it."""
 
-    n_by_r: FloatArray
-    n_by_t: FloatArray
-    n_by_h: FloatArray
-    k_by_r: FloatArray
-    k_by_t: FloatArray
-    k_by_h: FloatArray
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """n and k with their derivatives; arrays of shape (wavelengths,), NaN where there is no value.
+
+    Attributes
+    ----------
+    n, k
+        Index and extinction; k below 0 where more light came out than went in.
+    other_n
+        The second index that fits the same readings.
+    n_by, k_by
+        Derivatives by ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (where the layer's index was given) and what
+        was known of a substrate: ``sheet_n``, ``sheet_k``, ``sheet_um``.
+    """
+
+    n: FloatArray
+    k: FloatArray
+    other_n: FloatArray
+    n_by: Slopes
+    k_by: Slopes
 
 
 def invert(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> Inverted:
-    """Index and extinction of a slab in air of which R and T are known, at normal incidence.
+    """Index and extinction of a layer in air of which R and T are known, at normal incidence.
 
     Parameters
     ----------
@@ -86,7 +101,7 @@ def invert(
     thickness_um, wavelength_nm
         Thickness in µm and wavelength in air in nm; all four broadcast.
     """
-    r, t, depth = _broadcast(reflectance, transmittance, attenuation(thickness_um, wavelength_nm))
+    r, t, depth = _broadcast(reflectance, transmittance, optical_depth(thickness_um, wavelength_nm))
     with np.errstate(all="ignore"):  # what has no value becomes NaN
         face, tau, k, n = _inverted(r, t, 1.0 / depth)
         return Inverted(n, k, (1.0 + k**2) / n, face, tau)
@@ -108,7 +123,7 @@ def invert_many(
     out
         Arrays of the common shape that n and k are written into, for whoever does this often.
     """
-    arguments = _broadcast(reflectance, transmittance, 1.0 / attenuation(thickness_um, wavelength_nm))
+    arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
     n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
     parts = _parts(n.shape)
     with ThreadPoolExecutor(len(parts)) as pool:  # numpy lets go of Python's lock while it computes
@@ -119,13 +134,13 @@ def invert_many(
 
 def slopes(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
-) -> Slopes:
-    """Derivatives of n and k of `invert`, exact; arguments as there.
+) -> tuple[Slopes, Slopes]:
+    """Derivatives of n and of k of `invert`, exact; arguments as there.
 
     They follow from the quadratic equations that R_F and τ solve, (2 − R) R_F² − (2 + T² − (1 − R)²) R_F + R = 0 and
     R_F² T τ² + (1 − R_F)² τ − T = 0.
     """
-    r, t, h, depth = _broadcast(reflectance, transmittance, thickness_um, attenuation(thickness_um, wavelength_nm))
+    r, t, h, depth = _broadcast(reflectance, transmittance, thickness_um, optical_depth(thickness_um, wavelength_nm))
     with np.errstate(all="ignore"):
         face, tau, k, n = _inverted(r, t, 1.0 / depth)
         once, root = 1.0 - face, n - (1.0 + face) / (1.0 - face)
@@ -137,14 +152,8 @@ def slopes(
         k_by_r, k_by_t, k_by_h = -log_by_face * face_by_r / depth, -log_by_t / depth, -k / h
         n_by_face = 2.0 / once**2 + 2.0 * (1.0 + face) / (once**3 * root)
         n_by_k = -k / root
-    return Slopes(
-        n_by_face * face_by_r + n_by_k * k_by_r,
-        n_by_face * face_by_t + n_by_k * k_by_t,
-        n_by_k * k_by_h,
-        k_by_r,
-        k_by_t,
-        k_by_h,
-    )
+    n_by = {"R": n_by_face * face_by_r + n_by_k * k_by_r, "T": n_by_face * face_by_t + n_by_k * k_by_t}
+    return n_by | {"thickness_um": n_by_k * k_by_h}, {"R": k_by_r, "T": k_by_t, "thickness_um": k_by_h}
 
 
 def _parts(shape: tuple[int, ...]) -> list[tuple[slice | EllipsisType, ...]]:

@@ -15,10 +15,10 @@ acrylates with resins and adhesives that are cured by light.
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,12 +26,14 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.extras import installed, need
+from solen.results import HIDDEN
 from solen.units import NM_PER_UM
 
-POLYMERS = ("acrylate", "photoresin", "silicone", "aromatic")
+Polymer = Literal["acrylate", "photoresin", "silicone", "aromatic"]
+POLYMERS: tuple[Polymer, ...] = get_args(Polymer)
 """Classes of the table."""
 
-RESINS = ("acrylate", "photoresin")
+RESINS: tuple[Polymer, ...] = ("acrylate", "photoresin")
 """What a printed transparent part is most like."""
 
 LINE_D, LINE_HELIUM, LINE_F, LINE_C = 589.3, 587.56, 486.13, 656.27
@@ -60,12 +62,12 @@ class Shape:
     ----------
     abbe
         V = (n_d − 1)/(n_F − n_C).
-    share
+    bend
         The s of the formula: the part of the rise from C to F that the 1/λ⁴ term makes.
     """
 
     abbe: float
-    share: float
+    bend: float
 
 
 @dataclass(frozen=True)
@@ -207,23 +209,26 @@ def curve_of(material: Material, *, package: bool | None = None) -> Curve:
     return material.index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Band:
     """Least and greatest index of some polymers at some wavelengths.
 
     Attributes
     ----------
+    polymers
+        Classes of polymers.
     wavelength_nm, low, high
         Shape (wavelengths,); NaN where no entry reaches.
     lowest, highest
         Names of the entries at the ends; empty where none reaches.
     """
 
-    wavelength_nm: FloatArray
+    polymers: tuple[str, ...]
+    wavelength_nm: FloatArray = field(metadata=HIDDEN)
     low: FloatArray
     high: FloatArray
-    lowest: tuple[str, ...]
-    highest: tuple[str, ...]
+    lowest: tuple[str, ...] = field(metadata=HIDDEN)
+    highest: tuple[str, ...] = field(metadata=HIDDEN)
 
 
 def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package: bool | None = None) -> Band:
@@ -247,7 +252,9 @@ def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package:
         tuple("" if empty else entries[i].name for i, empty in zip(ends, none, strict=True))
         for ends in (low.argmin(axis=0), high.argmax(axis=0))
     ]
-    return Band(nm, np.where(none, np.nan, low.min(axis=0)), np.where(none, np.nan, high.max(axis=0)), *names)
+    return Band(
+        tuple(polymers), nm, np.where(none, np.nan, low.min(axis=0)), np.where(none, np.nan, high.max(axis=0)), *names
+    )
 
 
 def _reaching(entry: Material, nm: FloatArray, package: bool | None) -> FloatArray:

@@ -6,16 +6,19 @@ and bias the rest. n goes only where R + T exceeds 1 by more than three standard
 alone puts a few points there; where there are no more than that, the bound is the one that noise crosses once in a
 hundred spectra.
 
-The interface: `why_no_n` and `why_no_k` find the reason at each wavelength, `told` puts them in words.
+The interface: `why_no_n` and `why_no_k` give the reason at each wavelength, `reasons` puts it in words, `counted` sums
+it up.
 """
 
+from collections import Counter
 from enum import IntEnum
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtrik
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
 
@@ -31,51 +34,40 @@ _ROUNDING = 1e-12  # of R + T
 
 
 class Why(IntEnum):
-    """Why n or k is masked."""
+    """Why n or k is masked: a code, and the reason in words."""
+
+    words: str
+
+    def __new__(cls, code: int, words: str = "") -> Self:
+        """Member with its words."""
+        member = int.__new__(cls, code)
+        member._value_, member.words = code, words
+        return member
 
     FINE = 0
-    MISSING = 1
-    REFLECTANCE = 2
-    TRANSMITTANCE = 3
-    OPAQUE = 4
-    ENERGY = 5
-    DISCRIMINANT = 6
-    AMBIGUOUS = 7
-    NO_REFLECTION = 8
-    NEGATIVE = 9
-    SMALL = 10
-    DARK = 11
-    ASSUMED = 12
-    PUBLISHED = 13
-    NO_FIT = 14
-    INDISTINCT = 15
-    BRIGHT = 16
-    TOO_CLEAR = 17
-    TOO_DARK = 18
-    BELOW = 19
+    MISSING = 1, "no number was measured here"
+    REFLECTANCE = 2, "R is not between 0 and 1"
+    TRANSMITTANCE = 3, "T is not above 0"
+    OPAQUE = 4, "R does not exceed R_F: no light came through"
+    ENERGY = 5, "R + T exceeds 1 by more than three standard uncertainties"
+    DISCRIMINANT = 6, "no index fits: the square in n is negative"
+    AMBIGUOUS = 7, "two indices fit as well, as happens inside strong absorption bands"
+    NO_REFLECTION = 8, "T is not below 1: no reflection is left for an index"
+    NEGATIVE = 9, "not resolved: R + T exceeds 1, within its uncertainty"
+    SMALL = 10, "not resolved: k is below its own uncertainty"
+    DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has a lower bound only"
+    ASSUMED = 12, "not measured: this route assumes k = 0"
+    PUBLISHED = 13, "no measurement: R was made of T alone"
+    NO_FIT = 14, "no index from 1 to 3 reads this T and R on this substrate"
+    INDISTINCT = 15, "two indices fit T and R on this substrate within three standard uncertainties"
+    BRIGHT = 16, "more light came out than went in, by more than three standard uncertainties"
+    TOO_CLEAR = 17, "T is above the most that a layer of any index reads on this substrate"
+    TOO_DARK = 18, "T is below what a lossless layer of an index up to 3 reads on this substrate"
+    BELOW = 19, "not resolved: k is below 0, within its uncertainty"
 
 
-WORDS = {
-    Why.MISSING: "no number was measured here",
-    Why.REFLECTANCE: "R is not between 0 and 1",
-    Why.TRANSMITTANCE: "T is not above 0",
-    Why.OPAQUE: "R does not exceed R_F: no light came through",
-    Why.ENERGY: "R + T exceeds 1 by more than three standard uncertainties",
-    Why.DISCRIMINANT: "no index fits: the square in n is negative",
-    Why.AMBIGUOUS: "two indices fit as well, as happens inside strong absorption bands",
-    Why.NO_REFLECTION: "T is not below 1: no reflection is left for an index",
-    Why.NEGATIVE: "not resolved: R + T exceeds 1, within its uncertainty",
-    Why.SMALL: "not resolved: k is below its own uncertainty",
-    Why.DARK: "not resolved: T is within three standard uncertainties of 0, so k has a lower bound only",
-    Why.ASSUMED: "not measured: this route assumes k = 0",
-    Why.PUBLISHED: "no measurement: R was made of T alone",
-    Why.NO_FIT: "no index from 1 to 3 reads this T and R on this substrate",
-    Why.INDISTINCT: "two indices fit T and R on this substrate within three standard uncertainties",
-    Why.BRIGHT: "more light came out than went in, by more than three standard uncertainties",
-    Why.TOO_CLEAR: "T is above the most that a layer of any index reads on this substrate",
-    Why.BELOW: "not resolved: k is below 0, within its uncertainty",
-    Why.TOO_DARK: "T is below what a lossless layer of an index up to 3 reads on this substrate",
-}
+UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
+"""Reasons beside which k keeps its uncertainty and an upper bound."""
 
 
 def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, found: Inverted) -> Codes:
@@ -117,7 +109,7 @@ def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArra
     return np.where(lost, no_n, first(tests)).astype(np.int8)
 
 
-def first(tests: dict[Why, NDArray[np.bool_]]) -> Codes:
+def first(tests: dict[Why, BoolArray]) -> Codes:
     """First reason that applies, at each wavelength."""
     found = np.full(next(iter(tests.values())).shape, int(Why.FINE), dtype=np.int8)
     for why, applies in reversed(tests.items()):
@@ -125,18 +117,25 @@ def first(tests: dict[Why, NDArray[np.bool_]]) -> Codes:
     return found
 
 
-def told(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:
+def reasons(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:
     """Reasons in words, ``n, k: …`` or ``k: …``, None where neither is masked."""
-    return tuple(_told(Why(n), Why(k)) for n, k in zip(no_n.tolist(), no_k.tolist(), strict=True))
+    return tuple(_reason(Why(n), Why(k)) for n, k in zip(no_n.tolist(), no_k.tolist(), strict=True))
 
 
-def _told(no_n: Why, no_k: Why) -> str | None:
-    parts = {f"n{', k' if no_k == no_n else ''}: {WORDS[no_n]}"} if no_n else set()
-    parts |= {f"k: {WORDS[no_k]}"} if no_k and no_k != no_n else set()
-    return "; ".join(sorted(parts, reverse=True)) or None
+def _reason(no_n: Why, no_k: Why) -> str | None:
+    if no_n and no_k == no_n:
+        return f"n, k: {no_n.words}"
+    return "; ".join(f"{name}: {why.words}" for name, why in (("n", no_n), ("k", no_k)) if why) or None
 
 
-def _beyond(excess: FloatArray, u_sum: Combined) -> NDArray[np.bool_]:
+def counted(name: str, why: Codes, beside: Codes | None = None) -> list[str]:
+    """How many points are masked, by reason; those masked for the same reason ``beside`` are left out."""
+    codes = why if beside is None else np.where(why == beside, Why.FINE, why)
+    counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
+    return [f"{name} is masked at {count} of {codes.size} wavelengths: {one.words}" for one, count in counts.items()]
+
+
+def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:
     """Where R + T exceeds 1 by more than its uncertainty explains."""
     points = max(int(np.isfinite(excess).sum()), 1)
     beyond = _exceeds(excess, u_sum, THREE_SIGMAS)
@@ -145,7 +144,7 @@ def _beyond(excess: FloatArray, u_sum: Combined) -> NDArray[np.bool_]:
     return _exceeds(excess, u_sum, max(THREE_SIGMAS, 1.0 - 0.02 / points))
 
 
-def _exceeds(excess: FloatArray, u_sum: Combined, level: float) -> NDArray[np.bool_]:
+def _exceeds(excess: FloatArray, u_sum: Combined, level: float) -> BoolArray:
     bound = u_sum.bound(level)
     assumed = student(level, np.inf) * np.sqrt(2.0) * ASSUMED_U
     with np.errstate(invalid="ignore"):

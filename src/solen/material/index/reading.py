@@ -31,7 +31,7 @@ _APART = 8  # wavelengths from which on offsets of whole spectra are told from s
 _DRIFT = 3.0  # offsets above this many times what scatter leaves of them are more than scatter
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Share:
     """A part of an uncertainty: what it adds, with its sign, its freedom, and whether all wavelengths share it."""
 
@@ -40,7 +40,7 @@ class Share:
     common: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """A quantity along a spectrum, mean of its repeats.
 
@@ -97,7 +97,7 @@ class Length:
             raise DataError("uncertainty of the thickness", value=f"{self.u_um:g} µm", limit=limit)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Combined:
     """Uncertainty that independent parts make together.
 

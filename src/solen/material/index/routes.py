@@ -1,4 +1,4 @@
-"""The routes from spectra of a free-standing layer to its index; each states what it assumes.
+"""The routes from spectra of a layer to its index; each states what it assumes.
 
 - **measured**: R and T, each measured. The only one that measures both n and k.
 - **absorptance**: R = 1 − T − A with A the *absorptance*, the share of the power that stays in the layer, measured in
@@ -7,60 +7,81 @@
   function of T alone and n no measurement; the route reproduces numbers that were published so, and says what they are.
 - **lossless**: T alone, with k = 0 assumed: T = 2n/(n² + 1). Whatever the layer absorbs or scatters raises this n.
 
-The interface: `measured`, `absorptance`, `as_published`, `lossless`, each giving an `IndexSpectrum`; `is_absorbance`
-tells an absorbance that was taken for an absorptance.
+`measured` and `lossless` take a `Setup` for a layer that stays on its substrate. Near n = 1.5 on PET an error of 0.001
+in R moves n by 0.009, 0.1 % of T the lossless n by as much, and an error of the substrate's index goes over into n one
+to one: it is the bare sheet's reflectance that the layer's is seen against. There an index is masked that cannot be
+told from the second one that fits the same readings, or that needs more light out than went in.
+
+The interface: `measured`, `absorptance`, `as_published`, `lossless`, each giving an `IndexSpectrum`;
+`extinction_on_substrate` for a layer whose index is known; `is_absorbance` recognises an absorbance that was taken for
+an absorptance.
 """
 
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ndtr, ndtri
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.index import masks
-from solen.material.index.inversion import Inverted, Slopes, invert, slopes
+from solen.material.index.inversion import Inverse, Slopes, invert, slopes
 from solen.material.index.literature import band
-from solen.material.index.masks import WORDS, Codes, Why
+from solen.material.index.masks import THREE_SIGMAS, UNRESOLVED, Codes, Why, counted, first
 from solen.material.index.reading import Combined, Length, Reading, Share, combined
-from solen.material.index.spectrum import UNRESOLVED, Estimate, IndexSpectrum, estimate, nothing
+from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
+from solen.material.index.stack import Setup
+from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
 
 MODES = ("measured", "absorptance", "as-published", "lossless")
 AS_PUBLISHED = (
     "as published, refused as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
     "says nothing of the reflectance; so read, a clear layer of n = 1.50 gives 1.351"
 )
+BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
+"""Kinds of absorbance, by name the natural logarithm of their base."""
 _ALIKE, _ROUNDED = 0.02, 1e-4  # A that differs from −log10 T by less is −log10 T
+_ROUNDING = 1e-12  # of k, and of T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Input:
-    """A reading, and how R and T follow from it."""
+    """A reading of a layer in air, and how R and T follow from it."""
 
-    name: str
     reading: Reading
     r_by: float
     t_by: float
 
+    def slope(self, by: Slopes) -> FloatArray:
+        """Derivative by the input; an infinite one by R or T does not count where that does not depend on it."""
+        r_part = by["R"] * self.r_by if self.r_by else 0.0
+        return r_part + (by["T"] * self.t_by if self.t_by else np.zeros_like(by["T"]))
+
 
 def measured(
-    wavelength_nm: ArrayLike, transmittance: Reading, reflectance: Reading, thickness: Length
+    wavelength_nm: ArrayLike,
+    transmittance: Reading,
+    reflectance: Reading,
+    thickness: Length,
+    setup: Setup | None = None,
 ) -> IndexSpectrum:
-    """Index and extinction from R and T, each measured on the free-standing layer.
+    """Index and extinction from R and T, each measured on the free-standing layer, or with ``setup`` on its substrate.
 
     Raises
     ------
     DataError
         Where R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
     """
-    inputs = [_Input("R", reflectance, 1.0, 0.0), _Input("T", transmittance, 0.0, 1.0)]
+    if setup is not None:
+        return _measured_on_substrate(wavelength_nm, transmittance, reflectance, thickness, setup)
     r, t = reflectance.value, transmittance.value
     if is_absorbance(1.0 - r - t, t, tolerance=0.0):
         raise no_reflectance("this R: it is 1 − T + log10 T, made of an absorbance,", wavelength_nm, transmittance)
-    return _inverse("measured", wavelength_nm, r, t, inputs, thickness)
+    inputs = {"R": _Input(reflectance, 1.0, 0.0), "T": _Input(transmittance, 0.0, 1.0)}
+    return _in_air("measured", wavelength_nm, r, t, inputs, thickness)
 
 
 def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading, thickness: Length) -> IndexSpectrum:
@@ -72,11 +93,11 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
         Where the absorptance is −log10 T or −ln T: an absorbance, of which no reflectance follows.
     """
     t, a = transmittance.value, share.value
-    for kind, base in (("log10", np.log(10.0)), ("ln", 1.0)):
+    for kind, base in BASES.items():
         if is_absorbance(a, t, base):
             raise no_reflectance(f"this A: it is an absorbance, −{kind} T,", wavelength_nm, transmittance)
-    inputs = [_Input("T", transmittance, -1.0, 1.0), _Input("A", share, -1.0, 0.0)]
-    return _inverse("absorptance", wavelength_nm, 1.0 - t - a, t, inputs, thickness)
+    inputs = {"T": _Input(transmittance, -1.0, 1.0), "A": _Input(share, -1.0, 0.0)}
+    return _in_air("absorptance", wavelength_nm, 1.0 - t - a, t, inputs, thickness)
 
 
 def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Length) -> IndexSpectrum:
@@ -87,45 +108,78 @@ def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Le
     t = transmittance.value
     with np.errstate(divide="ignore", invalid="ignore"):
         r = 1.0 - t + np.log10(np.where(t > 0.0, t, np.nan))
-    found = _inverse("as-published", wavelength_nm, r, t, [_Input("T", transmittance, 0.0, 1.0)], thickness)
-    no_k = np.where(found.n.known, Why.PUBLISHED, found.n.why).astype(np.int8)
+    spectrum = _in_air("as-published", wavelength_nm, r, t, {"T": _Input(transmittance, 0.0, 1.0)}, thickness)
     none = np.full(t.shape, np.nan)
     return replace(
-        found,
+        spectrum,
         measurement=False,
-        n=found.n.without_u,
-        k=nothing(no_k),
+        n=spectrum.n.without_u,
+        k=nothing(np.where(spectrum.n.known, Why.PUBLISHED, spectrum.n.why).astype(np.int8)),
         k_low95=none,
         k_high95=none,
         correlation=none,
-        warnings=(AS_PUBLISHED, *transmittance.remarks, *masked_at(found.n, "n")),
+        warnings=(AS_PUBLISHED, *transmittance.remarks, *counted("n", spectrum.n.why)),
     )
 
 
-def lossless(wavelength_nm: ArrayLike, transmittance: Reading) -> IndexSpectrum:
-    """Index of a free-standing layer from T alone, k = 0 assumed."""
-    found, t = _lossless(transmittance), transmittance.value
+def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | None = None) -> IndexSpectrum:
+    """Index from T alone, k = 0 assumed, of a free-standing layer or with ``setup`` of one on its substrate.
+
+    Where the layer takes light, n is an upper bound.
+    """
+    nm, t = np.asarray(wavelength_nm, dtype=float), transmittance.value
     none = np.full(t.shape, np.nan)
-    told = [*_unstated([_Input("T", transmittance, 0.0, 1.0)]), *transmittance.remarks, *masked_at(found, "n")]
+    if setup is None:
+        n = _lossless_in_air(transmittance)
+        head = [_assumed(t[n.known]), *_unstated({"T": transmittance})]
+    else:
+        inverse = invert_lossless(t, nm, setup)
+        n = _lossless_on_substrate(nm, transmittance, inverse, setup)
+        assumption = "lossless: k = 0 is assumed, so that n is an upper bound: whatever the layer absorbs or scatters "
+        head = [f"{assumption}raises it", *_about_substrate(inverse, n, {"T": transmittance}, setup)]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,
-        wavelength_nm=np.asarray(wavelength_nm, dtype=float),
-        n=found,
-        k=nothing(np.where(found.known, Why.ASSUMED, found.why).astype(np.int8)),
+        wavelength_nm=nm,
+        n=n,
+        k=nothing(np.where(n.known, Why.ASSUMED, n.why).astype(np.int8)),
         k_low95=none,
         k_high95=none,
         correlation=none,
-        lossless=found,
-        reflectance=1.0 - t,
+        lossless=n,
+        reflectance=1.0 - t if setup is None else none,
         transmittance=t,
         thickness=None,
-        warnings=(_assumed(t[found.known]), *told),
+        warnings=(*head, *transmittance.remarks, *counted("n", n.why)),
     )
 
 
+def extinction_on_substrate(
+    wavelength_nm: ArrayLike,
+    transmittance: Reading,
+    n: ArrayLike,
+    thickness: Length,
+    setup: Setup,
+    *,
+    u_n: ArrayLike = 0.0,
+) -> Estimate:
+    """Extinction of a layer on its substrate from T, with its index known otherwise.
+
+    Parameters
+    ----------
+    n, u_n
+        The layer's index and its standard uncertainty, one error common to all wavelengths.
+    """
+    nm, t = np.asarray(wavelength_nm, dtype=float), transmittance.value
+    found = extinction(t, n, nm, thickness.um, setup)
+    u = {**setup.u, "thickness_um": thickness.u_um or 0.0, "n": u_n}
+    k = combined(_parts(found.k_by, {"T": transmittance}, u), nm.size)
+    lost = first({Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.BRIGHT: _bright(found.k, k)})
+    return estimate(found.k, k, _why_no_k(lost, found.k, k))
+
+
 def is_absorbance(
-    a: FloatArray, transmittance: FloatArray, base: float = np.log(10.0), tolerance: float = _ALIKE
+    a: FloatArray, transmittance: FloatArray, base: float = BASES["log10"], tolerance: float = _ALIKE
 ) -> bool:
     """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths, to 2 %.
 
@@ -141,8 +195,8 @@ def is_absorbance(
 
 
 def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
-    """Refusal of a measured index where all that is known is T; what T alone gives is told in it."""
-    found, nm = _lossless(transmittance), np.asarray(wavelength_nm, dtype=float)
+    """Refusal of a measured index where only T is known; the error states what T alone gives."""
+    found, nm = _lossless_in_air(transmittance), np.asarray(wavelength_nm, dtype=float)
     at = np.flatnonzero(found.known)
     instead = ""
     if at.size:
@@ -159,88 +213,152 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
 
 
 def lossless_index(transmittance: ArrayLike) -> FloatArray:
-    """Index of a clear slab in air that transmits this, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
+    """Index of a clear layer in air that transmits this, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
     t = np.asarray(transmittance, dtype=float)
     with np.errstate(all="ignore"):
         n = (1.0 + np.sqrt((1.0 - t) * (1.0 + t))) / t
     return np.asarray(np.where((t > 0.0) & (t < 1.0), n, np.nan))
 
 
-def _inverse(
-    mode: str, wavelength_nm: ArrayLike, r: FloatArray, t: FloatArray, inputs: Sequence[_Input], thickness: Length
+def _in_air(
+    mode: str, wavelength_nm: ArrayLike, r: FloatArray, t: FloatArray, inputs: Mapping[str, _Input], thickness: Length
 ) -> IndexSpectrum:
-    found, slope = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
-    n, k, correlation = _propagated(inputs, slope, thickness, r.size)
-    u_t = _sum(inputs, 0.0, 1.0, r.size)
-    no_n = masks.why_no_n(r, t, _sum(inputs, 1.0, 1.0, r.size), found)
-    no_k = masks.why_no_k(no_n, found.k, k, t, u_t)
-    estimates = estimate(found.n, n, no_n), estimate(found.k, k, no_k)
-    remarks = [remark for one in inputs for remark in one.reading.remarks]
-    warnings = [*_unstated(inputs), *remarks, *masked_at(estimates[0], "n"), *masked_at(estimates[1], "k", no_n)]
+    """Index of a free-standing layer from R and T as they follow from the inputs."""
+    found, by = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
+    read = {name: one.reading for name, one in inputs.items()}
+    n_by, k_by = (
+        {name: one.slope(each) for name, one in inputs.items()} | {"thickness_um": each["thickness_um"]} for each in by
+    )
+    u = _propagated(n_by, k_by, read, {"thickness_um": thickness.u_um or 0.0})
+    u_sum, u_t = (_sum_of(inputs, r_share, r.size) for r_share in (1.0, 0.0))
+    no_n = masks.why_no_n(r, t, u_sum, found)
+    no_k = masks.why_no_k(no_n, found.k, u.k, t, u_t)
+    n, k = estimate(found.n, u.n, no_n), estimate(found.k, u.k, no_k)
+    low, high = _k_bounds(found.k, u.k, no_k, t, u_t, by[1]["T"])
+    remarks = [remark for one in read.values() for remark in one.remarks]
     return IndexSpectrum(
-        mode,
-        True,
-        np.asarray(wavelength_nm, dtype=float),
-        *estimates,
-        *k_bounds(found, k, no_k, t, u_t, slope),
-        correlation,
-        _lossless(next(one.reading for one in inputs if one.name == "T")),
-        r,
-        t,
-        thickness,
-        tuple(warnings),
+        mode=mode,
+        measurement=True,
+        wavelength_nm=np.asarray(wavelength_nm, dtype=float),
+        n=n,
+        k=k,
+        k_low95=low,
+        k_high95=high,
+        correlation=u.correlation,
+        lossless=_lossless_in_air(read["T"]),
+        reflectance=r,
+        transmittance=t,
+        thickness=thickness,
+        warnings=(*_unstated(read), *remarks, *counted("n", no_n), *counted("k", no_k, no_n)),
     )
 
 
-def _propagated(
-    inputs: Sequence[_Input], slope: Slopes, thickness: Length, points: int
-) -> tuple[Combined, Combined, FloatArray]:
+def _sum_of(inputs: Mapping[str, _Input], r_share: float, points: int) -> Combined:
+    """Uncertainty of T and a share of R."""
+    shares = (one.reading.shares(one.r_by * r_share + one.t_by) for one in inputs.values())
+    return combined([share for each in shares for share in each], points)
+
+
+def _measured_on_substrate(
+    wavelength_nm: ArrayLike, transmittance: Reading, reflectance: Reading, thickness: Length, setup: Setup
+) -> IndexSpectrum:
+    nm, t, r = np.asarray(wavelength_nm, dtype=float), transmittance.value, reflectance.value
+    found = invert_on_substrate(t, r, nm, thickness.um, setup)
+    read = {"T": transmittance, "R": reflectance}
+    u = _propagated(found.n_by, found.k_by, read, {**setup.u, "thickness_um": thickness.u_um or 0.0})
+    u_t = combined(transmittance.shares(np.ones(nm.size)), nm.size)
+    most_r = 1.0 if setup.baseline_r == "air" else np.inf  # a layer may reflect more than its bare substrate
+    no_n = first(
+        {
+            Why.MISSING: ~(np.isfinite(t) & np.isfinite(r)),
+            Why.REFLECTANCE: ~((r > 0.0) & (r < most_r)),
+            Why.TRANSMITTANCE: ~(t > 0.0),
+            Why.NO_FIT: np.isnan(found.n),
+            Why.INDISTINCT: _indistinct(found, u.n),
+            Why.BRIGHT: _bright(found.k, u.k),
+        }
+    )
+    no_k = _why_no_k(no_n, found.k, u.k)
+    n, k = estimate(found.n, u.n, no_n), estimate(found.k, u.k, no_k)
+    low, high = _k_bounds(found.k, u.k, no_k, t, u_t, found.k_by["T"])
+    head = [*_about_substrate(found, n, read, setup), *transmittance.remarks, *reflectance.remarks]
+    return IndexSpectrum(
+        mode="measured",
+        measurement=True,
+        wavelength_nm=nm,
+        n=n,
+        k=k,
+        k_low95=low,
+        k_high95=high,
+        correlation=u.correlation,
+        lossless=_lossless_on_substrate(nm, transmittance, invert_lossless(t, nm, setup), setup),
+        reflectance=r,
+        transmittance=t,
+        thickness=thickness,
+        warnings=(*head, *counted("n", no_n), *counted("k", no_k, no_n)),
+    )
+
+
+class _Propagated(NamedTuple):
     """Uncertainty of n and of k, and the correlation of their errors."""
-    n_parts, k_parts = [], []
-    for one in inputs:
-        n_parts += one.reading.shares(_along(slope.n_by_r, slope.n_by_t, one))
-        k_parts += one.reading.shares(_along(slope.k_by_r, slope.k_by_t, one))
-    u_h = thickness.u_um or 0.0
-    n_parts.append(Share(slope.n_by_h * u_h, np.inf, True))
-    k_parts.append(Share(slope.k_by_h * u_h, np.inf, True))
+
+    n: Combined
+    k: Combined
+    correlation: FloatArray
+
+
+def _propagated(n_by: Slopes, k_by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) -> _Propagated:
+    n_parts, k_parts = _parts(n_by, read, u), _parts(k_by, read, u)
     together = np.array([n.u * k.u for n, k in zip(n_parts, k_parts, strict=True)]).sum(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         correlation = together / np.sqrt(sum(n.u**2 for n in n_parts) * sum(k.u**2 for k in k_parts))
-    return combined(n_parts, points), combined(k_parts, points), np.asarray(correlation)
+    size = together.size
+    return _Propagated(combined(n_parts, size), combined(k_parts, size), np.asarray(correlation))
 
 
-def _along(by_r: FloatArray, by_t: FloatArray, one: _Input) -> FloatArray:
-    """Slope by an input; where R or T does not depend on it, an endless slope by that counts nothing."""
-    return (by_r * one.r_by if one.r_by else 0.0) + (by_t * one.t_by if one.t_by else np.zeros_like(by_t))
+def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) -> list[Share]:
+    """Parts of an uncertainty: of each reading, and of what is known beside the readings."""
+    parts = [share for name, reading in read.items() for share in reading.shares(by[name])]
+    return parts + [Share(np.asarray(by[name] * np.asarray(u[name])), np.inf, True) for name in u if name in by]
 
 
-def _sum(inputs: Sequence[_Input], r_share: float, t_share: float, points: int) -> Combined:
-    """Uncertainty of a sum of R and T with these shares."""
-    parts = [part for one in inputs for part in one.reading.shares(one.r_by * r_share + one.t_by * t_share)]
-    return combined(parts, points)
-
-
-def k_bounds(
-    found: Inverted, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, slope: Slopes
+def _k_bounds(
+    found: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """95 % bounds of k. Where it is not resolved they are 0 and what a normal error cut off at 0 leaves above 5 %."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
-        above = found.k - u * ndtri(0.05 * ndtr(found.k / u))
-        darkest = found.k + slope.k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k runs with ln T there
+        above = found - u * ndtri(0.05 * ndtr(found / u))
+        darkest = found + k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k runs with ln T there
     seen = (unresolved | (no_k == Why.FINE)) & ~np.isnan(u)
-    low = np.where(unresolved, 0.0, np.maximum(found.k - u95, 0.0))
-    high = np.where(unresolved, above, found.k + u95)
+    low = np.where(unresolved, 0.0, np.maximum(found - u95, 0.0))
+    high = np.where(unresolved, above, found + u95)
     low = np.where(seen, low, np.where(no_k == Why.DARK, darkest, np.nan))
     return low, np.where(seen, high, np.nan)
 
 
-def _lossless(transmittance: Reading) -> Estimate:
+def _indistinct(found: Inverse, n: Combined) -> BoolArray:
+    """Where the least of R, or the most of T, between the two indices is within three uncertainties."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(found.n - found.other_n) < 2.0 * n.bound(THREE_SIGMAS))
+
+
+def _bright(found: FloatArray, k: Combined) -> BoolArray:
+    with np.errstate(invalid="ignore"):
+        return np.asarray(found < -k.bound(THREE_SIGMAS) - _ROUNDING)
+
+
+def _why_no_k(no_n: Codes, found: FloatArray, k: Combined) -> Codes:
+    with np.errstate(invalid="ignore"):
+        tests = {Why.BELOW: found < 0.0, Why.SMALL: found <= k.u}
+    return np.where(no_n != Why.FINE, no_n, first(tests)).astype(np.int8)
+
+
+def _lossless_in_air(transmittance: Reading) -> Estimate:
     t = transmittance.value
     tests = {Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.NO_REFLECTION: ~(t < 1.0)}
-    why = masks.first(tests)
     u = combined(transmittance.shares(_lossless_slope(t)), t.size)
-    return estimate(lossless_index(t), u, why)
+    return estimate(lossless_index(t), u, first(tests))
 
 
 def _lossless_slope(t: FloatArray | float) -> FloatArray:
@@ -249,36 +367,68 @@ def _lossless_slope(t: FloatArray | float) -> FloatArray:
         return np.asarray(-(1.0 + 1.0 / np.sqrt((1.0 - t) * (1.0 + t))) / t**2)
 
 
+def _lossless_on_substrate(nm: FloatArray, transmittance: Reading, found: Inverse, setup: Setup) -> Estimate:
+    t = transmittance.value
+    n = combined(_parts(found.n_by, {"T": transmittance}, setup.u), nm.size)
+    with np.errstate(invalid="ignore"):
+        tests = {
+            Why.MISSING: ~np.isfinite(t),
+            Why.TRANSMITTANCE: ~(t > 0.0),
+            Why.TOO_CLEAR: t > most_transmitted(nm, setup) + _ROUNDING,
+            Why.TOO_DARK: np.isnan(found.n),
+            Why.INDISTINCT: _indistinct(found, n),
+        }
+    return estimate(found.n, n, first(tests))
+
+
 def _assumed(t: FloatArray) -> str:
     """What assuming k = 0 does to n, by the transmittance in the middle."""
-    told = "lossless: k = 0 is assumed, so that n is an upper bound"
+    assumption = "lossless: k = 0 is assumed, so that n is an upper bound"
     if not t.size:
-        return told
+        return assumption
     middle = float(np.median(t))
     by = -0.001 * float(_lossless_slope(middle))
-    return f"{told}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
+    return f"{assumption}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}"
 
 
-def _unstated(inputs: Sequence[_Input]) -> list[str]:
-    names = [one.name for one in inputs if not one.reading.known]
-    by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if inputs[0].name == "R" else "0.0042 in T"}
-    moves = " and by ".join(by[name] for name in names)
-    if not names:
-        alone = [one.name for one in inputs if one.reading.repeats > 1 and not one.reading.u_common[1].any()]
-        told = "the instrument's own accuracy is not in the uncertainty: only the repeats of {} are; state it with {}"
-        return [told.format(" and ".join(alone), _options(alone))] if alone else []
+def _unstated(read: Mapping[str, Reading]) -> list[str]:
+    """What is missing for an uncertainty of a layer in air."""
+    names = [name for name, reading in read.items() if not reading.known]
+    if names:
+        by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}
+        moves = " and by ".join(by[name] for name in names)
+        return [
+            f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, "
+            f"or give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
+        ]
+    alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
-        f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with {_options(names)}, or "
-        f"give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
-    ]
+        f"the instrument's own accuracy is not in the uncertainty: only the repeats of {' and '.join(alone)} are; "
+        f"state it with {_options(alone)}"
+    ] * bool(alone)
 
 
 def _options(names: Sequence[str]) -> str:
     return " and ".join(f"--u-{name}" for name in names)
 
 
-def masked_at(one: Estimate, name: str, beside: Codes | None = None) -> list[str]:
-    """How many points are masked, by reason; those that are masked in n already are not told again for k."""
-    codes = one.why if beside is None else np.where(one.why == beside, Why.FINE, one.why)
-    counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
-    return [f"{name} is masked at {count} of {codes.size} wavelengths: {WORDS[why]}" for why, count in counts.items()]
+def _about_substrate(found: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[str]:
+    """What errors of the readings and of the substrate do to n, in the middle of what is known; what is not stated."""
+    warnings, at = [], np.flatnonzero(n.known)
+    i = at[at.size // 2] if at.size else None
+    if i is not None:
+        moves = [f"{abs(found.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
+        sheet = f"{abs(found.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
+        warnings.append(f"on this substrate n = {found.n[i]:.4f} moves {', '.join(moves)}, and {sheet}")
+    if names := [name for name, reading in read.items() if not reading.known]:
+        unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n"
+        warnings.append(f"{unknown}: state it with {_options(names)}, or give repeats")
+    u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
+    if not (u_sheet > 0).any():
+        warnings.append("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
+    if i is not None and (part := abs(float(found.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
+        warnings.append(
+            f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and R of "
+            "the bare sheet in air, find its index by solen resin index, and state it: --substrate and --u-substrate-n"
+        )
+    return warnings

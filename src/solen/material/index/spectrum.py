@@ -3,17 +3,13 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
-from solen.material.index import masks
-from solen.material.index.masks import Codes, Why
+from solen.arrays import BoolArray, FloatArray
+from solen.material.index.masks import UNRESOLVED, Codes, Why, reasons
 from solen.material.index.reading import Combined, Length
 
-UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Estimate:
     """Values with their uncertainty, shape (n,) each: NaN where masked, or where no uncertainty is known.
 
@@ -43,7 +39,7 @@ class Estimate:
     why: Codes
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> BoolArray:
         """Where the value is not masked."""
         return np.asarray(self.why == Why.FINE)
 
@@ -56,7 +52,7 @@ class Estimate:
         return replace(self, **gone, common=none)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class IndexSpectrum:
     """Index and extinction against wavelength; arrays of shape (n,).
 
@@ -101,7 +97,7 @@ class IndexSpectrum:
     @property
     def reason(self) -> tuple[str | None, ...]:
         """Why n or k is masked at each wavelength, in words; None where neither is."""
-        return masks.told(self.n.why, self.k.why)
+        return reasons(self.n.why, self.k.why)
 
 
 def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:

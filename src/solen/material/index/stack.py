@@ -1,23 +1,29 @@
-"""What a spectrophotometer reads on a printed layer that stays on its substrate: the forward model.
+"""What a spectrophotometer reads on a printed layer, free-standing or on its substrate: the forward model.
 
 The idea: light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring
-pieces of a stack then combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. An
-instrument whose 100 % was taken on the bare substrate states the ratio to that, which for a lossless layer on PET lies
-above 1: the layer is an antireflection coating of it.
+pieces of a stack then combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For one
+layer in air, with F the reflectance of a face and τ the transmittance of one pass, that is
 
-The interface: `incoherent` for any layers in air, `bare` for a substrate alone, `on_substrate` for what the instrument
-states of a layer on it. Normal incidence, thick layers (no fringes), and k ≪ n: an interface takes no light. Everything
-broadcasts, and is analytic in its arguments, so that a complex step gives exact derivatives. The way back to n and k
-is `solen.material.index.substrate`.
+    T = (1 − F)² τ / (1 − F² τ²),   R = F (1 + τ T).
+
+F. Nichelatti, J. Opt. A 4, 400 (2002), doi:10.1088/1464-4258/4/4/306. An instrument whose 100 % was taken on the bare
+substrate states the ratio to that, which for a lossless layer on PET lies above 1: the layer is an antireflection
+coating of it.
+
+The interface: `forward` for one layer in air, `incoherent` for any layers, `on_substrate` for what the instrument
+states of a layer on a substrate, as a `Setup` describes it. Normal incidence, thick layers (no fringes, no scattering),
+and k ≪ n: an interface takes no light. Everything broadcasts, and is analytic in its arguments, so that a complex step
+gives exact derivatives. The way back is in `solen.material.index.inversion` and `solen.material.index.substrate`.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.units import NM_PER_UM
 
@@ -42,10 +48,14 @@ def interface_reflectance(n1: ArrayLike, k1: ArrayLike, n2: ArrayLike, k2: Array
     return np.asarray(((n1 - n2) ** 2 + absorbing) / ((n1 + n2) ** 2 + (k1 + k2) ** 2))
 
 
+def optical_depth(thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> Numbers:
+    """Optical depth of one pass through a layer of k = 1, 4πh/λ."""
+    return np.asarray(4.0 * np.pi * NM_PER_UM * np.asarray(thickness_um) / np.asarray(wavelength_nm))
+
+
 def internal_transmittance(k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> Numbers:
     """Power that one pass through a layer leaves, exp(−4πkh/λ)."""
-    per_um = 4 * np.pi * NM_PER_UM / np.asarray(wavelength_nm)
-    return np.asarray(np.exp(-per_um * np.asarray(k) * np.asarray(thickness_um)))
+    return np.asarray(np.exp(-optical_depth(thickness_um, wavelength_nm) * np.asarray(k)))
 
 
 def joined(left: Powers, right: Powers) -> Powers:
@@ -56,15 +66,6 @@ def joined(left: Powers, right: Powers) -> Powers:
         left.through * right.through * sent,
         right.back + right.through**2 * left.back * sent,
     )
-
-
-def _interface(reflectance: Numbers) -> Powers:
-    return Powers(reflectance, 1 - reflectance, reflectance)
-
-
-def _passage(transmittance: Numbers) -> Powers:
-    nothing = np.zeros_like(transmittance)
-    return Powers(nothing, transmittance, nothing)
 
 
 def incoherent(
@@ -90,17 +91,32 @@ def incoherent(
     2002), with 1 − R passing an interface. For k > 0 the exact share differs by (k/n)², 1e-9 where k is 5e-5.
     """
     indices, losses = (1.0, *n, 1.0), (0.0, *k, 0.0)
-    faces = [
-        _interface(interface_reflectance(indices[i], losses[i], indices[i + 1], losses[i + 1]))
-        for i in range(len(n) + 1)
-    ]
-    whole = faces[0]
-    for face, loss, thickness in zip(faces[1:], k, thickness_um, strict=True):
-        whole = joined(joined(whole, _passage(internal_transmittance(loss, thickness, wavelength_nm))), face)
+    share = [interface_reflectance(*sides) for sides in zip(indices, losses, indices[1:], losses[1:], strict=False)]
+    first, *others = (Powers(reflected, 1 - reflected, reflected) for reflected in share)
+    whole = first
+    for face, loss, thickness in zip(others, k, thickness_um, strict=True):
+        tau = internal_transmittance(loss, thickness, wavelength_nm)
+        whole = joined(Powers(whole.front, whole.through * tau, whole.back * tau**2), face)
     return whole
 
 
-@dataclass(frozen=True)
+def forward(
+    n: ArrayLike, k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Reflectance and transmittance of one layer in air at normal incidence, as fractions.
+
+    Parameters
+    ----------
+    n, k
+        Refractive index and extinction coefficient (n > 0, k ≥ 0); arrays that broadcast with the others.
+    thickness_um, wavelength_nm
+        Thickness in µm and wavelength in air in nm.
+    """
+    powers = incoherent([n], [k], [thickness_um], wavelength_nm)
+    return powers.front, powers.through
+
+
+@dataclass(frozen=True, eq=False)
 class Substrate:
     """The sheet under a layer.
 
@@ -132,6 +148,35 @@ class Substrate:
                 raise DataError(f"substrate {name}", value=float(values.min()), limit=f"must be at least {least:g}")
 
 
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """How a layer on its substrate was measured.
+
+    Attributes
+    ----------
+    substrate
+        The sheet under the layer, with its uncertainties.
+    side
+        Which of the two the light meets first. T does not depend on it, R does.
+    baseline, baseline_r
+        What the 100 % of T, and that of R, is: the bare substrate, or air (for R: a calibrated mirror).
+    near
+        Of two indices that fit the readings, the one nearer to this is given.
+    """
+
+    substrate: Substrate
+    side: Side = "layer"
+    baseline: Baseline = "substrate"
+    baseline_r: Baseline = "air"
+    near: float = 1.5
+
+    @property
+    def u(self) -> Mapping[str, ArrayLike]:
+        """Standard uncertainties of the sheet, by the names of the derivatives of an inversion."""
+        sheet = self.substrate
+        return {"sheet_n": sheet.u_n, "sheet_k": sheet.u_k, "sheet_um": sheet.u_thickness_um}
+
+
 class Readings(NamedTuple):
     """What the instrument states of a layer on its substrate, T and R, fractions of its 100 %."""
 
@@ -139,57 +184,27 @@ class Readings(NamedTuple):
     R: Numbers
 
 
-def bare(n: ArrayLike, k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> Powers:
-    """Powers of one sheet in air."""
-    return incoherent([n], [k], [thickness_um], wavelength_nm)
-
-
 def on_substrate(
-    n: ArrayLike,
-    k: ArrayLike,
-    thickness_um: ArrayLike,
-    wavelength_nm: ArrayLike,
-    substrate: Substrate,
-    *,
-    side: Side = "layer",
-    baseline: Baseline = "substrate",
-    baseline_r: Baseline = "air",
+    n: ArrayLike, k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike, setup: Setup
 ) -> Readings:
-    """T and R that the instrument states of a layer on a substrate.
+    """T and R that the instrument states of a layer of n, k and thickness on a substrate.
 
-    Parameters
-    ----------
-    n, k, thickness_um
-        Of the layer.
-    wavelength_nm
-        Vacuum wavelength.
-    substrate
-        The sheet under it.
-    side
-        Which of the two the light meets first. T does not depend on it, R does.
-    baseline, baseline_r
-        What the 100 % of T, and that of R, is: the bare substrate, or air (for R: a calibrated mirror).
-
-    Returns
-    -------
-    Readings
-        A lossless layer with an index below the substrate's reads T above 1 against the substrate.
+    A lossless layer with an index below the substrate's reads T above 1 against the substrate.
     """
-    sheet = (substrate.n, substrate.k, substrate.thickness_um)
-    return readings((n, k, thickness_um), sheet, wavelength_nm, side, baseline, baseline_r)
+    sheet = (setup.substrate.n, setup.substrate.k, setup.substrate.thickness_um)
+    return readings((n, k, thickness_um), sheet, wavelength_nm, setup)
 
 
 Layer = tuple[ArrayLike, ArrayLike, ArrayLike]  # n, k, thickness in µm
 
 
-def readings(
-    layer: Layer, sheet: Layer, wavelength_nm: ArrayLike, side: Side, baseline: Baseline, baseline_r: Baseline
-) -> Readings:
+def readings(layer: Layer, sheet: Layer, wavelength_nm: ArrayLike, setup: Setup) -> Readings:
     """As `on_substrate`, with layer and sheet as n, k and thickness in µm, which a complex step may vary."""
-    first, second = (layer, sheet) if side == "layer" else (sheet, layer)
+    first, second = (layer, sheet) if setup.side == "layer" else (sheet, layer)
     n, k, thickness_um = zip(first, second, strict=True)
-    whole, alone = incoherent(n, k, thickness_um, wavelength_nm), bare(*sheet, wavelength_nm)
+    whole = incoherent(n, k, thickness_um, wavelength_nm)
+    bare = incoherent(sheet[:1], sheet[1:2], sheet[2:], wavelength_nm)
     return Readings(
-        whole.through / alone.through if baseline == "substrate" else whole.through,
-        whole.front / alone.front if baseline_r == "substrate" else whole.front,
+        whole.through / bare.through if setup.baseline == "substrate" else whole.through,
+        whole.front / bare.front if setup.baseline_r == "substrate" else whole.front,
     )

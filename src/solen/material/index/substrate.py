@@ -2,76 +2,88 @@
 
 The idea: T fixes the loss of one pass for any assumed n, in closed form, so that R becomes a function of n alone. It
 falls from its value on the bare substrate at n = 1 to a least value near the square root of the substrate's index, and
-rises again: two indices fit one pair of readings. Both are found on a grid, made exact by Newton's method, and told;
-the one nearer to an expected index is the answer.
+rises again: two indices fit one pair of readings. Both are found on a grid and made exact by Newton's method; the one
+nearer to an expected index is the answer, the other is given beside it.
 
 T alone is one number, and gives one: an index if the layer takes no light, which is an upper bound if it does; or k if
 the index is known from elsewhere.
 
-The interface: `invert`, `invert_lossless`, `extinction`; all give `Inverse`, with exact derivatives by everything that
-went in, and mask nothing but what has no value. `solen.material.index.layered` judges it.
+The interface: `invert_on_substrate`, `invert_lossless`, `extinction`; all give `Inverse`, with exact derivatives by
+everything that went in, and mask nothing but what has no value. `solen.material.index.routes` judges it.
 """
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.material.index.case import (
-    CLOSED,
-    GRID,
-    INPUTS,
-    ITERATIONS,
-    N_LEAST,
-    Case,
-    Way,
-    blocks,
-    by,
-    case_of,
-    changes,
-    loss_of,
-    rows,
-    starts,
-)
-from solen.material.index.stack import Baseline, Readings, Side, Substrate
+from solen.errors import DataError
+from solen.material.index.inversion import Inverse
+from solen.material.index.stack import Numbers, Readings, Setup, optical_depth, readings
+
+N_LEAST, N_MOST = 1.0, 3.0
+"""Indices that are looked for."""
+
+_GRID = np.linspace(N_LEAST, N_MOST, 201)[:, None]
+_CLOSED = 1e-12  # how closely a solution must reproduce the readings
+_ITERATIONS = 20
+_SHEET = ("sheet_n", "sheet_k", "sheet_um")
+_KNOWN = (*_SHEET, "thickness_um")  # taken as known beside the readings, and may be in error
+_BLOCK = 2048  # wavelengths on the grid at once
+_STEP = 1e-30  # a complex step has no cancellation
 
 
-@dataclass(frozen=True)
-class Inverse:
-    """What readings on a substrate say; arrays of shape (wavelengths,), NaN where there is no value.
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """Everything that the forward model takes beside n and k of the layer; arrays of one shape, or numbers."""
 
-    Attributes
-    ----------
-    n, k
-        Index and extinction; k below 0 where more light came out than went in.
-    other_n
-        The second index that fits the same readings.
-    n_by, k_by
-        Derivatives by ``T``, ``R``, ``n`` (where the layer's index was given) and what was known of the stack:
-        ``sheet_n``, ``sheet_k``, ``sheet_um`` of the substrate and ``thickness_um`` of the layer.
-    """
+    wavelength_nm: FloatArray
+    sheet_n: Numbers
+    sheet_k: Numbers
+    sheet_um: Numbers
+    thickness_um: Numbers
+    setup: Setup
 
-    n: FloatArray
-    k: FloatArray
-    other_n: FloatArray
-    n_by: Mapping[str, FloatArray]
-    k_by: Mapping[str, FloatArray]
+    def read(self, n: ArrayLike, k: ArrayLike) -> Readings:
+        """What the instrument states where the layer has n and k."""
+        sheet = (self.sheet_n, self.sheet_k, self.sheet_um)
+        return readings((n, k, self.thickness_um), sheet, self.wavelength_nm, self.setup)
+
+    def by(self, n: ArrayLike, k: ArrayLike, what: str) -> Readings:
+        """Derivative of the readings by one argument of the model, by a complex step."""
+        step = 1j * _STEP
+        with np.errstate(all="ignore"):  # NaN stays NaN
+            if what == "n":
+                moved = self.read(np.asarray(n) + step, k)
+            elif what == "k":
+                moved = self.read(n, np.asarray(k) + step)
+            else:
+                changed: dict[str, Any] = {what: getattr(self, what) + step}
+                moved = dataclasses.replace(self, **changed).read(n, k)
+        return Readings(moved.T.imag / _STEP, moved.R.imag / _STEP)
+
+    def k_of(self, n: ArrayLike, transmittance: FloatArray) -> FloatArray:
+        """Extinction that makes the layer of index n read that T, with the interfaces' own share of k left out.
+
+        The transmittance of the stack as a function of that of one pass, τ, is a τ/(1 − b τ²): a quadratic equation.
+        a and b are found by asking the forward model at τ = 1 and τ = 1/2.
+        """
+        depth = optical_depth(self.thickness_um, self.wavelength_nm)
+        whole, less = self.read(n, 0.0).T, self.read(n, np.log(2) / depth).T  # a/(1 − b), (a/2)/(1 − b/4)
+        ratio = 2 * less / whole  # (1 − b)/(1 − b/4)
+        b = (1 - ratio) / (1 - ratio / 4)
+        a = whole * (1 - b)
+        with np.errstate(all="ignore"):
+            tau = 2 * transmittance / (a + np.sqrt(a**2 + 4 * b * transmittance**2))
+            return np.asarray(-np.log(tau) / depth)
 
 
-def invert(
-    transmittance: ArrayLike,
-    reflectance: ArrayLike,
-    wavelength_nm: ArrayLike,
-    thickness_um: float,
-    substrate: Substrate,
-    *,
-    side: Side = "layer",
-    baseline: Baseline = "substrate",
-    baseline_r: Baseline = "air",
-    near: float = 1.5,
+def invert_on_substrate(
+    transmittance: ArrayLike, reflectance: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
     """Index and extinction of a layer on a substrate from T and R as the instrument states them.
 
@@ -79,116 +91,63 @@ def invert(
     ----------
     transmittance, reflectance
         Fractions, shape (wavelengths,). NaN is passed over.
-    wavelength_nm, thickness_um, substrate
-        Of the measurement; the layer's thickness; the sheet under it.
-    side, baseline, baseline_r
-        As in `solen.material.index.stack.on_substrate`.
-    near
-        Of two indices that fit, the one nearer to this is given.
+    wavelength_nm, thickness_um, setup
+        Of the measurement; the layer's thickness; sheet, side and baselines.
 
     Raises
     ------
     DataError
         Where a thickness or a wavelength is not positive, or there is more than one row of readings.
     """
-    t, r, wavelength = rows(transmittance, reflectance, wavelength_nm)
-    case = case_of(wavelength, thickness_um, substrate, Way(side, baseline, baseline_r))
-    parts = [_solved(case.some(block), Readings(t[block], r[block]), near) for block in blocks(t.size)]
-    n, k, other = (np.concatenate(part) for part in zip(*parts, strict=True))
-    by_n, by_k = by(case, n, k, "n"), by(case, n, k, "k")
+    t, r, wavelength = _rows(transmittance, reflectance, wavelength_nm)
+
+    def solved(case: _Case, t: FloatArray, r: FloatArray) -> tuple[FloatArray, ...]:
+        read = Readings(t, r)
+        first, second = _starts(case.read(_GRID, case.k_of(_GRID, t)).R - r, setup.near)
+        return *_polished(case, read, first), _polished(case, read, second)[0]
+
+    case = _case(wavelength, thickness_um, setup)
+    n, k, other = _in_blocks(solved, case, t, r)
+    by_n, by_k = case.by(n, k, "n"), case.by(n, k, "k")
     one, none = np.ones(n.shape), np.zeros(n.shape)
-    answers = {"T": changes(by_n, by_k, Readings(one, none)), "R": changes(by_n, by_k, Readings(none, one))}
-    for what in INPUTS:
-        moved = by(case, n, k, what)
-        answers[what] = changes(by_n, by_k, Readings(-moved.T, -moved.R))
+    moved = {"T": Readings(one, none), "R": Readings(none, one)}
+    for what in _KNOWN:
+        by_what = case.by(n, k, what)
+        moved[what] = Readings(-by_what.T, -by_what.R)
+    answers = {what: _changes(by_n, by_k, readings) for what, readings in moved.items()}
     n_by, k_by = ({what: answer[i] for what, answer in answers.items()} for i in (0, 1))
     return Inverse(n, k, other, n_by, k_by)
 
 
-class _Found(NamedTuple):
-    """A solution: n, k and the other n."""
-
-    n: FloatArray
-    k: FloatArray
-    other: FloatArray
-
-
-def _solved(case: Case, read: Readings, near: float) -> _Found:
-    """The index nearest to an expected one with its k, and the other index that fits; NaN where there is none."""
-    grid = GRID[:, None]
-    first, second = starts(case.read(grid, loss_of(case, grid, read.T)).R - read.R, near)
-    n, k = _polished(case, read, first)
-    return _Found(n, k, _polished(case, read, second)[0])
-
-
-def _polished(case: Case, read: Readings, n: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solution of the whole model by Newton's method from a start; NaN where it does not close."""
-    with np.errstate(all="ignore"):
-        k = loss_of(case, n, read.T)
-        for _ in range(ITERATIONS):
-            now = case.read(n, k)
-            dn, dk = changes(by(case, n, k, "n"), by(case, n, k, "k"), Readings(read.T - now.T, read.R - now.R))
-            n, k = n + dn, k + dk
-            if not (np.abs(dn) > CLOSED).any():
-                break
-        now = case.read(n, k)
-        closed = (np.abs(now.T - read.T) < CLOSED) & (np.abs(now.R - read.R) < CLOSED) & (n >= N_LEAST)
-    return np.where(closed, n, np.nan), np.where(closed, k, np.nan)
-
-
-def invert_lossless(
-    transmittance: ArrayLike,
-    wavelength_nm: ArrayLike,
-    substrate: Substrate,
-    *,
-    baseline: Baseline = "substrate",
-    near: float = 1.5,
-) -> Inverse:
+def invert_lossless(transmittance: ArrayLike, wavelength_nm: ArrayLike, setup: Setup) -> Inverse:
     """Index of a layer on a substrate from T alone, taking it to be lossless; its thickness plays no part.
 
-    Parameters as of `invert`. Of a layer that takes light after all, n is an upper bound and other_n a lower one.
+    Parameters as of `invert_on_substrate`. Of a layer that takes light after all, n is an upper bound and other_n a
+    lower one.
     """
-    t, wavelength = rows(transmittance, wavelength_nm)
-    case = case_of(wavelength, 1.0, substrate, Way("layer", baseline, "air"))
-    parts = [_clear(case.some(block), t[block], near) for block in blocks(t.size)]
-    n, other = (np.concatenate(part) for part in zip(*parts, strict=True))
+    t, wavelength = _rows(transmittance, wavelength_nm)
+
+    def solved(case: _Case, t: FloatArray) -> tuple[FloatArray, ...]:
+        starts = _starts(case.read(_GRID, 0.0).T - t, setup.near)
+        return tuple(_polished_lossless(case, t, start) for start in starts)
+
+    case = _case(wavelength, 1.0, setup)
+    n, other = _in_blocks(solved, case, t)
     with np.errstate(all="ignore"):
-        n_by = {"T": np.asarray(1 / by(case, n, 0.0, "n").T)}
-        n_by |= {what: np.asarray(-by(case, n, 0.0, what).T * n_by["T"]) for what in INPUTS[:3]}
+        n_by = {"T": np.asarray(1 / case.by(n, 0.0, "n").T)}
+        n_by |= {what: np.asarray(-case.by(n, 0.0, what).T * n_by["T"]) for what in _SHEET}
     return Inverse(n, np.zeros(n.shape), other, n_by, {})
 
 
-def most_transmitted(wavelength_nm: ArrayLike, substrate: Substrate, *, baseline: Baseline = "substrate") -> FloatArray:
+def most_transmitted(wavelength_nm: ArrayLike, setup: Setup) -> FloatArray:
     """The most that a lossless layer of any index reads on a substrate."""
-    (wavelength,) = rows(wavelength_nm)
-    case = case_of(wavelength, 1.0, substrate, Way("layer", baseline, "air"))
-    return np.concatenate(
-        [case.some(block).read(GRID[:, None], 0.0).T.max(axis=0) for block in blocks(wavelength.size)]
-    )
-
-
-def _clear(case: Case, transmittance: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
-    """The two indices that read T without loss."""
-    first, second = starts(case.read(GRID[:, None], 0.0).T - transmittance, near)
-    return _polished_clear(case, transmittance, first), _polished_clear(case, transmittance, second)
-
-
-def _polished_clear(case: Case, transmittance: FloatArray, n: FloatArray) -> FloatArray:
-    with np.errstate(all="ignore"):
-        for _ in range(ITERATIONS):
-            n = n + (transmittance - case.read(n, 0.0).T) / by(case, n, 0.0, "n").T
-        closed = (np.abs(case.read(n, 0.0).T - transmittance) < CLOSED) & (n >= N_LEAST)
-    return np.where(closed, n, np.nan)
+    (wavelength,) = _rows(wavelength_nm)
+    (most,) = _in_blocks(lambda case: (case.read(_GRID, 0.0).T.max(axis=0),), _case(wavelength, 1.0, setup))
+    return most
 
 
 def extinction(
-    transmittance: ArrayLike,
-    n: ArrayLike,
-    wavelength_nm: ArrayLike,
-    thickness_um: float,
-    substrate: Substrate,
-    *,
-    baseline: Baseline = "substrate",
+    transmittance: ArrayLike, n: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
     """Extinction of a layer on a substrate from T and an index that is known otherwise, from a refractometer say.
 
@@ -196,15 +155,88 @@ def extinction(
     ----------
     n
         The layer's index, one or one for each wavelength.
-    transmittance, wavelength_nm, thickness_um, substrate, baseline
-        As of `invert`.
+    transmittance, wavelength_nm, thickness_um, setup
+        As of `invert_on_substrate`.
     """
-    t, wavelength, n = rows(transmittance, wavelength_nm, n)
-    case = case_of(wavelength, thickness_um, substrate, Way("layer", baseline, "air"))
+    t, wavelength, n = _rows(transmittance, wavelength_nm, n)
+    case = _case(wavelength, thickness_um, setup)
     with np.errstate(all="ignore"):
-        k = loss_of(case, n, np.where(t > 0, t, np.nan))
-        for _ in range(ITERATIONS):
-            k = k + (t - case.read(n, k).T) / by(case, n, k, "k").T
-        k_by = {"T": np.asarray(1 / by(case, n, k, "k").T)}
-        k_by |= {what: np.asarray(-by(case, n, k, what).T * k_by["T"]) for what in ("n", *INPUTS)}
+        k = case.k_of(n, np.where(t > 0, t, np.nan))
+        for _ in range(_ITERATIONS):
+            k = k + (t - case.read(n, k).T) / case.by(n, k, "k").T
+        k_by = {"T": np.asarray(1 / case.by(n, k, "k").T)}
+        k_by |= {what: np.asarray(-case.by(n, k, what).T * k_by["T"]) for what in ("n", *_KNOWN)}
     return Inverse(n, k, np.full(n.shape, np.nan), {}, k_by)
+
+
+def _rows(*values: ArrayLike) -> tuple[FloatArray, ...]:
+    """Arrays of one shape (wavelengths,)."""
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in values))
+    if arrays[0].ndim != 1:
+        raise DataError("spectra", value=arrays[0].shape, limit="must be one row each", remedy="invert one by one")
+    return tuple(np.array(array) for array in arrays)
+
+
+def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
+    """Case of a measurement; `DataError` where a wavelength or the thickness is not positive."""
+    if not (np.isfinite(wavelength) & (wavelength > 0)).all():
+        raise DataError("wavelength", value=float(wavelength.min()), limit="must be above 0 nm")
+    if not (np.isfinite(thickness_um) and thickness_um > 0):
+        raise DataError("thickness", value=thickness_um, limit="must be above 0 µm")
+    sheet = setup.substrate
+    n, k = (np.broadcast_to(np.asarray(value, dtype=float), wavelength.shape) for value in (sheet.n, sheet.k))
+    return _Case(wavelength, n, k, np.asarray(sheet.thickness_um), np.asarray(thickness_um), setup)
+
+
+def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read: FloatArray) -> tuple[FloatArray, ...]:
+    """Results of a function of a case and its readings, taken over few enough wavelengths for the grid at a time."""
+    parts = []
+    for start in range(0, max(case.wavelength_nm.size, 1), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        some = {name: getattr(case, name)[block] for name in ("wavelength_nm", "sheet_n", "sheet_k")}
+        parts.append(solve(dataclasses.replace(case, **some), *(values[block] for values in read)))
+    return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+
+
+def _starts(off: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
+    """Where on the grid a function crosses zero, shape (grid, wavelengths): nearest to an index and next; else NaN."""
+    with np.errstate(all="ignore"):
+        crossed = np.signbit(off[:-1]) != np.signbit(off[1:])
+        roots = _GRID[:-1] + (_GRID[1:] - _GRID[:-1]) * off[:-1] / (off[:-1] - off[1:])
+    roots = np.where(crossed & np.isfinite(roots), roots, np.nan)
+    far = np.where(np.isnan(roots), np.inf, np.abs(roots - near))
+    first, second = np.take_along_axis(roots, np.argsort(far, axis=0)[:2], axis=0)
+    return first, second
+
+
+def _changes(by_n: Readings, by_k: Readings, wanted: Readings) -> tuple[FloatArray, FloatArray]:
+    """Changes of n and k that change the readings by what is wanted."""
+    det = by_n.T * by_k.R - by_k.T * by_n.R
+    with np.errstate(all="ignore"):
+        return (
+            (wanted.T * by_k.R - by_k.T * wanted.R) / det,
+            (by_n.T * wanted.R - wanted.T * by_n.R) / det,
+        )
+
+
+def _polished(case: _Case, read: Readings, n: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solution of the whole model by Newton's method from a start; NaN where it does not close."""
+    with np.errstate(all="ignore"):
+        k = case.k_of(n, read.T)
+        for _ in range(_ITERATIONS):
+            now = case.read(n, k)
+            dn, dk = _changes(case.by(n, k, "n"), case.by(n, k, "k"), Readings(read.T - now.T, read.R - now.R))
+            n, k = n + dn, k + dk
+            if not (np.abs(dn) > _CLOSED).any():
+                break
+        now = case.read(n, k)
+        closed = (np.abs(now.T - read.T) < _CLOSED) & (np.abs(now.R - read.R) < _CLOSED) & (n >= N_LEAST)
+    return np.where(closed, n, np.nan), np.where(closed, k, np.nan)
+
+
+def _polished_lossless(case: _Case, transmittance: FloatArray, n: FloatArray) -> FloatArray:
+    with np.errstate(all="ignore"):
+        for _ in range(_ITERATIONS):
+            n = n + (transmittance - case.read(n, 0.0).T) / case.by(n, 0.0, "n").T
+        closed = (np.abs(case.read(n, 0.0).T - transmittance) < _CLOSED) & (n >= N_LEAST)
+    return np.where(closed, n, np.nan)

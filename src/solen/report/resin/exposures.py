@@ -7,20 +7,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.material.cure.exposure import Sample, trend
+from solen.material.cure.exposures import ExposureTrends, Sample
 from solen.report.canvas import SERIES, STYLE
 
 _FEW_POINTS = 20
 
 
-def exposures_figure(samples: Sequence[Sample], wavelengths_nm: Sequence[float], simulated: bool) -> Figure:
+def exposures_figure(trends: ExposureTrends) -> Figure:
     """Spectra, a colour for each exposure; values at some wavelengths against exposure, with their line."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 3.6), layout="constrained")
         left, right = figure.subplots(1, 2)
-        _spectra(left, samples)
-        _values(right, samples, wavelengths_nm)
-        if simulated:
+        _spectra(left, trends.layers)
+        _values(right, trends)
+        if trends.simulated:
             figure.suptitle("simulated", fontsize=9)
     return figure
 
@@ -38,15 +38,13 @@ def _spectra(axes: Axes, samples: Sequence[Sample]) -> None:
     axes.legend(fontsize=8)
 
 
-def _values(axes: Axes, samples: Sequence[Sample], wavelengths_nm: Sequence[float]) -> None:
-    seconds = np.array([one.exposure_s for one in samples])
+def _values(axes: Axes, trends: ExposureTrends) -> None:
+    seconds = trends.exposure_s
     ends = np.array([seconds.min(), seconds.max()])
-    for number, nm in enumerate(wavelengths_nm):
+    for number, row in enumerate(trends.wavelengths):
         colour = SERIES[number % len(SERIES)]
-        t = np.array([float(np.interp(nm, one.wavelength_nm, one.transmittance)) for one in samples])
-        axes.plot(seconds, 100.0 * t, "o", ms=5, color=colour, label=f"{nm:g} nm")
-        line = trend(seconds, t)
-        if line is not None:
-            axes.plot(ends, 100.0 * line.value(ends), "-", lw=1.0, color=colour)
+        axes.plot(seconds, 100.0 * row.T, "o", ms=5, color=colour, label=f"{row.wavelength_nm:g} nm")
+        if row.trend_T is not None:
+            axes.plot(ends, 100.0 * row.trend_T.value(ends), "-", lw=1.0, color=colour)
     axes.set(xlabel="exposure (s)", ylabel="transmittance (%)", xlim=(0.0, None))
     axes.legend(fontsize=8)

@@ -5,9 +5,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.arrays import FloatArray
-from solen.material.cure.colour import Attenuation
-from solen.recording import Provenance
+from solen.material.cure.penetration import Attenuation, Penetration
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
 
 _BESIDE_NM = 60.0  # shown on both sides of the lamp
@@ -15,40 +13,41 @@ _DEPTHS = 3.0  # penetration depths that are shown
 _HIGHEST_UM = 2000.0
 
 
-def penetration_figure(
-    nm: FloatArray, absorbance: FloatArray, path_um: float, found: Attenuation | None, source: Provenance
-) -> Figure:
+def penetration_figure(penetration: Penetration) -> Figure:
     """Absorbance against wavelength; where a lamp is known, its light against depth in a second panel."""
+    decay, absorbance = penetration.attenuation, penetration.absorbance
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.8 if found is None else 9.0, 3.6), layout="constrained")
-        panels = figure.subplots(1, 1 if found is None else 2, squeeze=False)[0]
-        panels[0].plot(nm, absorbance, color=INK, lw=1.4, label=f"absorbance, {path_um:g} µm")
+        figure = Figure(figsize=(4.8 if decay is None else 9.0, 3.6), layout="constrained")
+        panels = figure.subplots(1, 1 if decay is None else 2, squeeze=False)[0]
+        label = f"absorbance, {penetration.path_um:g} µm"
+        panels[0].plot(penetration.wavelength_nm, absorbance, color=INK, lw=1.4, label=label)
         panels[0].set(xlabel="wavelength (nm)", ylabel="absorbance (base 10)")
-        if found is not None:
-            _lamp(panels[0], found, float(np.nanmax(absorbance)))
-            _depth(panels[1], found)
+        if decay is not None:
+            _lamp(panels[0], decay, float(np.nanmax(absorbance)))
+            _depth(panels[1], decay)
         panels[0].legend(fontsize=8)
-        figure.suptitle(f"{'simulated: ' if source.simulated else ''}{source.file}", fontsize=9)
+        simulated = "simulated: " if penetration.simulated else ""
+        figure.suptitle(f"{simulated}{penetration.sources[0].file}", fontsize=9)
     return figure
 
 
-def _lamp(axes: Axes, found: Attenuation, highest: float) -> None:
-    nm = found.wavelength_nm
+def _lamp(axes: Axes, decay: Attenuation, highest: float) -> None:
+    nm = decay.wavelength_nm
     if len(nm) == 1:
         axes.axvline(float(nm[0]), color=RIGHT, lw=1.4, label="lamp")
     else:
-        density = found.weight / np.gradient(nm)
+        density = decay.weight / np.gradient(nm)
         axes.fill_between(nm, 0.0, density / density.max() * highest, color=RIGHT, alpha=0.25, lw=0, label="lamp")
     axes.set_xlim(float(nm[0]) - _BESIDE_NM, float(nm[-1]) + _BESIDE_NM)
 
 
-def _depth(axes: Axes, found: Attenuation) -> None:
+def _depth(axes: Axes, decay: Attenuation) -> None:
     """Share of the light against depth, with the exponential that starts as it does."""
-    surface = found.local_um()
+    surface = decay.local_um()
     um = np.linspace(0.0, min(_DEPTHS * surface, _HIGHEST_UM), 201)
-    axes.plot(um, found.share(um), color=RIGHT, lw=1.6, label="lamp's light")
+    axes.plot(um, decay.share(um), color=RIGHT, lw=1.6, label="lamp's light")
     axes.plot(um, np.exp(-um / surface), "--", color=LEFT, lw=1.2, label=f"Dp = {surface:.3g} µm, as at the surface")
-    local = [found.local_um(float(z)) for z in um]
+    local = [decay.local_um(float(z)) for z in um]
     beside = axes.twinx()
     beside.plot(um, local, ":", color=LOST, lw=1.4)
     beside.set_ylabel("local Dp (µm), dotted")

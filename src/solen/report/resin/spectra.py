@@ -7,7 +7,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.recording import Provenance, Spectrum
+from solen.recording import Spectrum
+from solen.recording.spectrum import Listing
 from solen.report.canvas import SERIES, STYLE
 
 _INSIDE = 5
@@ -16,10 +17,10 @@ _NAMED = 14
 """Traces whose names a legend has room for; of more, the first and the last are named."""
 
 
-def spectra_figure(found: Sequence[Spectrum], source: Provenance) -> Figure:
+def spectra_figure(listing: Listing) -> Figure:
     """Spectra over wavelength, side by side where they are of several kinds, as transmittance and absorbance are."""
     kinds: dict[tuple[str, str], list[Spectrum]] = {}
-    for one in found:
+    for one in listing.spectra:
         kinds.setdefault((one.channel.quantity, one.channel.unit), []).append(one)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.6 * len(kinds), 3.6), layout="constrained")
@@ -27,6 +28,7 @@ def spectra_figure(found: Sequence[Spectrum], source: Provenance) -> Figure:
         for axes, ((quantity, unit), traces) in zip(panels, kinds.items(), strict=True):
             _draw(axes, traces)
             axes.set(xlabel="wavelength (nm)", ylabel=_label(quantity, unit))
+        source = listing.sources[0]
         what = "simulated" if source.simulated else " ".join(filter(None, (source.instrument, source.date)))
         figure.suptitle(source.file + (f": {what}" if what else ""), fontsize=9)
     return figure

@@ -1,7 +1,7 @@
-"""The slab and its inverse at fifty digits, one wavelength at a time: the formulas as they are printed, read aloud.
+"""A layer in air and its inverse at fifty digits, one wavelength at a time: the formulas as printed.
 
-Nothing here is arranged for speed or against rounding; with fifty digits it need not be. `solen.material.index.slab`
-and `solen.material.index.inversion` are tested against it.
+Nothing here is arranged for speed or against rounding; with fifty digits it need not be. `forward` of
+`solen.material.index.stack` and `solen.material.index.inversion` are tested against it.
 """
 
 from decimal import Decimal, localcontext
@@ -12,8 +12,8 @@ PI = Decimal("3.1415926535897932384626433832795028841971693993751058209749445923
 Number = Decimal | float
 
 
-def slab(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> tuple[Decimal, Decimal]:
-    """R and T of a slab of n and k, summed over all passes."""
+def layer(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> tuple[Decimal, Decimal]:
+    """R and T of a layer of n and k, summed over all passes."""
     with localcontext(prec=DIGITS):
         n, k, h, wavelength = Decimal(n), Decimal(k), 1000 * Decimal(thickness_um), Decimal(wavelength_nm)
         face = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
@@ -25,7 +25,7 @@ def slab(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> t
 def index(
     reflectance: Number, transmittance: Number, thickness_um: Number, wavelength_nm: Number
 ) -> tuple[Decimal, Decimal]:
-    """Index and extinction of a slab of R and T: R_F, k, n as Nichelatti (2002) and the paper print them.
+    """Index and extinction of a layer of R and T: R_F, k, n as Nichelatti (2002) and the paper print them.
 
     `ArithmeticError` where a logarithm or a root has no value.
     """

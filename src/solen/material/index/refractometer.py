@@ -11,21 +11,38 @@ with g linear and h quadratic in 1/λ², both rising by 1 from line C to line F.
 The dispersion is carried as its power w = 1/V, in which n is linear, so that the covariance of A, B and C follows by
 exact derivatives and covers the few polymers with a small V too.
 
-The interface: `prior_of` classes of polymers, or `Prior` with an Abbe number of your own; `refractometer`.
+The interface: `refractometer_index` with `RefractometerOptions`; `refractometer` with a `Prior`, of classes of polymers
+by `prior_of`, or with an Abbe number of your own by `stated_prior`. Both give a `RefractometerIndex`.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, model_validator
 from scipy.special import gammaincc
 
 from solen.arrays import FloatArray
-from solen.errors import DataError
+from solen.errors import DataError, SpecError
 from solen.material.dispersion import Cauchy
-from solen.material.index.literature import LINE_C, LINE_D, LINE_F, LINE_HELIUM, POLYMERS, RESINS, materials
+from solen.material.index.formulas import covariance_rows
+from solen.material.index.illuminant import Evaluated, formula_in, lines, named_light
+from solen.material.index.literature import (
+    LINE_C,
+    LINE_D,
+    LINE_F,
+    LINE_HELIUM,
+    POLYMERS,
+    RESINS,
+    Polymer,
+    check_index,
+    materials,
+)
+from solen.recording import Provenance
+from solen.results import Result, reported
+from solen.spec.strict import Finite, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
 VALID_NM = (400.0, 1000.0)
@@ -34,6 +51,12 @@ VALID_NM = (400.0, 1000.0)
 DN_DT_PER_K = -2e-4
 """Temperature coefficient of n taken where none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
 
+STEP_NM = 5.0
+"""Distance of the wavelengths of a result."""
+WIDE95 = 1.959963984540054
+"""Half of the 95 % interval of a normal distribution, in standard deviations."""
+
+NotBelow0 = Annotated[Finite, Field(ge=0)]
 _STEPS = 30
 _SURE = 0.01  # chance below which values and prior count as at odds
 _STEP = 1e-30
@@ -47,7 +70,7 @@ class Prior:
     ----------
     abbe, u_abbe
         Abbe number V = (n_d − 1)/(n_F − n_C) and its standard uncertainty, which is taken as one of 1/V.
-    share, u_share
+    bend, u_bend
         Part of the rise from C to F that the 1/λ⁴ term makes, and its standard uncertainty.
     source
         Where the numbers are from, in words.
@@ -55,8 +78,8 @@ class Prior:
 
     abbe: float
     u_abbe: float
-    share: float
-    u_share: float
+    bend: float
+    u_bend: float
     source: str
 
     def __post_init__(self) -> None:
@@ -73,61 +96,162 @@ class Prior:
         return 1 / self.abbe, self.u_abbe / self.abbe**2
 
 
-@dataclass(frozen=True)
-class Values:
-    """What an instrument measured.
-
-    Attributes
-    ----------
-    wavelength_nm, n
-        Shape (values,).
-    covariance
-        Shape (values, values).
-    """
+class _Values(NamedTuple):
+    """What an instrument measured: wavelengths and indices, shape (values,), and their covariance."""
 
     wavelength_nm: FloatArray
     n: FloatArray
     covariance: FloatArray
 
 
-@dataclass(frozen=True)
-class Refractometer:
+class RefractometerOptions(Options):
+    """How an index at one wavelength or a few is extended over wavelength."""
+
+    u: tuple[float, ...] = Field(min_length=1)
+    """Standard uncertainty of the index; one for all, or repeated, one for each."""
+    wavelength_nm: tuple[float, ...] = ()
+    """Wavelength of each index; repeatable; default of a single index: the sodium line, 589.3."""
+    u_shared: NotBelow0 = 0.0
+    """Standard uncertainty that all values share, of the calibration."""
+    u_temperature_k: NotBelow0 = 0.0
+    """Standard uncertainty of the temperature in use, about that of the measurement, in K."""
+    dn_dt_per_k: Finite = DN_DT_PER_K
+    """Temperature coefficient of n that it is multiplied with."""
+    polymer: tuple[Polymer, ...] = ()
+    """A class that the material is like; repeatable; default: acrylate and photoresin."""
+    abbe: float | None = None
+    """Abbe number of the material, from a data sheet say, in place of that of the class."""
+    u_abbe: float | None = None
+    """Its standard uncertainty."""
+    at_nm: tuple[Annotated[Wavelength, Field(ge=VALID_NM[0], le=VALID_NM[1])], ...] = ()
+    """A wavelength at which n is evaluated; repeatable."""
+    led: str | None = None
+    """An emitter in whose light n is evaluated: a part of the library, a part's .toml, or a file of a spectrum."""
+
+    @property
+    def polymers(self) -> tuple[Polymer, ...]:
+        """Classes of polymers that the material is like."""
+        return self.polymer or RESINS
+
+    @model_validator(mode="after")
+    def _abbe_is_whole(self) -> Self:
+        for missing, there in (("abbe", "u_abbe"), ("u_abbe", "abbe")):
+            if getattr(self, missing) is None and getattr(self, there) is not None:
+                raise refused(missing, f"is missing beside --{there.replace('_', '-')}", remedy="state both")
+        if self.abbe is not None and self.polymer:
+            raise refused("polymer", "cannot go with --abbe", remedy="state one of the two")
+        return self
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RefractometerIndex(Result):
     """n(λ) from values at a few wavelengths and a prior.
 
     Attributes
     ----------
-    model
-        Cauchy formula with the covariance of A, B and C.
-    values, prior
-        What went in.
-    abbe, u_abbe, share, u_share
-        Dispersion that values and prior say together.
-    n_line, u_line
-        Index at the sodium line, 589.3 nm.
-    chi2, freedom
+    mode
+        How the index was found: ``refractometer``.
+    measurement, simulated
+        Whether n was measured, or simulated.
+    measured_nm, measured_n, u_measured_n
+        _Values that went in, with their wavelengths and standard uncertainties, shape (values,).
+    prior
+        What was expected of the dispersion.
+    abbe, u_abbe, bend, u_bend
+        Abbe number, and the part of the rise from line C to F that the 1/λ⁴ term makes, from values and prior
+        together.
+    n_D, u_n_D
+        Index at the sodium line, 589.3 nm, and its standard uncertainty.
+    chi2, degrees_of_freedom
         Misfit of values and prior, in squares of their uncertainties, and how many values there are beyond one.
+    fit
+        Cauchy formula with the covariance of A, B and C.
+    at
+        n at the wavelengths that were asked for.
+    led
+        n in the light of the emitter that was asked for.
+    options
+        What was stated and asked for.
+    sources
+        Where the values come from.
     warnings
         What the numbers cannot be used for.
     """
 
-    model: Cauchy
-    values: Values
+    measured_nm: FloatArray
+    measured_n: FloatArray
+    u_measured_n: FloatArray
     prior: Prior
     abbe: float
     u_abbe: float
-    share: float
-    u_share: float
-    n_line: float
-    u_line: float
+    bend: float
+    u_bend: float
+    n_D: float  # noqa: N815
+    u_n_D: float  # noqa: N815
     chi2: float
-    freedom: int
+    degrees_of_freedom: int
+    fit: Cauchy
     warnings: tuple[str, ...]
+    mode: str = "refractometer"
+    measurement: bool = True
+    simulated: bool = False
+    at: tuple[Evaluated, ...] = ()
+    led: Evaluated | None = None
+    options: RefractometerOptions | None = None
+    sources: tuple[Provenance, ...] = (Provenance(format="stated", instrument="refractometer"),)
 
-    def index(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Index and its standard uncertainty at wavelengths from 400 to 1000 nm."""
-        at = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
-        n = np.array([self.model.index(float(one)) for one in at])
-        return n, np.array([self.model.u_index(float(one)) or 0.0 for one in at])
+    @reported
+    def wavelength_nm(self) -> FloatArray:
+        """Wavelengths of the curve: every 5 nm of the range of the formula."""
+        return np.arange(VALID_NM[0], VALID_NM[1] + STEP_NM / 2, STEP_NM)
+
+    @reported
+    def n(self) -> FloatArray:
+        """Index along the curve."""
+        return self.fit.along(self.wavelength_nm)[0]
+
+    @reported
+    def u_n(self) -> FloatArray:
+        """Its standard uncertainty."""
+        return self.fit.along(self.wavelength_nm)[1]
+
+    @reported
+    def interval95_n(self) -> FloatArray:
+        """Its 95 % interval, shape (n, 2)."""
+        n, u_n = self.fit.along(self.wavelength_nm)
+        return np.stack([n - WIDE95 * u_n, n + WIDE95 * u_n], axis=1)
+
+
+def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> RefractometerIndex:
+    """Index against wavelength from measured values, and how it compares with the literature.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where a value is not an index, options contradict each other, or no polymer has such a dispersion.
+    """
+    if len(n) > 1 and not options.wavelength_nm:
+        remedy = "state it once for each index, in their order"
+        raise SpecError("--wavelength-nm", limit="is missing", remedy=remedy)
+    stated = options.abbe is not None and options.u_abbe is not None
+    prior = stated_prior(options.abbe, options.u_abbe) if stated else prior_of(options.polymers)  # type: ignore[arg-type]
+    result = refractometer(
+        n,
+        options.u,
+        options.wavelength_nm or LINE_D,
+        u_shared=options.u_shared,
+        u_temperature_k=options.u_temperature_k,
+        dn_dt_per_k=options.dn_dt_per_k,
+        prior=prior,
+    )
+    unlike = check_index(result.measured_nm, result.measured_n, result.u_measured_n, options.polymers, package=False)
+    return replace(
+        result,
+        options=options,
+        at=tuple(formula_in(result.fit, lines([nm], [1.0])) for nm in options.at_nm),
+        led=None if options.led is None else formula_in(result.fit, named_light(options.led)),
+        warnings=(*result.warnings, *unlike),
+    )
 
 
 def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
@@ -138,12 +262,12 @@ def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
     """
     members = materials(polymers)
     numbers = {shape.abbe for one in members if (shape := one.shape)} | {v for one in members for v in one.abbe}
-    shares = [shape.share for one in materials(POLYMERS) if (shape := one.shape)]
+    bends = [shape.bend for one in materials(POLYMERS) if (shape := one.shape)]
     power, u_power = _mean([1 / abbe for abbe in sorted(numbers)])
-    share, u_share = _mean(shares)
+    bend, u_bend = _mean(bends)
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     source = f"{len(numbers)} Abbe numbers of {names} from {min(numbers):.0f} to {max(numbers):.0f} in the literature"
-    return Prior(1 / power, u_power / power**2, share, u_share, source)
+    return Prior(1 / power, u_power / power**2, bend, u_bend, source)
 
 
 def _mean(values: Sequence[float]) -> tuple[float, float]:
@@ -154,7 +278,7 @@ def _mean(values: Sequence[float]) -> tuple[float, float]:
 def stated_prior(abbe: float, u_abbe: float) -> Prior:
     """Prior with an Abbe number of your own, from a data sheet say; the bend is that of the literature."""
     usual = prior_of()
-    return Prior(abbe, u_abbe, usual.share, usual.u_share, f"an Abbe number of {abbe:g} ± {u_abbe:g} as stated")
+    return Prior(abbe, u_abbe, usual.bend, usual.u_bend, f"an Abbe number of {abbe:g} ± {u_abbe:g} as stated")
 
 
 def refractometer(
@@ -166,7 +290,7 @@ def refractometer(
     u_temperature_k: float = 0.0,
     dn_dt_per_k: float = DN_DT_PER_K,
     prior: Prior | None = None,
-) -> Refractometer:
+) -> RefractometerIndex:
     """Index against wavelength from values at one wavelength or a few.
 
     Parameters
@@ -197,34 +321,28 @@ def refractometer(
     found, covariance = _fitted(values, prior, at)
     turn = _derivatives(lambda p: np.stack(_coefficients(p, at)), found)
     a, b, c = (float(one) for one in np.stack(_coefficients(found, at)))
-    spread = turn @ covariance @ turn.T
-    spread = (spread + spread.T) / 2
-    model = Cauchy(
-        A=a,
-        B_um2=b,
-        C_um4=c,
-        covariance=tuple(tuple(float(one) for one in row) for row in spread),
-        valid_nm=VALID_NM,
-    )
+    model = Cauchy(A=a, B_um2=b, C_um4=c, covariance=covariance_rows(turn @ covariance @ turn.T), valid_nm=VALID_NM)
     misfit = values.n - _index(found, at, values.wavelength_nm)
     power, u_power = prior.power
-    off = (found[1] - power) / u_power, (found[2] - prior.share) / prior.u_share
+    off = (found[1] - power) / u_power, (found[2] - prior.bend) / prior.u_bend
     chi2 = float(misfit @ np.linalg.solve(values.covariance, misfit) + off[0] ** 2 + off[1] ** 2)
-    u_found, u_share = (float(np.sqrt(covariance[i, i])) for i in (1, 2))
+    u_found, u_bend = (float(np.sqrt(covariance[i, i])) for i in (1, 2))
     abbe, u_abbe = 1 / float(found[1]), u_found / float(found[1]) ** 2
-    return Refractometer(
-        model,
-        values,
-        prior,
-        abbe,
-        u_abbe,
-        float(found[2]),
-        u_share,
-        model.index(LINE_D),
-        float(model.u_index(LINE_D) or 0.0),
-        chi2,
-        values.n.size - 1,
-        tuple(_warnings(values, prior, model, (abbe, u_abbe), chi2)),
+    return RefractometerIndex(
+        measured_nm=values.wavelength_nm,
+        measured_n=values.n,
+        u_measured_n=np.sqrt(np.diag(values.covariance)),
+        prior=prior,
+        abbe=abbe,
+        u_abbe=u_abbe,
+        bend=float(found[2]),
+        u_bend=u_bend,
+        n_D=model.index(LINE_D),
+        u_n_D=float(model.u_index(LINE_D) or 0.0),
+        chi2=chi2,
+        degrees_of_freedom=values.n.size - 1,
+        fit=model,
+        warnings=tuple(_warnings(values, prior, model, (abbe, u_abbe), chi2)),
     )
 
 
@@ -234,8 +352,8 @@ def _not_negative(name: str, value: float) -> float:
     return value
 
 
-def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: float, u_shared: float) -> Values:
-    """Values that were measured, with the covariance of what they share."""
+def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: float, u_shared: float) -> _Values:
+    """_Values that were measured, with the covariance of what they share."""
     values, nm = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (n, wavelength_nm))
     u = np.atleast_1d(np.asarray(u_n, dtype=float))
     if values.ndim != 1 or values.size == 0 or nm.shape != values.shape or u.size not in {1, values.size}:
@@ -251,15 +369,15 @@ def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: floa
         if wrong.any():
             raise DataError(name, value=float(each[wrong][0]), limit=limit)
     shared = np.hypot(u_warm, _not_negative("u_shared", u_shared))
-    return Values(nm, values, np.diag(np.broadcast_to(u, values.shape) ** 2) + shared**2)
+    return _Values(nm, values, np.diag(np.broadcast_to(u, values.shape) ** 2) + shared**2)
 
 
-def _fitted(values: Values, prior: Prior, at: float) -> tuple[FloatArray, FloatArray]:
+def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, FloatArray]:
     """N at a wavelength, V and s of the greatest probability, and their covariance, by Gauss and Newton."""
     power, u_power = prior.power
-    known, expected = np.array([0.0, u_power**-2, prior.u_share**-2]), np.array([0.0, power, prior.share])
+    known, expected = np.array([0.0, u_power**-2, prior.u_bend**-2]), np.array([0.0, power, prior.bend])
     weight = np.linalg.inv(values.covariance)
-    found = np.array([float(values.n[np.abs(values.wavelength_nm - at).argmin()]), power, prior.share])
+    found = np.array([float(values.n[np.abs(values.wavelength_nm - at).argmin()]), power, prior.bend])
     for _ in range(_STEPS):
         slope = _derivatives(lambda p: _index(p, at, values.wavelength_nm), found)
         off = values.n - _index(found, at, values.wavelength_nm)
@@ -308,7 +426,7 @@ def _derivatives(function: Callable[[NDArray[Any]], Any], p: FloatArray) -> Floa
     return np.stack(columns, axis=1)
 
 
-def _warnings(values: Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[str]:
+def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[str]:
     """What the numbers of a result cannot be used for."""
     freedom = values.n.size - 1
     if freedom == 0:

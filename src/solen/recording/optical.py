@@ -1,7 +1,9 @@
-"""Traces of a recording, chosen by what they are or by name, brought to one set of wavelengths.
+"""Transmittance, reflectance and absorbance of a recording, chosen by quantity or name, on common wavelengths.
 
 The idea: what a file holds once is taken by itself; of several traces of a kind one must be named, and naming one is
 naming all. Nothing is guessed from an order.
+
+The interface: `optical_spectra` gives `OpticalSpectra`; `kind_of` a channel.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,19 +13,20 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording import Channel, Recording, Spectrum, spectra
+from solen.recording.model import Channel, Recording
+from solen.recording.spectrum import Spectrum, spectra
 
 OPTIONS = {"T": "--transmittance", "R": "--reflectance", "A": "--absorbance"}
-QUANTITIES = {"transmittance": "T", "reflectance": "R", "absorbance": "A", "absorptance": "A"}
+_QUANTITIES = {"transmittance": "T", "reflectance": "R", "absorbance": "A", "absorptance": "A"}
 _UNITS = {"%t": "T", "%r": "R", "abs": "A"}
+_ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 _SAME_NM = 0.01  # wavelengths that differ by less are the same
 _MOST_LISTED = 20  # names in one line
 _MOST_FRACTION = 2.0  # a median above this is a percentage without its unit
-_ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 
 
-@dataclass(frozen=True)
-class Spectra:
+@dataclass(frozen=True, eq=False)
+class OpticalSpectra:
     """Spectra on common wavelengths.
 
     Attributes
@@ -31,7 +34,7 @@ class Spectra:
     wavelength_nm
         Shape (n,), ascending.
     rows
-        For ``T``, ``R`` and ``A``, where there is one, what was chosen, shape (repeats, n); NaN without a number.
+        For ``T``, ``R`` and ``A``, where there is one, the chosen traces, shape (repeats, n); NaN without a number.
     names
         Names of these traces.
     unused
@@ -46,52 +49,59 @@ class Spectra:
     unused: tuple[str, ...]
     warnings: tuple[str, ...]
 
+    def mean(self, kind: str) -> FloatArray:
+        """Mean of the repeats of a kind, shape (n,)."""
+        return np.asarray(self.rows[kind].mean(axis=0))
 
-def spectra_of(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> Spectra:
+
+def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> OpticalSpectra:
     """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or where none is, the only one of each.
 
     Raises
     ------
     DataError
-        Where a trace is not there, where there are several to choose from, or where one has no wavelengths.
+        Where a trace is missing, where there are several to choose from, or where one has no wavelengths.
     """
-    every = spectra(recording)
-    groups = _named(recording, every, chosen) if any(chosen.values()) else _only(recording, every)
-    traces = {kind: [_trace(kind, one) for one in group] for kind, group in groups.items()}
+    available = spectra(recording)
+    groups = _named(recording, available, chosen) if any(chosen.values()) else _only(recording, available)
+    traces = {kind: [_trace(kind, spectrum) for spectrum in group] for kind, group in groups.items()}
     nm = next(iter(traces.values()))[0][0]
-    rows, warnings = {}, []
-    for kind, found in traces.items():
-        rows[kind] = np.array([_on(nm, *trace) for trace in found])
-        moved = [one.channel.name for one, (own, _) in zip(groups[kind], found, strict=True) if not _same(nm, own)]
+    names = {kind: tuple(spectrum.channel.name for spectrum in group) for kind, group in groups.items()}
+    taken = [spectrum.channel for group in groups.values() for spectrum in group]
+    warnings = [f"{channel.name}: {channel.note}" for channel in taken if channel.note]
+    for kind, group in traces.items():
+        moved = [name for name, (own, _) in zip(names[kind], group, strict=True) if not _same(nm, own)]
         if moved:
-            told = "other wavelengths than the first trace: linear between its own, masked outside them"
-            warnings.append(f"{', '.join(moved)} has {told}")
-    names = {kind: tuple(one.channel.name for one in group) for kind, group in groups.items()}
-    taken = {name for group in names.values() for name in group}
-    unused = [one.channel.name for one in every if kind_of(one.channel) and one.channel.name not in taken]
-    notes = [
-        f"{one.channel.name}: {one.channel.note}" for group in groups.values() for one in group if one.channel.note
-    ]
-    return Spectra(nm, rows, names, tuple(unused), (*notes, *warnings))
+            what = "other wavelengths than the first trace: linear between its own, masked outside them"
+            warnings.append(f"{', '.join(moved)} has {what}")
+    rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
+    used = {channel.name for channel in taken}
+    others = [spectrum.channel for spectrum in available if spectrum.channel.name not in used]
+    return OpticalSpectra(nm, rows, names, tuple(one.name for one in others if kind_of(one)), tuple(warnings))
 
 
 def kind_of(channel: Channel) -> str | None:
     """What a channel is, ``T``, ``R`` or ``A`` of either kind, or None: by its quantity, else by its unit."""
     if channel.quantity:
-        return QUANTITIES.get(channel.quantity)
+        return _QUANTITIES.get(channel.quantity)
     by_name = "A" if channel.name.casefold() == "a" else None
     return _UNITS.get(channel.unit.strip().casefold(), by_name)
 
 
+def listed(names: Sequence[str]) -> str:
+    """Names in one line, the first of many."""
+    more = len(names) - _MOST_LISTED
+    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
+
+
 def _named(
-    recording: Recording, every: Sequence[Spectrum], chosen: Mapping[str, Sequence[str]]
+    recording: Recording, available: Sequence[Spectrum], chosen: Mapping[str, Sequence[str]]
 ) -> dict[str, list[Spectrum]]:
-    by_name = {one.channel.name: one for one in every}
+    by_name = {spectrum.channel.name: spectrum for spectrum in available}
     groups: dict[str, list[Spectrum]] = {}
     for kind, names in chosen.items():
         for name in names:
-            channel = recording.channel(name)
-            other = kind_of(channel) or kind
+            other = kind_of(recording.channel(name)) or kind
             if name not in by_name or other != kind:
                 limit = f"is a trace of {other}" if other != kind else "runs along no wavelength"
                 remedy = f"name it with {OPTIONS[other]}" if other != kind else "name another"
@@ -102,16 +112,17 @@ def _named(
     return groups
 
 
-def _only(recording: Recording, every: Sequence[Spectrum]) -> dict[str, list[Spectrum]]:
+def _only(recording: Recording, available: Sequence[Spectrum]) -> dict[str, list[Spectrum]]:
     file = recording.provenance.file or "the recording"
     groups: dict[str, list[Spectrum]] = {}
-    for one in every:
-        if kind := kind_of(one.channel):
-            groups.setdefault(kind, []).append(one)
+    for spectrum in available:
+        if kind := kind_of(spectrum.channel):
+            groups.setdefault(kind, []).append(spectrum)
     for kind, group in groups.items():
         if len(group) > 1:
-            limit = f"holds {len(group)} traces of {kind}: {listed([one.channel.name for one in group])}"
-            raise DataError(file, limit=limit, remedy=f"choose by {OPTIONS[kind]} NAME, several for repeats of one")
+            names = listed([spectrum.channel.name for spectrum in group])
+            remedy = f"choose by {OPTIONS[kind]} NAME, several for repeats of one"
+            raise DataError(file, limit=f"holds {len(group)} traces of {kind}: {names}", remedy=remedy)
     if not groups:
         limit = f"holds no transmittance; its columns are {listed(recording.names)}"
         remedy = "name the columns wavelength_nm, T and R, or choose by --transmittance NAME"
@@ -119,34 +130,28 @@ def _only(recording: Recording, every: Sequence[Spectrum]) -> dict[str, list[Spe
     return groups
 
 
-def listed(names: Sequence[str]) -> str:
-    """Names in one line, the first of many."""
-    more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
-
-
-def _trace(kind: str, one: Spectrum) -> tuple[FloatArray, FloatArray]:
+def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
     """Wavelengths, ascending, and values of a trace as pure numbers."""
-    nm, values, name = one.wavelength_nm, _numbers(kind, one), one.channel.name
+    nm, values, what = spectrum.wavelength_nm, _numbers(kind, spectrum), f"trace {spectrum.channel.name}"
     seen = np.isfinite(nm)
     order = np.argsort(nm[seen], kind="stable")
     nm, values = nm[seen][order], values[seen][order]
     if not np.isfinite(values).any():
-        raise DataError(f"trace {name}", limit="holds no number")
+        raise DataError(what, limit="holds no number")
     if not (nm > 0.0).all():
-        raise DataError(f"trace {name}", value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
+        raise DataError(what, value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
     twice = np.flatnonzero(np.diff(nm) == 0.0)
     if twice.size:
-        limit, remedy = f"has {nm[twice[0]]:g} nm twice", "keep one row per wavelength; repeats are columns"
-        raise DataError(f"trace {name}", limit=limit, remedy=remedy)
+        remedy = "keep one row per wavelength; repeats are columns"
+        raise DataError(what, limit=f"has {nm[twice[0]]:g} nm twice", remedy=remedy)
     return nm, values
 
 
-def _numbers(kind: str, one: Spectrum) -> FloatArray:
-    channel = one.channel
+def _numbers(kind: str, spectrum: Spectrum) -> FloatArray:
+    channel = spectrum.channel
     if kind == "A" and channel.unit.strip().casefold() in _ABSORBANCE_UNITS:
         return channel.values
-    values = one.ratio()
+    values = spectrum.ratio()
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     if kind != "A" and middle > _MOST_FRACTION:
         limit, remedy = "a fraction lies between 0 and 1", f"write the unit in the header: {channel.name} (%)"

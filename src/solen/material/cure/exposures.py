@@ -1,0 +1,326 @@
+"""What a layer's optics do with its exposure: transmittance, and index where it is known, at some wavelengths.
+
+The idea: layers cured for 2, 4 and 6 s are three points, and what three points can say is a trend with an interval, not
+a curve. Each sample counts once. A trend of the transmittance is one of the layer: a layer that was cured longer may
+also be thicker, rougher or yellower, and a trend alone does not say which.
+
+The interface: `exposure_trends` of recordings with `ExposureOptions` gives `ExposureTrends`; `samples_of` a recording
+are its `Sample`s; `trend` of values against exposure gives a `Trend`.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import Field
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.index import Length, measured, reading
+from solen.material.regression import fitted, t_tail
+from solen.recording import Provenance, Recording, Spectrum, spectra
+from solen.recording.optical import kind_of
+from solen.results import HIDDEN, Result
+from solen.spec.strict import Finite, Options, Wavelength
+from solen.units import factor
+
+WAVELENGTHS_NM = (450.0, 500.0, 860.0)
+"""Those of the paper's three designs."""
+TIMES = ("exposure", "exposure time", "time", "t")
+"""Names of a column of exposures."""
+_TIME_IN_NAME = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*(?:s|sec|sek|seconds)(?![a-zA-Z])")
+_FEW = 4
+_REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
+_NEAR_NM = 10.0
+
+Above0 = Annotated[Finite, Field(gt=0)]
+
+
+class ExposureOptions(Options):
+    """How layers are compared by their exposure."""
+
+    wavelength_nm: tuple[Wavelength, ...] = ()
+    """A wavelength to look at; repeatable; default: 450, 500 and 860 nm, as far as the spectra reach."""
+    irradiance_mW_per_cm2: Above0 | None = None
+    """Irradiance at the window; makes doses of the exposures."""
+    thickness_um: Above0 | None = None
+    """Thickness of the layers; the index needs it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """A layer: its name, exposure in s, and its spectra as fractions, shape (n,), by ascending wavelength in nm.
+
+    ``reflectance`` is None where it was not measured.
+    """
+
+    name: str
+    exposure_s: float
+    wavelength_nm: FloatArray
+    transmittance: FloatArray
+    reflectance: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Trend:
+    """Straight line of a value against exposure.
+
+    Attributes
+    ----------
+    slope_per_s, u_slope_per_s, interval95_slope_per_s
+        Change per second of exposure; the last two are None where two samples leave nothing to judge it by.
+    p
+        How likely a slope this steep is by chance; None as above.
+    middle, middle_s
+        Value of the line at the mean exposure, and that.
+    samples, exposures
+        How many of each.
+    """
+
+    slope_per_s: float
+    u_slope_per_s: float | None
+    interval95_slope_per_s: tuple[float, float] | None
+    p: float | None
+    middle: float = field(metadata=HIDDEN)
+    middle_s: float = field(metadata=HIDDEN)
+    samples: int
+    exposures: int
+
+    def value(self, exposure_s: ArrayLike) -> FloatArray:
+        """Value of the line at an exposure."""
+        return self.middle + self.slope_per_s * (np.asarray(exposure_s, float) - self.middle_s)
+
+
+@dataclass(frozen=True, eq=False)
+class AtWavelength:
+    """Optics of all layers at one wavelength, and their trends; arrays of shape (samples,), NaN where not known.
+
+    Attributes
+    ----------
+    wavelength_nm
+        The wavelength.
+    T, R, n
+        Transmittance, reflectance and index of each layer.
+    trend_T, trend_n
+        Trends of T and of n with exposure; None where fewer than two exposures are known.
+    """
+
+    wavelength_nm: float
+    T: FloatArray
+    R: FloatArray
+    n: FloatArray
+    trend_T: Trend | None
+    trend_n: Trend | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ExposureTrends(Result):
+    """Optics of layers against their exposure.
+
+    Attributes
+    ----------
+    samples
+        Names of the layers, by ascending exposure.
+    exposure_s, dose_mJ_per_cm2
+        Exposure of each, and its dose; None without an irradiance.
+    wavelengths
+        Values and trends at each wavelength.
+    simulated
+        Whether spectra were simulated.
+    sources
+        Where the spectra come from.
+    warnings
+        What must be known of the result.
+    """
+
+    samples: tuple[str, ...]
+    exposure_s: FloatArray
+    dose_mJ_per_cm2: FloatArray | None
+    wavelengths: tuple[AtWavelength, ...]
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    layers: tuple[Sample, ...] = field(metadata=HIDDEN)
+
+
+def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = ExposureOptions()) -> ExposureTrends:
+    """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured.
+
+    Parameters
+    ----------
+    recordings
+        Spectra whose traces, or else files, are named by their exposure (``2 s``), or tables with columns exposure_s,
+        wavelength_nm and T, and R where it was measured.
+    options
+        Wavelengths, irradiance, thickness.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where an exposure is not stated, or there are fewer than two.
+    """
+    layers = sorted((one for each in recordings for one in samples_of(each)), key=lambda one: one.exposure_s)
+    seconds = np.array([one.exposure_s for one in layers])
+    if (kinds := len(set(seconds.tolist()))) < 2:
+        raise DataError("exposures", value=kinds, limit="a trend needs two at least")
+    at = [_at(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)]
+    irradiance = options.irradiance_mW_per_cm2
+    notes = [note for each in recordings for note in each.warnings]
+    return ExposureTrends(
+        samples=tuple(one.name for one in layers),
+        exposure_s=seconds,
+        dose_mJ_per_cm2=None if irradiance is None else seconds * irradiance,
+        wavelengths=tuple(at),
+        simulated=any(each.provenance.simulated for each in recordings),
+        sources=tuple(each.provenance for each in recordings),
+        warnings=(*notes, *_warnings(layers, kinds, at, options.thickness_um)),
+        layers=tuple(layers),
+    )
+
+
+def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
+    """Trend of values against exposures, shape (n,); NaN is left out. None where fewer than two exposures are left."""
+    x, y = np.asarray(exposure_s, float), np.asarray(values, float)
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    kinds = len(np.unique(x))
+    if kinds < 2:
+        return None
+    middle_s = float(x.mean())
+    if len(x) == 2:
+        return Trend(float((y[1] - y[0]) / (x[1] - x[0])), None, None, None, float(y.mean()), middle_s, 2, 2)
+    fit = fitted(np.column_stack([np.ones(len(x)), x - middle_s]), y)
+    slope, u = float(fit.parameters[1]), fit.u((0.0, 1.0))
+    p = t_tail(slope / u, fit.error_df) if u > 0.0 else float(slope == 0.0)
+    return Trend(slope, u, fit.interval((0.0, 1.0)), p, float(fit.parameters[0]), middle_s, len(x), kinds)
+
+
+def samples_of(recording: Recording) -> list[Sample]:
+    """Layers of a recording, each with its exposure."""
+    times = [recording.find(name) for name in TIMES]
+    time = next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
+    traces = [(kind_of(one.channel), one) for one in spectra(recording)]
+    traces = [(kind, one) for kind, one in traces if kind in {"T", "R"}]
+    if time is not None:
+        return _long(recording, dict(traces), time.to("s"))
+    by_exposure: dict[float, dict[str | None, list[Spectrum]]] = {}
+    for kind, one in traces:
+        by_exposure.setdefault(_exposure_in_name(recording, one.channel.name), {"T": [], "R": []})[kind].append(one)
+    samples = [sample for seconds, kinds in by_exposure.items() for sample in _paired(seconds, kinds["T"], kinds["R"])]
+    if not samples:
+        raise DataError(recording.provenance.file, limit="holds no transmittance", remedy=_REMEDY)
+    return samples
+
+
+def _exposure_in_name(recording: Recording, name: str) -> float:
+    """Exposure that the name of a trace, or else of its file, states."""
+    for text in (name, Path(recording.provenance.file).stem.replace("_", " ")):
+        if match := _TIME_IN_NAME.search(text):
+            return float(match[1].replace(",", "."))
+    limit = "does not state its exposure, as 2 s would"
+    raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="put it into the name")
+
+
+def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
+    """Samples of one exposure: each trace of T, with a trace of R where there are as many."""
+    paired = len(reflectances) == len(transmittances)
+    samples = []
+    for number, one in enumerate(transmittances):
+        nm, t = _ascending(one.wavelength_nm, one.ratio())
+        r = None
+        if paired:
+            r = np.interp(nm, *_ascending(reflectances[number].wavelength_nm, reflectances[number].ratio()))
+        samples.append(Sample(one.channel.name, seconds, nm, t, r))
+    return samples
+
+
+def _long(recording: Recording, by_kind: dict[str | None, Spectrum], seconds: FloatArray) -> list[Sample]:
+    """Samples of a table with a row for each exposure and wavelength."""
+    if "T" not in by_kind:
+        raise DataError(recording.provenance.file, limit="holds no transmittance", remedy="name its column T")
+    names = recording.label("sample", "specimen", "name", "replicate") or ("",) * len(seconds)
+    keys = list(zip(names, seconds.tolist(), strict=True))
+    samples = []
+    for name, value in dict.fromkeys(keys):
+        here = np.array([key == (name, value) for key in keys])
+        nm, t = _ascending(by_kind["T"].wavelength_nm[here], by_kind["T"].ratio()[here])
+        r = _ascending(by_kind["R"].wavelength_nm[here], by_kind["R"].ratio()[here])[1] if "R" in by_kind else None
+        samples.append(Sample(f"{name} {value:g} s".strip(), value, nm, t, r))
+    return samples
+
+
+def _ascending(nm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    known = np.isfinite(nm) & np.isfinite(values)
+    order = np.argsort(nm[known])
+    return nm[known][order], values[known][order]
+
+
+def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[float]:
+    """Wavelengths that all samples were measured at; `DataError` for one that was asked for and is not."""
+    for nm in wanted:
+        far = [one.name for one in layers if not _reaches(one, nm)]
+        if far:
+            limit = f"{far[0]} was not measured within {_NEAR_NM:g} nm of it"
+            raise DataError("--wavelength-nm", value=nm, limit=limit, remedy="take another wavelength")
+    chosen = list(wanted) or [nm for nm in WAVELENGTHS_NM if all(_reaches(one, nm) for one in layers)]
+    if not chosen:
+        usual = ", ".join(f"{nm:g}" for nm in WAVELENGTHS_NM)
+        raise DataError("exposures", limit=f"not all samples were measured at {usual} nm", remedy="add --wavelength-nm")
+    return chosen
+
+
+def _reaches(sample: Sample, nm: float) -> bool:
+    """Whether a wavelength lies within a sample's, and near one of them."""
+    own = sample.wavelength_nm
+    return own.size > 0 and own[0] <= nm <= own[-1] and float(np.min(np.abs(own - nm))) <= _NEAR_NM
+
+
+def _at(nm: float, layers: Sequence[Sample], seconds: FloatArray, thickness_um: float | None) -> AtWavelength:
+    """Values of all samples at a wavelength, and their trends."""
+    t, r = (
+        np.array([math.nan if values is None else float(np.interp(nm, own, values)) for own, values in pairs])
+        for pairs in (
+            [(one.wavelength_nm, one.transmittance) for one in layers],
+            [(one.wavelength_nm, one.reflectance) for one in layers],
+        )
+    )
+    n = np.full(len(layers), np.nan)
+    if thickness_um is not None:
+        for number in np.flatnonzero(np.isfinite(r)):
+            both = reading([t[number]], name="T"), reading([r[number]], name="R")
+            n[number] = measured([nm], *both, Length(thickness_um)).n.value[0]
+    return AtWavelength(nm, t, r, n, trend(seconds, t), trend(seconds, n))
+
+
+def _warnings(
+    layers: Sequence[Sample], kinds: int, at: Sequence[AtWavelength], thickness_um: float | None
+) -> list[str]:
+    warnings = []
+    if len(layers) < _FEW:
+        warnings.append(
+            f"{len(layers)} samples leave {max(len(layers) - 2, 0)} to judge a trend by: its interval is as wide as "
+            "that makes it; measure several layers of each exposure"
+        )
+    if kinds == 2:
+        warnings.append("two exposures do not show whether the change is along a straight line")
+    unclear = [f"{one.wavelength_nm:g} nm" for one in at if not _resolved(one.trend_T)]
+    if unclear:
+        warnings.append(f"no trend of T with exposure is resolved at {', '.join(unclear)}")
+    warnings.append(
+        "a layer that was exposed longer may be thicker too, unless a gap held it: measure each layer's thickness "
+        "before the resin is blamed"
+    )
+    if all(one.reflectance is None for one in layers):
+        warnings.append("no reflectance: transmittance alone does not say how the index changes")
+    elif thickness_um is None:
+        warnings.append("the index needs --thickness-um")
+    return warnings
+
+
+def _resolved(line: Trend | None) -> bool:
+    return line is not None and line.p is not None and line.p <= 0.05

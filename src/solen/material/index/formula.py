@@ -1,0 +1,80 @@
+"""The formula through an index spectrum: of what goes in, what scatters from point to point and what all share.
+
+The interface: `formula_through`; `smoothed_scatter` for other judgements of a spectrum's scatter.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.index.fit import Fit, fit
+from solen.material.index.spectrum import Estimate, IndexSpectrum
+
+_FEW, _BEND = 10, 3.0  # points that show no scatter; residuals above this many steps have a shape of their own
+_SMALL = 1e-4  # of n, not worth a word
+_BESIDE = 15  # points to either side whose scatter is taken together
+
+
+def formula_through(
+    spectrum: IndexSpectrum, kind: str | None = None, terms: int | None = None
+) -> tuple[Fit | None, list[str]]:
+    """Formula through n, and what must be known of it, or why there is none.
+
+    Parameters
+    ----------
+    spectrum
+        Index along ascending wavelengths. What is no measurement gets a formula without uncertainty.
+    kind
+        ``cauchy``, ``sellmeier`` or ``none``; None is Cauchy's where n was measured, and none where not.
+    terms
+        Number of its terms; None for Akaike's criterion.
+
+    Raises
+    ------
+    DataError
+        Where the kind that was asked for cannot be fitted.
+    """
+    if kind == "none" or (kind is None and not spectrum.measurement):
+        return None, []
+    n = spectrum.n
+    known = bool(np.isfinite(n.u[n.known]).all())
+    u = smoothed_scatter(n) if known else None
+    shared = n.common if known and n.common.size else None
+    try:
+        formula = fit(kind or "cauchy", spectrum.wavelength_nm, n.value, u, shared=shared, terms=terms)
+    except DataError as bad:
+        if kind is not None:
+            raise
+        return None, [f"no formula is fitted: {bad}"]
+    if not spectrum.measurement:
+        formula = replace(formula, model=formula.model.model_copy(update={"covariance": None}))
+    return formula, [*formula.warnings, *_misfit(formula)]
+
+
+def smoothed_scatter(n: Estimate) -> FloatArray | None:
+    """Standard uncertainty of what scatters, mean square over points nearby, NaN where n is masked; None without any.
+
+    A point's own, of two or three repeats, is a bad weight: those that agree by chance would decide the fit.
+    """
+    square = n.scatter[n.known] ** 2
+    total, at = np.append(0.0, np.cumsum(square)), np.arange(square.size)
+    low, high = np.maximum(at - _BESIDE, 0), np.minimum(at + _BESIDE + 1, square.size)
+    near = np.sqrt((total[high] - total[low]) / np.maximum(high - low, 1))
+    if not (near > 0.0).all():
+        return None
+    scatter = np.full(n.value.shape, np.nan)
+    scatter[n.known] = near
+    return scatter
+
+
+def _misfit(formula: Fit) -> list[str]:
+    left = formula.residuals[np.isfinite(formula.residuals)]
+    step = float(np.median(np.abs(np.diff(left)))) if left.size > _FEW else np.inf
+    if formula.rms <= max(_BEND * step, _SMALL):
+        return []
+    return [
+        f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g} where neighbours "
+        f"differ by {step:.2g}; strong absorption does that; narrow the range, or take the points themselves"
+    ]

@@ -1,0 +1,195 @@
+"""The index that light of some spectrum meets: an LED's, or one wavelength's.
+
+The idea: an index between measured wavelengths is linear, so the index weighted with the power of a spectrum is a sum
+of measured ones with known shares. What scatters from wavelength to wavelength averages out in it, what all wavelengths
+have in common does not. Light outside the measured range is not guessed at.
+
+The interface: an `Illuminant` by `lines`, `led`, `measured_light`, or by name with `named_light`; `index_in` gives the
+`Evaluated` index of a spectrum in its light, `formula_in` that of a formula.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.arrays import FloatArray, IndexArray
+from solen.errors import DataError
+from solen.material.dispersion import Dispersion
+from solen.material.index.spectrum import IndexSpectrum
+from solen.parts import EmitterPart, library, library_part, load_part
+from solen.parts.light import FWHM_OF_SIGMA
+from solen.recording import read, spectra
+from solen.recording.optical import listed
+
+MOST_OUTSIDE = 0.02
+"""Share of the light that may lie where nothing was measured."""
+NOISE = 0.01
+"""Share of its peak below which a measured spectrum is noise."""
+_LINES, _REACH = 241, 3.0  # lines of an LED, and how many standard deviations they reach
+
+
+@dataclass(frozen=True, eq=False)
+class Illuminant:
+    """Wavelengths in nm, ascending, the share of the power at each, 1 in all, and in words where they are from."""
+
+    wavelength_nm: FloatArray
+    share: FloatArray
+    source: str = ""
+
+    @property
+    def mean_nm(self) -> float:
+        """Mean wavelength, weighted with power."""
+        return float(self.wavelength_nm @ self.share)
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """An index in some light.
+
+    Attributes
+    ----------
+    source
+        Where the light's spectrum is from; empty for single wavelengths.
+    wavelength_nm
+        Mean wavelength of the light.
+    n, u_n
+        Index and standard uncertainty; None where not known.
+    u_random_n, u_common_n
+        Parts of u_n.
+    bridged
+        Share of the light at wavelengths where n is masked, taken from those beside.
+    outside
+        Share of the light at wavelengths that were not measured.
+    reason
+        Why there is no index, or None.
+    """
+
+    source: str
+    wavelength_nm: float
+    n: float | None = None
+    u_n: float | None = None
+    u_random_n: float | None = None
+    u_common_n: float | None = None
+    bridged: float = 0.0
+    outside: float = 0.0
+    reason: str | None = None
+
+
+def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
+    """Light of given powers at given wavelengths, in any order.
+
+    A measured spectrum on an even grid is one as it is. `DataError` where powers are negative or all nothing.
+    """
+    nm, weight = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
+    seen = np.isfinite(nm) & np.isfinite(weight)
+    nm, weight = nm[seen], weight[seen]
+    if not nm.size or (weight < 0.0).any() or not weight.sum() > 0.0 or (nm <= 0.0).any():
+        limit = "needs wavelengths above 0 and powers of at least 0, not all 0"
+        raise DataError("spectrum of the light", limit=limit)
+    order = np.argsort(nm)
+    return Illuminant(nm[order], weight[order] / weight.sum(), source)
+
+
+def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
+    """Light of a measured power per nm, each wavelength standing for what is nearest to it.
+
+    What is below 1 % of the peak is left out: there a spectrometer shows its noise, on both sides of 0.
+    """
+    nm, values = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
+    order = np.argsort(nm)
+    nm, values = nm[order], values[order]
+    width = np.gradient(nm) if nm.size > 1 else np.ones(nm.size)
+    lit = values >= NOISE * np.nanmax(values, initial=0.0)
+    return lines(nm[lit], values[lit] * width[lit], source)
+
+
+def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
+    """Light of an LED: a normal distribution about its peak, or one line where no width is known."""
+    if not fwhm_nm:
+        return lines([peak_nm], [1.0], source)
+    steps = np.linspace(-_REACH, _REACH, _LINES)
+    return lines(peak_nm + steps * fwhm_nm / FWHM_OF_SIGMA, np.exp(-(steps**2) / 2.0), source)
+
+
+def named_light(name: str) -> Illuminant:
+    """Light of an emitter of the library, of a part's .toml, or of a file with columns of wavelength and power."""
+    if name in library() or not Path(name).suffix:
+        return _light_of_part(library_part(name))
+    if Path(name).suffix.lower() == ".toml":
+        return _light_of_part(load_part(Path(name)))
+    recording = read(name)
+    traces = spectra(recording)
+    if len(traces) != 1:
+        names = listed([trace.channel.name for trace in traces])
+        limit = f"needs one column of power beside the wavelength; it has {names}"
+        raise DataError(recording.provenance.file, limit=limit)
+    source = f"spectrum of {recording.provenance.file}"
+    return measured_light(traces[0].wavelength_nm, traces[0].channel.values, source)
+
+
+def _light_of_part(part: object) -> Illuminant:
+    if not isinstance(part, EmitterPart):
+        raise DataError("--led", value=getattr(part, "name", None), limit="is not an emitter")
+    peak_nm, fwhm_nm = part.peak_nm.usual, part.fwhm_nm.usual if part.fwhm_nm else None
+    width = f", {fwhm_nm:g} nm wide" if fwhm_nm else ", its width not known"
+    return led(peak_nm, fwhm_nm, f"{part.name}, peak at {peak_nm:g} nm{width}")
+
+
+def index_in(spectrum: IndexSpectrum, light: Illuminant) -> Evaluated:
+    """Index of a spectrum along ascending wavelengths in some light."""
+    n = spectrum.n
+    known = np.flatnonzero(n.known)
+    if not known.size:
+        reason = "n is masked at all wavelengths"
+        return Evaluated(light.source, light.mean_nm, outside=1.0, reason=reason)
+    nm = spectrum.wavelength_nm[known]
+    inside, result = _inside(light, nm[0], nm[-1], "n is known")
+    if result.reason:
+        return result
+    share, bridged = _shares(nm, known, inside.wavelength_nm, inside.share)
+    random = float(np.sqrt(np.sum((share * n.u_random[known]) ** 2)))
+    common = float(np.sqrt(np.sum((n.common[:, known] @ share) ** 2)))
+    result = replace(result, n=float(share @ n.value[known]), bridged=bridged)
+    if not np.isfinite(n.u[known][share > 0.0]).all():
+        return result
+    return replace(result, u_n=float(np.hypot(random, common)), u_random_n=random, u_common_n=common)
+
+
+def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
+    """Index in some light, of a formula.
+
+    Its uncertainty is the mean of that at the light's wavelengths, as if those were wrong together: they nearly are.
+    """
+    inside, result = _inside(light, *model.range_nm, "the formula holds")
+    if result.reason:
+        return result
+    n, u = model.along(inside.wavelength_nm)
+    u_n = float(inside.share @ u) if np.isfinite(u).all() else None
+    return replace(result, n=float(inside.share @ n), u_n=u_n, u_common_n=u_n)
+
+
+def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tuple[Illuminant, Evaluated]:
+    """Light within a range, and the result without an index: with its reason where too much lies outside."""
+    inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
+    outside = float(1.0 - light.share[inside].sum())
+    if outside > MOST_OUTSIDE:
+        reason = f"{outside:.0%} of the light lies outside {low_nm:g} to {high_nm:g} nm, where {what}"
+        return light, Evaluated(light.source, light.mean_nm, outside=outside, reason=reason)
+    share = light.share[inside] / light.share[inside].sum()
+    kept = Illuminant(light.wavelength_nm[inside], share, light.source)
+    return kept, Evaluated(light.source, light.mean_nm, outside=max(outside, 0.0))
+
+
+def _shares(nm: FloatArray, place: IndexArray, at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
+    """Share of each known wavelength in what is linear between them, and of light beside which a value is masked."""
+    share = np.zeros(nm.size)
+    right = np.clip(np.searchsorted(nm, at, side="left"), 1 if nm.size > 1 else 0, nm.size - 1)
+    left = np.maximum(right - 1, 0)
+    gap = nm[right] - nm[left]
+    part = np.where(gap > 0.0, (at - nm[left]) / np.where(gap > 0.0, gap, 1.0), 1.0)
+    np.add.at(share, left, weight * (1.0 - part))
+    np.add.at(share, right, weight * part)
+    over = (place[right] - place[left] > 1) & (part > 0.0) & (part < 1.0)
+    return share, float(weight[over].sum())

@@ -1,0 +1,348 @@
+"""The index of a printed layer, from a recording of its spectra to n and k against wavelength.
+
+The idea: the route follows from what was measured, unless one is asked for; one as published is never chosen by
+itself. The result says in every form what it is and what it is not: what is masked is null with its reason beside it,
+and what was not stated, of the instrument and of the layer, is a warning.
+
+The interface: `index_of_layer` of a recording with `IndexOptions` gives a `LayerIndex`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import DataError, SpecError
+from solen.material.index import routes
+from solen.material.index.fit import Fit
+from solen.material.index.formula import formula_through, smoothed_scatter
+from solen.material.index.fringes import fringe_warnings
+from solen.material.index.illuminant import Evaluated, formula_in, index_in, lines, named_light
+from solen.material.index.literature import Band, band, check_dispersion, check_index
+from solen.material.index.options import IndexOptions
+from solen.material.index.reading import Reading, reading
+from solen.material.index.routes import BASES, is_absorbance, lossless_index
+from solen.material.index.spectrum import IndexSpectrum
+from solen.recording import Provenance, Recording
+from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
+from solen.results import HIDDEN, Result
+
+_ABOVE = 0.02  # share of the wavelengths with T > 1 from which on a baseline on a substrate is suspected
+_MOST_UNUSED = 3  # traces that are named when they are not used
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LayerIndex(Result):
+    """Index and extinction of a layer against wavelength; arrays of shape (n,), NaN where masked or not known.
+
+    Attributes
+    ----------
+    file
+        Name of the file of the spectra.
+    mode
+        Route from the spectra to the index.
+    measurement
+        Whether n follows from what was measured.
+    simulated
+        Whether the spectra were simulated.
+    baseline
+        What the 100 % of T was taken on, air or substrate.
+    bandwidth_nm
+        Spectral bandwidth of the instrument, in nm.
+    options
+        What was stated and asked for.
+    wavelength_nm
+        Wavelengths, ascending, in nm.
+    n, u_n
+        Refractive index and its standard uncertainty.
+    u_random_n, u_common_n
+        Parts of u_n: what scatters from wavelength to wavelength, and what all have in common.
+    interval95_n
+        95 % interval of n, shape (n, 2).
+    k, u_k
+        Extinction coefficient and its standard uncertainty.
+    interval95_k
+        95 % bounds of k ≥ 0, shape (n, 2); they stand where k is masked as not resolved, too.
+    correlation_n_k
+        Correlation of the errors of n and of k.
+    reason
+        Why n or k is masked at a wavelength; null where neither is.
+    masked_n, masked_k
+        Number of wavelengths at which n, and k, is masked.
+    lossless_n, u_lossless_n
+        Index that T alone gives with k = 0 assumed, and its standard uncertainty.
+    T, R
+        Transmittance and reflectance that went in, as fractions.
+    fit
+        Formula through n.
+    literature
+        Least and greatest index of the literature for such polymers.
+    at
+        n at the wavelengths that were asked for.
+    led
+        n in the light of the emitter that was asked for.
+    fit_at, fit_led
+        The same by the formula.
+    traces
+        Names of the traces of T, R and A.
+    repeats_nm, repeats_lossless_n
+        Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
+    sources
+        Where the spectra come from.
+    warnings
+        What must be known of the result.
+    """
+
+    file: str
+    mode: str
+    measurement: bool
+    simulated: bool
+    baseline: str
+    bandwidth_nm: float | None
+    options: IndexOptions
+    wavelength_nm: FloatArray
+    n: FloatArray
+    u_n: FloatArray
+    u_random_n: FloatArray
+    u_common_n: FloatArray
+    interval95_n: FloatArray
+    k: FloatArray
+    u_k: FloatArray
+    interval95_k: FloatArray
+    correlation_n_k: FloatArray
+    reason: tuple[str | None, ...]
+    masked_n: int
+    masked_k: int
+    lossless_n: FloatArray
+    u_lossless_n: FloatArray
+    T: FloatArray
+    R: FloatArray
+    fit: Fit | None
+    literature: Band | None
+    at: tuple[Evaluated, ...]
+    led: Evaluated | None
+    fit_at: tuple[Evaluated, ...]
+    fit_led: Evaluated | None
+    traces: Mapping[str, tuple[str, ...]]
+    repeats_nm: float | None
+    repeats_lossless_n: FloatArray | None
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    spectrum: IndexSpectrum = field(metadata=HIDDEN)
+
+
+def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions()) -> LayerIndex:
+    """Index of a layer from a recording of its spectra.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where traces must be chosen, something must be stated, or no index follows from what was measured.
+    """
+    chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
+    spectra = optical_spectra(recording, chosen)
+    spectrum = _routed(spectra, options)
+    bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
+    fit, fit_warnings = formula_through(spectrum, options.fit, options.terms)
+    literature, literature_warnings = _literature(spectrum, options)
+    at = [lines([nm], [1.0]) for nm in options.at_nm]
+    led = None if options.led is None else named_light(options.led)
+    repeats_nm, repeats_n = _repeats(spectra)
+    repeats = (
+        []
+        if repeats_n is None
+        else [
+            f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in their order: "
+            f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
+        ]
+    )
+    n, k = spectrum.n, spectrum.k
+    return LayerIndex(
+        file=recording.provenance.file,
+        mode=spectrum.mode,
+        measurement=spectrum.measurement,
+        simulated=recording.provenance.simulated,
+        baseline=options.baseline or "air",
+        bandwidth_nm=bandwidth_nm,
+        options=options,
+        wavelength_nm=spectrum.wavelength_nm,
+        n=n.value,
+        u_n=n.u,
+        u_random_n=n.u_random,
+        u_common_n=n.u_common,
+        interval95_n=np.stack([n.value - n.u95, n.value + n.u95], axis=1),
+        k=k.value,
+        u_k=k.u,
+        interval95_k=np.stack([spectrum.k_low95, spectrum.k_high95], axis=1),
+        correlation_n_k=spectrum.correlation,
+        reason=spectrum.reason,
+        masked_n=int((~n.known).sum()),
+        masked_k=int((~k.known).sum()),
+        lossless_n=spectrum.lossless.value,
+        u_lossless_n=spectrum.lossless.u,
+        T=spectrum.transmittance,
+        R=spectrum.reflectance,
+        fit=fit,
+        literature=literature,
+        at=tuple(index_in(spectrum, light) for light in at),
+        led=index_in(spectrum, led) if led else None,
+        fit_at=tuple(formula_in(fit.model, light) for light in at) if fit else (),
+        fit_led=formula_in(fit.model, led) if fit and led else None,
+        traces=spectra.names,
+        repeats_nm=repeats_nm,
+        repeats_lossless_n=repeats_n,
+        sources=(recording.provenance,),
+        warnings=(
+            *spectrum.warnings,
+            *spectra.warnings,
+            *_other_baseline(spectra, options),
+            *repeats,
+            *_about_instrument(spectrum, spectra, options, bandwidth_nm),
+            *literature_warnings,
+            *fit_warnings,
+        ),
+        spectrum=spectrum,
+    )
+
+
+def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
+    """Index by the route that was asked for, or else by that which the measured spectra allow."""
+    t, nm = _transmittance(spectra, options), spectra.wavelength_nm
+    setup = options.setup(nm)
+    mode = options.mode or _default_mode(spectra, options, t)
+    if mode == "lossless":
+        return routes.lossless(nm, t, setup)
+    if mode == "as-published":
+        _check_published(spectra, options, t)
+        return routes.as_published(nm, t, options.thickness)
+    if mode == "measured":
+        if "R" in spectra.rows:
+            return routes.measured(nm, t, _reading(spectra, options, "R"), options.thickness, setup)
+        if setup is None:
+            raise routes.no_reflectance("T alone,", nm, t)
+        limit, remedy = "needs R of layer and substrate together, measured", "name its trace; or take --mode lossless"
+        raise SpecError("--mode measured", limit=limit, remedy=remedy)
+    if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
+        remedy = "name its trace with --absorbance and state --absorbance-kind absorptance"
+        raise SpecError("--mode absorptance", limit="needs the absorptance, measured", remedy=remedy)
+    return routes.absorptance(nm, t, _reading(spectra, options, "A"), options.thickness)
+
+
+def _default_mode(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> str:
+    """Route that the measured spectra allow."""
+    if "R" in spectra.rows:
+        return "measured"
+    if options.substrate is not None or "A" not in spectra.rows or "T" not in spectra.rows:
+        return "lossless"
+    if options.absorbance_kind in BASES:
+        raise routes.no_reflectance(f"an absorbance, −{options.absorbance_kind} T,", spectra.wavelength_nm, t)
+    if options.absorbance_kind is None:
+        raise _ask_kind(spectra)
+    return "absorptance"
+
+
+def _reading(spectra: OpticalSpectra, options: IndexOptions, kind: str) -> Reading:
+    return reading(spectra.rows[kind], getattr(options, f"u_{kind}"), name=kind)
+
+
+def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
+    """Reading of T, from an absorbance where that is all there is."""
+    if "T" in spectra.rows:
+        return _reading(spectra, options, "T")
+    if "A" not in spectra.rows:
+        remedy = f"an index needs T; name its trace: {OPTIONS['T']}"
+        raise DataError("transmittance", limit="is missing", remedy=remedy)
+    if options.absorbance_kind is None:
+        raise _ask_kind(spectra)
+    if options.absorbance_kind == "absorptance":
+        remedy = "an index does not follow from an absorptance alone"
+        raise DataError("transmittance", limit="is missing", remedy=remedy)
+    base = BASES[options.absorbance_kind]
+    rows = np.exp(-base * spectra.rows["A"])
+    stated = options.u_T if options.u_A is None else base * np.nan_to_num(rows.mean(axis=0)) * options.u_A
+    return reading(rows, stated, name="T")
+
+
+def _ask_kind(spectra: OpticalSpectra) -> SpecError:
+    limit = f"must be stated for {spectra.names['A'][0]}: log10, ln, absorptance"
+    remedy = "a spectrophotometer exports log10, −log10 T; an absorptance is measured in an integrating sphere"
+    return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
+
+
+def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> None:
+    """Raise where A was given and is not the absorbance that the published formula takes."""
+    if options.absorbance_kind not in {None, "log10"}:
+        limit = "the as-published mode takes A as log10"
+        raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
+    if "A" in spectra.rows and not is_absorbance(spectra.mean("A"), t.value):
+        limit = "is not −log10 T, which the as-published mode takes for A"
+        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="leave it out, or take another mode")
+
+
+def _stated_bandwidth_nm(recording: Recording) -> float | None:
+    """Spectral bandwidth that an instrument wrote into its file."""
+    for name, text in recording.provenance.metadata.items():
+        if "sbw" in name.lower():
+            try:
+                value = float(text)
+            except ValueError:
+                continue
+            if 0.0 < value < np.inf:
+                return value
+    return None
+
+
+def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[str]]:
+    """Band of the literature's indices, and warnings where n lies elsewhere, or falls as none of them does."""
+    if options.literature == "none":
+        return None, []
+    nm, n, package = spectrum.wavelength_nm, spectrum.n, options.literature == "package"
+    return band(nm, options.polymers, package=package), [
+        *check_index(nm, n.value, n.u, options.polymers, package=package),
+        *check_dispersion(nm, n.value, smoothed_scatter(n), package=package),
+    ]
+
+
+def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
+    """Longest wavelength at which all repeats of T have a lossless index, and their indices there."""
+    n = lossless_index(spectra.rows.get("T", np.empty((0, 0))))
+    (at,) = np.nonzero(np.isfinite(n).all(axis=0))
+    if len(n) < 2 or not at.size:
+        return None, None
+    return float(spectra.wavelength_nm[at[-1]]), n[:, at[-1]]
+
+
+def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[str]:
+    """Whether an absorbance beside a transmittance has another baseline."""
+    base = BASES.get(options.absorbance_kind or "")
+    if base is None or not {"A", "T"} <= spectra.rows.keys():
+        return []
+    if is_absorbance(spectra.mean("A"), spectra.mean("T"), base):
+        return []
+    name, other = spectra.names["A"][0], spectra.names["T"][0]
+    return [f"{name} is not the absorbance of {other}: they have different baselines, or are of different samples"]
+
+
+def _about_instrument(
+    spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
+) -> list[str]:
+    """What was not stated of the instrument and of the layer, and where T or the fringes contradict it."""
+    warnings = []
+    if options.baseline is None:
+        warnings.append("the baseline is not stated and taken as air, of a layer that stands free: state --baseline")
+    if options.substrate is None and "T" in spectra.rows:
+        t = spectra.mean("T")
+        if (above := float(np.mean(t > 1.0))) >= _ABOVE:
+            warnings.append(
+                f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
+                "layer cannot, that of one measured against its bare substrate can; if so, state --baseline substrate"
+            )
+    if options.thickness_um is not None:
+        n = spectrum.lossless.value
+        warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
+        if options.u_thickness_um is None and spectrum.k.known.any():
+            warnings.append("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
+    if 0 < len(spectra.unused) <= _MOST_UNUSED:
+        warnings.append(f"not used: {', '.join(spectra.unused)}")
+    return warnings
