@@ -13,13 +13,14 @@ from examples.coins import edges as found_coins
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
 from solen.analysis.demodulation import Samples, averaged, find_clock, slots_of, subtract
-from solen.material.index import Length, forward, measured, reading
-from solen.material.index.stack import Substrate, on_substrate
-from solen.material.index.substrate import invert
+from solen.material.index import forward
+from solen.material.index.layer import index_of_layer
+from solen.material.index.options import IndexOptions
+from solen.material.index.stack import Setup, Substrate, on_substrate
+from solen.material.index.substrate import invert_on_substrate
 from solen.pipeline.design.readout import readings
-from solen.pipeline.resin.index import arrays
-from solen.pipeline.resin.indexfit import described, fitted, literature
 from solen.readout import circuit_of, settled, volts
+from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
 from solen.report.design.readout import readout_figure
@@ -71,24 +72,20 @@ def index_command() -> Figure:
     loss = 2e-6 + 4e-5 * np.exp(-(nm - 380.0) / 25.0)
     r, t = (value + rng.normal(0.0, U, nm.size) for value in forward(1.482 + 5e3 / nm**2, loss, THICKNESS_UM, nm))
     r[(nm > 640.0) & (nm < 672.0)] -= 0.09
-    found = measured(nm, reading(t, U), reading(r, U), Length(THICKNESS_UM, 1.0))
-    model, known = fitted("cauchy", found), literature(found, (), "table")[0]
-    told = {"mode": found.mode, "measurement": True, "baseline": "air", "substrate": None, "literature": known}
-    told |= (
-        {"fit": described(model, found, [], None), "sources": [{"simulated": True}]}
-        if not isinstance(model, str | None)
-        else {}
-    )
-    return index_figure(arrays(found) | told)
+    columns = {"transmittance": t, "reflectance": r}
+    channels = [Channel(name, name, "1", values, "nm") for name, values in columns.items()]
+    recording = Recording((Channel("nm", "wavelength", "nm", nm), *channels), Provenance(simulated=True))
+    options = IndexOptions(thickness_um=THICKNESS_UM, u_thickness_um=1.0, u_T=U, u_R=U)
+    return index_figure(index_of_layer(recording, options))
 
 
 def two_indices() -> Figure:
     """T and R of a clear layer on PET against the layer's index, and the two that read the same."""
     figure = Figure(figsize=(8.0, 3.2), layout="constrained")
-    sheet, n = Substrate(1.57, 0.0, 100.0), np.linspace(1.0, 1.8, 161)
-    read = on_substrate(n, 0.0, 25.0, 589.3, sheet)
-    seen = on_substrate(1.49, 0.0, 25.0, 589.3, sheet)
-    other = invert(seen.T, seen.R, 589.3, 25.0, sheet).other_n[0]
+    setup, n = Setup(Substrate(1.57, 0.0, 100.0)), np.linspace(1.0, 1.8, 161)
+    read = on_substrate(n, 0.0, 25.0, 589.3, setup)
+    seen = on_substrate(1.49, 0.0, 25.0, 589.3, setup)
+    other = invert_on_substrate(seen.T, seen.R, 589.3, 25.0, setup).other_n[0]
     for axes, values, one, name in zip(
         figure.subplots(1, 2), read, seen, ("T against the bare sheet", "R"), strict=True
     ):

@@ -1,20 +1,30 @@
 """The figure of an index shows what it is: its mode, its masks, and whether it is a measurement."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from solen.material.index import IndexSpectrum, Length, as_published, forward, lossless, measured, reading
-from solen.pipeline.resin.index import arrays
+from solen.arrays import FloatArray
+from solen.material.index import forward
+from solen.material.index.layer import index_of_layer
+from solen.material.index.options import IndexOptions
+from solen.recording import Channel, Provenance, Recording
 from solen.report.resin.index import TITLES, index_figure
 
 NM = np.linspace(400.0, 900.0, 101)
 R, T = forward(1.5, 1e-5, 50.0, NM)
 
 
-def drawn(found: IndexSpectrum, simulated: bool = False) -> Figure:
-    data = arrays(found) | {"mode": found.mode, "measurement": found.measurement}
-    return index_figure(data | {"baseline": "air", "substrate": None, "sources": [{"simulated": simulated}]})
+def drawn(
+    nm: FloatArray, t: FloatArray, r: FloatArray | None = None, *, simulated: bool = False, **more: Any
+) -> Figure:
+    columns = {"transmittance": t} | ({} if r is None else {"reflectance": r})
+    channels = [Channel(name, name, "1", values, "nm") for name, values in columns.items()]
+    recording = Recording((Channel("nm", "wavelength", "nm", nm), *channels), Provenance(simulated=simulated))
+    options = IndexOptions(**{"thickness_um": 50.0, "literature": "none", "fit": "none"} | more)
+    return index_figure(index_of_layer(recording, options))
 
 
 def told(figure: Figure) -> str:
@@ -28,7 +38,7 @@ def told(figure: Figure) -> str:
 def test_masked_points_and_the_band_are_visible() -> None:
     r = R.copy()
     r[:7] = -0.01
-    figure = drawn(measured(NM, reading(T, 1e-3), reading(r, 1e-3), Length(50.0)))
+    figure = drawn(NM, T, r, u_T=1e-3, u_R=1e-3)
     assert "index from R and T, both measured" in told(figure)
     assert "n masked (7 of 101)" in told(figure)
     (band,) = figure.axes[2].collections
@@ -39,17 +49,17 @@ def test_masked_points_and_the_band_are_visible() -> None:
 
 
 def test_what_is_no_measurement_says_so_on_the_picture() -> None:
-    text = told(drawn(as_published(NM, reading(T), Length(50.0))))
+    text = told(drawn(NM, T, mode="as-published"))
     assert "as published: R = 1 − T − A with A = −log10 T" in text
     assert "no measurement: R made of T alone" in text
-    assert "no measurement" not in told(drawn(lossless(NM, reading(T))))
+    assert "no measurement" not in told(drawn(NM, T))
 
 
 def test_each_mode_has_a_title_and_simulated_ones_say_so() -> None:
     assert {"measured", "absorptance", "as-published", "lossless"} == TITLES.keys()
-    assert told(drawn(lossless(NM, reading(T)), simulated=True)).startswith("simulated, index from T alone")
+    assert told(drawn(NM, T, simulated=True)).startswith("simulated, index from T alone")
 
 
 def test_one_wavelength_is_drawn_as_a_dot() -> None:
-    figure = drawn(measured(NM[:1], reading(T[:1]), reading(R[:1]), Length(50.0)))
+    figure = drawn(NM[:1], T[:1], R[:1])
     assert figure.axes[2].lines[0].get_marker() == "o"
