@@ -83,7 +83,7 @@ $(VENV)/.dev-ready: $(VENV)/.python-ready pyproject.toml requirements.lock
 	@touch $(VENV)/.run-ready $@
 
 clean:
-	rm -rf $(DEMO_OUT) docs/_build build dist src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(DEMO_OUT) docs/_build docs/api build dist src/*.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 
 distclean: clean
 	rm -rf $(VENV)

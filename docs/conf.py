@@ -1,11 +1,18 @@
 """Sphinx configuration; built strictly by ``make docs``, offline."""
 
 import re
+import sys
+from pathlib import Path
 
 from sphinx.application import Sphinx
 
 import solen
 from solen.spec.strict import Strict
+
+sys.path.insert(0, str(Path(__file__).parent))
+from api_pages import write_pages
+
+write_pages(Path(__file__).parent / "api")
 
 project = "solen"
 author = "The solen maintainers"

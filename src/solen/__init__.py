@@ -4,6 +4,41 @@ Axes and units, everywhere: x is lateral (right is +x), z runs along the undefor
 into the body, y is out of plane; the undeformed lens vertex is the origin. Lengths are mm, wavelengths nm, angles
 degrees, counter-clockwise with z up and x to the right, so a turn by -3 deg brightens the right receiver. Powers are
 fractions of the emitted power.
+
+The names of this package are those that a script needs, loaded when they are used::
+
+    import solen
+
+    sensor = solen.Sensor.of("my-sensor/sensor.toml")
+    print(sensor.set(focus_mm=25).power().contrast)
 """
 
+from importlib import import_module
+from typing import Any
+
 __version__ = "0.1.0"
+
+_NAMES = {
+    "Result": "solen.results",
+    "Sensor": "solen.sensor",
+    "SolenError": "solen.errors",
+    "cutback": "solen.api",
+    "load": "solen.spec",
+    "plot": "solen.report.plot",
+    "read": "solen.recording",
+}
+"""What the package offers, and the module that has it; `__init__.pyi` says the same to type checkers."""
+
+__all__ = ["__version__", *_NAMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _NAMES:
+        raise AttributeError(f"module 'solen' has no attribute {name!r}")
+    value = getattr(import_module(_NAMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

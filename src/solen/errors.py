@@ -46,5 +46,9 @@ class OutputError(SolenError):
     """The result cannot be written where it was asked for."""
 
 
+class FrozenError(SolenError, AttributeError):
+    """A field of a design, of options or of a result was assigned to; none of them change, a changed copy is made."""
+
+
 class BenchError(SolenError):
     """An instrument does not do what it is asked, or is asked for what it cannot do."""

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solen.errors import SpecError
+from solen.errors import FrozenError, SpecError
 from solen.spec import Body, Design, Emitter, Lens, Material, Motion, Receivers, Trace, with_values
 
 
@@ -48,7 +48,7 @@ def test_a_design_of_name_and_index_is_the_papers_sensor() -> None:
 
 def test_a_design_is_frozen_and_hashable() -> None:
     paper = design()
-    with pytest.raises(ValueError, match="frozen"):
+    with pytest.raises(FrozenError, match=r"design\.set"):
         paper.lens.focus_mm = 3.0  # type: ignore[misc]
     assert hash(paper) == hash(design())
     assert paper != design(lens={"focus_mm": 21})

@@ -4,10 +4,11 @@ Everything that depends on the angle is a method.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypedDict, Unpack
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
 from solen.sensor.response import Response, Sensitivity, contrast, contrast_slope, powers, steepness
-from solen.spec import Design, value_at, with_values
+from solen.spec import Design, load, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import is_extended, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
@@ -79,11 +80,24 @@ class Sensor:
     cut: Lens | None
 
     @classmethod
-    def of(cls, design: Design) -> "Sensor":
-        """Sensor of a design; `DesignError` or `DataError` where its lens or its resin cannot be."""
+    def of(cls, design: Design | Path | str) -> "Sensor":
+        """Sensor of a design or of a design file.
+
+        Raises
+        ------
+        SpecError
+            Where the file is not a valid design.
+        DesignError, DataError
+            Where its lens cannot be, or its resin cannot be read.
+        """
+        design = design if isinstance(design, Design) else load(design)
         material = optical(design)
         drawn = BODY_KINDS[design.body.kind].lens_is_drawn
         return cls(design, material, None if drawn else lens_of(design, material.index))
+
+    def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Sensor":
+        """Sensor of the design with some values changed, as `Design.set` takes them."""
+        return Sensor.of(self.design.set(values, **keys))
 
     @property
     def lens(self) -> Lens:

@@ -10,17 +10,19 @@ The interface: `Design` and its tables: `Material`, `Lens`, `Body`, `Receivers` 
 tables say together is checked by `solen.spec.together`.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field, PrivateAttr, model_validator
 
+from solen.errors import SpecError
 from solen.spec.body import Body, Lens, Material, Receivers
 from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
 from solen.spec.motion import Motion
 from solen.spec.readout import Readout
-from solen.spec.strict import Strict, Text
+from solen.spec.strict import Strict, Text, nearest
 from solen.spec.together import check_together
 from solen.spec.wall import Wall
 
@@ -79,6 +81,40 @@ class Design(Strict):
             self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
         check_together(self)
         return self
+
+    def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Design":
+        """Design with some values changed; this one stays as it is.
+
+        Parameters
+        ----------
+        values
+            By dotted key the value, as TOML would hold it: ``{"lens.focus_mm": 25}``; None returns an optional key to
+            its default.
+        keys
+            The same by keys that only one table has: ``focus_mm=25``.
+
+        Raises
+        ------
+        SpecError
+            Where a key is unknown or in several tables, or the design would not be valid.
+        """
+        from solen.spec.toml import with_values
+
+        return with_values(self, dict(values or {}) | {self._dotted(key): value for key, value in keys.items()})
+
+    @classmethod
+    def _dotted(cls, key: str) -> str:
+        """Dotted key of a key that one table has; the design's own, ``name``, as it is."""
+        tables = {name: field.annotation for name, field in cls.model_fields.items()}
+        keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
+        found = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
+        if key == "name" or len(found) == 1:
+            return found[0] if found else key
+        if found:
+            remedy = f'name its table: design.set({{"{found[0]}": ...}})'
+            raise SpecError(key, limit=f"is a key of several tables: {', '.join(found)}", remedy=remedy)
+        near = nearest(key, (one for fields in keys.values() for one in fields))
+        raise SpecError(key, limit="unknown key", remedy=f"did you mean {near}?" if near else "solen schema lists them")
 
     @property
     def folder(self) -> Path:

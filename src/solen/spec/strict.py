@@ -27,7 +27,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, PydanticUndefined
 
-from solen.errors import SolenError, SpecError
+from solen.errors import FrozenError, SolenError, SpecError
 
 Document = dict[str, Any]
 Migrations = Mapping[int, Callable[[Document], Document]]
@@ -120,6 +120,13 @@ class Strict(BaseModel):
     # Keeps pydantic from calling this constructor for tables inside tables: the outermost tells every problem.
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in type(self).model_fields:
+            of_design = f'design.set({{"{_dotted(self.table, [name])}": {value!r}}})'
+            changed = of_design if self.error is SpecError else f".model_copy(update={{{name!r}: {value!r}}})"
+            raise _frozen(self, name, value, f"{changed} is a changed copy")
+        super().__setattr__(name, value)
+
 
 class Options(BaseModel):
     """Options of a stage: frozen, checked, and used as they are by its function and its command.
@@ -137,6 +144,13 @@ class Options(BaseModel):
             raise option_refusal(bad) from None
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise _frozen(self, name, value, f"{type(self).__name__}({name}={value!r}) makes new ones")
+
+
+def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenError:
+    return FrozenError(f"{type(table).__name__}.{name}", value=value, limit="does not change once made", remedy=remedy)
 
 
 def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
