@@ -105,7 +105,7 @@ class Design(Strict):
     @classmethod
     def _dotted(cls, key: str) -> str:
         """Dotted key of a key that one table has; the design's own, ``name``, as it is."""
-        tables = {name: field.annotation for name, field in cls.model_fields.items()}
+        tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
         found = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
         if key == "name" or len(found) == 1:

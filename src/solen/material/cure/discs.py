@@ -141,8 +141,6 @@ class MeasuredCurve(WorkingCurve):
         Of the lamp, as stated.
     layer, exposure, stack
         Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
-    u_interior_mean_mJ_per_cm2
-        Standard uncertainty of the mean dose inside the part, from that of the penetration depth.
     sources
         The file.
     warnings
