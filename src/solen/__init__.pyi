@@ -6,4 +6,5 @@ from solen.results import Result as Result
 from solen.sensor import Sensor as Sensor
 from solen.spec import load as load
 
+__all__: list[str]
 __version__: str
