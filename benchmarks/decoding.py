@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 import solen
-from solen.analysis import Settings, Signals, analysed
+from solen.analysis import AnalysisOptions, Signals, sensor_response
 from solen.analysis.calibration import Decoder, calibrated, leave_one_cycle_out, training_of
-from solen.analysis.calibration.reference import posterior
+from solen.analysis.calibration.posterior import posterior
 from solen.arrays import FloatArray
 
 RATE_HZ, READINGS, REPEATS = 200.0, 20_000, 5
@@ -56,7 +56,7 @@ def main() -> None:
     )
     print(f"{'what':44} {'readings/s':>12} {'of 200 Hz':>10}")
     for noise_V in (0.01, 0.0005):
-        training = training_of(analysed([recording(noise_V)], Settings()))
+        training = training_of(sensor_response([recording(noise_V)], AnalysisOptions()))
         calibration = calibrated(training)
         decoder = Decoder(calibration)
         volts = np.resize(training.samples.volts, (READINGS, 2))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solen.analysis import Settings, analysed
+from solen.analysis import AnalysisOptions, sensor_response
 from solen.analysis.calibration import Training, training_of
 from tests.analysis.made_support import Protocol, Truth, made
 
@@ -25,4 +25,4 @@ def trained(truth: Truth, *, seed: int = 1, cycle_V: float = 0.0, shape: str = "
         shifts = cycle_V * np.random.default_rng(seed + 1000).standard_normal((len(starts), 2))
         cycle = np.clip(np.searchsorted(starts, signals.time_s) - 1, 0, None)
         signals = replace(signals, volts=signals.volts + shifts[cycle])
-    return training_of(analysed([signals], Settings()))
+    return training_of(sensor_response([signals], AnalysisOptions()))

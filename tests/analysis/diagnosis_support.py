@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solen.analysis import Analysed, Settings, analysed
+from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
 from solen.analysis.diagnosis import Change, Cycles, Model, Response, Table
-from solen.analysis.diagnosis.response import INDEX, LOSS_STEP
+from solen.analysis.diagnosis.design_response import INDEX, LOSS_STEP
 from solen.arrays import FloatArray
 from tests.analysis.made_support import Protocol, Truth, made
 
@@ -117,9 +117,9 @@ class Lit(Truth):
         return np.column_stack(by_side[::-1])
 
 
-def sensor(lit: Truth | None = None) -> Analysed:
+def sensor(lit: Truth | None = None) -> SensorResponse:
     """A made recording, analysed."""
-    return analysed([made(lit or Lit(noise_V=2e-3))], Settings())
+    return sensor_response([made(lit or Lit(noise_V=2e-3))], AnalysisOptions())
 
 
 __all__ = ["ANGLES", "Lit", "Protocol", "Rough", "exact", "model", "response", "sensor", "table", "truth"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from solen.analysis import Settings, Signals, analysed
+from solen.analysis import AnalysisOptions, Signals, sensor_response
 from solen.analysis.calibration import (
     Calibration,
     Decoder,
@@ -17,7 +17,7 @@ from solen.analysis.calibration import (
     pooled,
     training_of,
 )
-from solen.analysis.calibration.reference import posterior
+from solen.analysis.calibration.posterior import posterior
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from tests.analysis.calibration_support import SHORT, trained
@@ -225,7 +225,7 @@ def test_another_print_costs_what_prints_differ() -> None:
     assert [part.name for part in other.parts] == ["S0", "S1", "S2", "S3"]
     assert other.whole.rms_deg > 1.5 * own.whole.rms_deg
     assert other.whole.within_95 > 0.9  # and the band knows it
-    together = pooled(prints)
+    together = pooled(ones)
     assert together.prints == 4
     assert together.cycles == 20
     assert np.sqrt(together.between[:, 0, 0]).mean() == pytest.approx(0.085 * np.sqrt(1.25), rel=0.3)
@@ -239,9 +239,9 @@ def test_what_cannot_be_calibrated_is_refused_in_one_line() -> None:
     signals = made(NOISY)
     alone = Signals("S1", ("left", "top"), signals.time_s, signals.angle_deg, signals.volts)
     with pytest.raises(DataError, match="no pair of a left and a right receiver: left, top"):
-        training_of(analysed([alone], Settings()))
+        training_of(sensor_response([alone], AnalysisOptions()))
     with pytest.raises(DataError, match="at least two prints"):
-        pooled([trained(NOISY)])
+        pooled([calibrated(trained(NOISY))])
     assert leave_one_cycle_out(trained(replace(NOISY, protocol=replace(SHORT, cycles=3)))) is None
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from solen.analysis import Settings, analysed
+from solen.analysis import AnalysisOptions, sensor_response
 from solen.analysis.diagnosis import Bend, Cycles, Response, Table, advice, diagnosed, fit, words
-from solen.analysis.diagnosis.model import LOSS, OFFSET, SPREAD, ZERO, Model
-from solen.analysis.diagnosis.response import INDEX
-from solen.analysis.diagnosis.table import angles_deg
+from solen.analysis.diagnosis.curve_model import LOSS, OFFSET, SPREAD, ZERO, Model
+from solen.analysis.diagnosis.design_response import INDEX
+from solen.analysis.diagnosis.response_table import angles_deg
 from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
 from solen.readout.transistor import load_line
@@ -187,7 +187,7 @@ def test_a_point_gets_an_upper_limit() -> None:
     found = diagnosed(sensor(Lit(noise_V=5e-3, width_mm=1e-3)), response(), KNOWN)
     chip = found.estimates["chip_width_mm"]
     assert chip.low == 0.0
-    assert chip.u is None
+    assert chip.u_value is None
     assert chip.high is not None
     assert 0.0 < chip.high < 0.06
     assert any(line.startswith("chip at most 0.0") for line in words(found))
@@ -217,7 +217,7 @@ def test_a_flat_response_tells_neither_decentre_nor_chip() -> None:
 def test_one_receiver_is_enough_where_its_side_is_known() -> None:
     signals = made(Lit(noise_V=2e-3))
     alone = replace(signals, receivers=("right",), volts=signals.volts[:, 1:])
-    found = diagnosed(analysed([alone], Settings()), response(), KNOWN)
+    found = diagnosed(sensor_response([alone], AnalysisOptions()), response(), KNOWN)
     assert found.sides == ("right",)
     one = found.estimates["emitter_offset_mm"]
     assert one.low is not None
@@ -229,15 +229,15 @@ def test_one_receiver_is_enough_where_its_side_is_known() -> None:
 def test_receivers_without_a_side_are_refused() -> None:
     nameless = replace(made(Lit()), receivers=("ai0", "ai1"))
     with pytest.raises(DataError, match="do not tell right from left"):
-        diagnosed(analysed([nameless], Settings()), response(), KNOWN)
+        diagnosed(sensor_response([nameless], AnalysisOptions()), response(), KNOWN)
     twice = replace(made(Lit()), receivers=("right_1", "right_2"))
     with pytest.raises(DataError, match="both the right one"):
-        diagnosed(analysed([twice], Settings()), response(), KNOWN)
+        diagnosed(sensor_response([twice], AnalysisOptions()), response(), KNOWN)
 
 
 def test_clipped_angles_are_left_out_and_told() -> None:
     clear, cut = Lit(noise_V=2e-3), Lit(noise_V=2e-3, rails_V=(1.6, 4.4))
-    found = diagnosed(analysed([made(cut)], Settings(rails_V=(1.6, 4.4))), response(), KNOWN)
+    found = diagnosed(sensor_response([made(cut)], AnalysisOptions(rails=(1.6, 4.4))), response(), KNOWN)
     assert 0.05 < found.left_out["right"] < 0.9
     one = found.estimates["emitter_offset_mm"]
     assert one.low is not None
@@ -247,17 +247,19 @@ def test_clipped_angles_are_left_out_and_told() -> None:
 
 def test_too_few_angles_are_refused() -> None:
     with pytest.raises(DataError, match="a diagnosis needs 12"):
-        diagnosed(analysed([made(Lit())], Settings(step_deg=0.6)), response(), KNOWN)
+        diagnosed(sensor_response([made(Lit())], AnalysisOptions(step_deg=0.6)), response(), KNOWN)
 
 
 def test_a_turned_angle_is_refused() -> None:
     signals = made(Lit(noise_V=1e-3))
     with pytest.raises(DataError, match="--flip-angle"):
-        diagnosed(analysed([replace(signals, angle_deg=-signals.angle_deg)], Settings()), response(), KNOWN)
+        diagnosed(
+            sensor_response([replace(signals, angle_deg=-signals.angle_deg)], AnalysisOptions()), response(), KNOWN
+        )
     rising = replace(signals, volts=-signals.volts)
     with pytest.raises(DataError, match="--brighter higher"):
-        diagnosed(analysed([rising], Settings()), response(), KNOWN)
-    found = diagnosed(analysed([rising], Settings()), response(), KNOWN, rising=True)
+        diagnosed(sensor_response([rising], AnalysisOptions()), response(), KNOWN)
+    found = diagnosed(sensor_response([rising], AnalysisOptions()), response(), KNOWN, rising=True)
     assert found.estimates["gain_right_V"].value == pytest.approx(8.0, rel=0.02)
 
 

@@ -13,6 +13,7 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.analysis import study
 from solen.arrays import FloatArray
 from solen.bench import waveform
 from solen.bench.clock import Still
@@ -30,7 +31,6 @@ from solen.bench.simulated.daq import SimulatedDaq, settling
 from solen.bench.simulated.prints import Print, converter, prints_of
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, DataError
-from solen.pipeline.bench import analyse as analysis
 from solen.pipeline.bench import rig as pipeline
 from solen.readout import settled, volts
 from solen.spec import load, template, with_values
@@ -259,7 +259,7 @@ def test_board_and_data_acquisition_give_the_same_curves_within_noise(made: Benc
     rig, prints = made.of(DAQS[kind])
     done, path = recorded(made, rig, daq_of(rig, prints, ROOM), kind)
     assert done.remarks == ()
-    both = [analysis.analyse(analysis.Request((one,)))["sensors"] for one in (board, path)]
+    both = [study([one]).to_dict()["sensors"] for one in (board, path)]
     for name in ("A", "B"):
         for side in ("right", "left"):
             one, other = (found[name]["receivers"][side] for found in both)

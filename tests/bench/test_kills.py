@@ -15,10 +15,10 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.analysis import study
 from solen.bench.journal import Journaled, read_journal
 from solen.errors import BenchError, DataError, SolenError
 from solen.pipeline.bench import rig as pipeline
-from solen.pipeline.bench.analyse import Request, analyse
 
 CYCLES, PERIOD_S = 3, 0.005
 AT_ONCE = 5
@@ -104,7 +104,7 @@ def one_line(told: str) -> str:
 def check_analysis(recording: Path) -> str:
     """Analysed, or told in one line that there is no whole cycle."""
     try:
-        found = analyse(Request((recording,)))
+        found = study([recording]).to_dict()
     except DataError as bad:
         return one_line(str(bad))
     assert set(found["sensors"]) == {"A", "B"}
@@ -131,9 +131,9 @@ def after(one: Killed, *, resume: bool) -> tuple[str, str]:
     if resume:
         pipeline.run(asked(one.folder, one.name, resume=True))
         check_readings(one.recording)
-        told = analyse(Request((one.recording,)))
+        told = study([one.recording]).to_dict()
         for sensor in told["sensors"].values():
-            assert len(sensor["cycles"]) == CYCLES
+            assert [len(run["motion"]["cycles"]) for run in sensor["runs"]] == [CYCLES]
         assert not [line for line in told["warnings"] if "not whole" in line]
         return "in the run", "taken up: every cycle whole"
     done = pipeline.recover(one.journal)

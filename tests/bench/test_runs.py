@@ -11,6 +11,7 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.analysis import study
 from solen.arrays import FloatArray
 from solen.bench.clock import Still
 from solen.bench.clocks import on_run
@@ -23,7 +24,6 @@ from solen.bench.simulated.prints import prints_of
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, OutputError, SpecError
 from solen.pipeline.bench import rig as pipeline
-from solen.pipeline.bench.analyse import Request, analyse
 from solen.sensor import Sensor
 from solen.spec import load, save, with_values
 
@@ -266,7 +266,7 @@ def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
     (bench / "protocol.toml").write_text(protocol.replace("-3.0", "-2.0").replace("3.0", "2.0"), encoding="utf-8")
     save(bench / "sensor.toml", with_values(load(bench / "sensor.toml"), {"motion.kind": kind}))
     found = pipeline.run(asked(bench))
-    told = analyse(Request((Path(found["recording"]),)))["sensors"]["A"]["receivers"]
+    told = study([Path(found["recording"])]).to_dict()["sensors"]["A"]["receivers"]
     reach = math.degrees(math.atan(2.0 / 40.0))
     for side, at in (("right", 0), ("left", -1)):
         angles, volts = told[side]["angle_deg"], told[side]["mean_V"]
@@ -290,8 +290,8 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
     for begin_s, end_s in cuts:
         assert ((root > begin_s) & (root < end_s)).any()
         assert not ((read > begin_s + 0.01) & (read < end_s)).any()
-    told = analyse(Request((Path(found["recording"]),)))
-    assert [len(one["cycles"]) for one in told["sensors"].values()] == [3, 3]
+    told = study([Path(found["recording"])]).to_dict()
+    assert [len(one["runs"][0]["motion"]["cycles"]) for one in told["sensors"].values()] == [3, 3]
     assert not [line for line in told["warnings"] if "not whole" in line]
 
 

@@ -15,6 +15,7 @@ import h5netcdf
 import numpy as np
 import pytest
 
+from solen.analysis import study
 from solen.bench.clock import Wall
 from solen.bench.frames import ANEW, Layout
 from solen.bench.journal import read_journal
@@ -27,7 +28,6 @@ from solen.bench.simulated.prints import prints_of
 from solen.bench.simulated.wire import Served
 from solen.errors import BenchError
 from solen.pipeline.bench import rig as pipeline
-from solen.pipeline.bench.analyse import Request, analyse
 
 CYCLES = 2
 
@@ -109,7 +109,7 @@ def test_from_the_wire_to_the_response(wires: Wires) -> None:
     assert not any(found["losses"].values())
     assert not wires.board.lit
     assert wires.stands()
-    told = analyse(Request((Path(found["recording"]),)))
+    told = study([Path(found["recording"])]).to_dict()
     lens = {(side, angle): volts_at(told, "A", side, angle) for side in ("right", "left") for angle in (-2.8, 2.8)}
     assert lens["right", -2.8] < lens["right", 2.8] - 1.0  # brighter is lower: -3 degrees brighten the right receiver
     assert lens["left", 2.8] < lens["left", -2.8] - 1.0
@@ -117,7 +117,7 @@ def test_from_the_wire_to_the_response(wires: Wires) -> None:
     there = pipeline.run(
         pipeline.Asked(wires.folder / "protocol.toml", wires.folder / "rig.toml", wires.folder / "out", "straight")
     )
-    straight = analyse(Request((Path(there["recording"]),)))
+    straight = study([Path(there["recording"])]).to_dict()
     for (side, angle), volts in lens.items():
         assert volts == pytest.approx(volts_at(straight, "A", side, angle), abs=0.1)
 
@@ -149,7 +149,7 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_told(wire
     assert len(np.unique(number)) == len(number)
     assert (np.diff(time_s) > 0.0).all()
     assert time_s[-1] - time_s[0] < 20.0  # a clock that began anew is no leap in time
-    assert set(analyse(Request((Path(found["recording"]),)))["sensors"]) == {"A", "B"}
+    assert set(study([Path(found["recording"])]).to_dict()["sensors"]) == {"A", "B"}
 
 
 FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {

@@ -12,11 +12,10 @@ import h5py
 import numpy as np
 import pytest
 
-from solen.analysis import Settings
+from solen.analysis import AnalysisOptions, Study, study
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import analyse as pipeline
-from solen.pipeline.bench.signals import Columns, named_channels
 from tests.analysis.made_support import Protocol, Truth, made
 
 TRUTH = Truth(noise_V=0.01)
@@ -31,6 +30,10 @@ def write(path: Path, truth: Truth, header: str = "time_s,angle_deg,left_V,right
     return path
 
 
+def cycles_of(found: Study, label: str) -> int:
+    return len(found.sensors[label].runs[0].motion.cycles)
+
+
 def result(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
     assert run_command(["bench", "analyse", *arguments, "--json"]) == 0
     return json.loads(capsys.readouterr().out)
@@ -43,17 +46,18 @@ def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         capsys, str(path), "--time", "Clock (s)", "--angle", "stage", "--channel", "left=ai0", "--channel", "right=ai1"
     )
     sensor = found["sensors"]["one"]
-    assert len(sensor["cycles"]) == 6
-    assert [cycle["used"] for cycle in sensor["cycles"]] == [False] + 5 * [True]
+    (run,) = sensor["runs"]
+    assert len(run["motion"]["cycles"]) == 6
+    assert run["used"] == [1, 2, 3, 4, 5]
     right = sensor["receivers"]["right"]
     assert right["mean_V"] == pytest.approx(TRUTH.response_V(np.array(right["angle_deg"]))[:, 1].tolist(), abs=0.02)
     assert len(right["sd_V"]) == len(right["angle_deg"]) == len(right["rising"]["mean_V"])
-    assert any("states no unit; it is taken for V" in warning for warning in found["warnings"])
+    assert any("states no unit; V is assumed" in warning for warning in found["warnings"])
 
 
 def test_german_headers_are_told_by_themselves(tmp_path: Path) -> None:
     path = write(tmp_path / "messung.csv", TRUTH, "Zeit (s);Winkel (°);PD links (V);PD rechts (V)", ",")
-    found = pipeline.analyse(pipeline.Request((path,)))
+    found = study([path]).to_dict()
     sensor = found["sensors"]["messung"]
     assert list(sensor["receivers"]) == ["PD links", "PD rechts"]
     assert sensor["left_minus_right"]["swing_V"] < 0.0
@@ -64,10 +68,10 @@ def test_units_are_converted(tmp_path: Path) -> None:
     rows = np.column_stack([1e3 * signals.time_s, np.radians(signals.angle_deg), 1e3 * signals.volts])
     path = tmp_path / "units.csv"
     np.savetxt(path, rows, delimiter=",", header="t_ms,angle_rad,left_mV,right_mV", comments="", fmt="%.8g")
-    found = pipeline.analyse(pipeline.Request((path,)))["sensors"]["units"]
+    found = study([path]).to_dict()["sensors"]["units"]
     assert found["receivers"]["right"]["range_V"] == pytest.approx(1.81, abs=0.03)
-    assert found["motion"][0]["highest_deg"] == pytest.approx(3.0, abs=0.01)
-    assert found["cycles"][1]["start_s"] == pytest.approx(3.4, abs=0.02)
+    assert found["runs"][0]["motion"]["high_deg"] == pytest.approx(3.0, abs=0.01)
+    assert found["runs"][0]["motion"]["cycles"][1]["start_s"] == pytest.approx(3.4, abs=0.02)
 
 
 def test_labels_lens_and_runs_from_names(tmp_path: Path) -> None:
@@ -77,7 +81,7 @@ def test_labels_lens_and_runs_from_names(tmp_path: Path) -> None:
             {"S1_lens_1": 1.0, "S1_lens_2": 1.0, "S2_lens_1": 1.2, "S3_nolens_1": 0.01}.items()
         )
     ]
-    found = pipeline.analyse(pipeline.Request(tuple(paths), pattern="{sensor}_{lens}_{run}.csv"))
+    found = study(paths, AnalysisOptions(pattern="{sensor}_{lens}_{run}.csv")).to_dict()
     assert list(found["sensors"]) == ["S1", "S2", "S3"]
     assert found["sensors"]["S1"]["cycles_used"] == 10
     assert [found["sensors"][name]["lens"] for name in ("S1", "S2", "S3")] == [True, True, False]
@@ -91,32 +95,32 @@ def test_several_sensors_in_one_file(tmp_path: Path) -> None:
     rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts, 2.0 + 0.01 * (signals.volts - 2.0)])
     path = tmp_path / "rig.csv"
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,S1_L,S1_R,S4_L,S4_R", comments="", fmt="%.7g")
-    found = pipeline.analyse(pipeline.Request((path,), controls=("S4",)))
+    found = study([path], AnalysisOptions(control=("S4",))).to_dict()
     assert list(found["sensors"]) == ["S1", "S4"]
     assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
     assert found["lens_beside_none"]["right"]["without_lens_percent"] == pytest.approx(1.0, abs=0.01)
-    other = Columns(channels=named_channels(["A.l=S1_L", "A.r=S1_R", "B.l=S4_L", "B.r=S4_R"]))
-    assert list(pipeline.analyse(pipeline.Request((path,), columns=other))["sensors"]) == ["A", "B"]
+    other = AnalysisOptions(channel=("A.l=S1_L", "A.r=S1_R", "B.l=S4_L", "B.r=S4_R"))
+    assert list(study([path], other).sensors) == ["A", "B"]
 
 
 def test_a_table_without_times_has_a_rate(tmp_path: Path) -> None:
     signals = made(TRUTH)
     path = tmp_path / "raw.txt"
     np.savetxt(path, np.column_stack([signals.angle_deg, signals.volts]), delimiter="\t", fmt="%.6f")
-    asked = pipeline.Request((path,), names=("angle_deg", "left_V", "right_V"), columns=Columns(rate_hz=200.0))
-    assert len(pipeline.analyse(asked)["sensors"]["raw"]["cycles"]) == 6
+    options = AnalysisOptions(columns=("angle_deg", "left_V", "right_V"), rate_hz=200.0)
+    assert cycles_of(study([path], options), "raw") == 6
 
 
 def test_smoothing_is_said_in_result_and_figures(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
     figure, traces = tmp_path / "response.svg", tmp_path / "traces.svg"
-    asked = pipeline.Request((path,), smooth_ms=25.0)
-    found = pipeline.analyse(asked, figure=figure, traces=traces, out=tmp_path / "one.json")
-    assert found["settings"]["smooth_ms"] == 25.0
+    options = AnalysisOptions(smooth_ms=25.0)
+    found = pipeline.analyse(path, options=options, figure=figure, traces=traces, out=tmp_path / "one.json")
+    assert found.to_dict()["options"]["smooth_ms"] == 25.0
     for drawn in (figure, traces):
         assert "moving mean over 25 ms" in drawn.read_text(encoding="utf-8")
     assert json.loads((tmp_path / "one.json").read_text(encoding="utf-8"))["kind"] == "analysis"
-    pipeline.analyse(pipeline.Request((path,)), figure=figure)
+    pipeline.analyse(path, figure=figure)
     assert "moving mean" not in figure.read_text(encoding="utf-8")
 
 
@@ -124,64 +128,75 @@ def test_a_simulated_recording_is_called_so(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
     path.write_text("# simulated: yes\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
     figure = tmp_path / "response.svg"
-    assert pipeline.analyse(pipeline.Request((path,)), figure=figure)["simulated"] is True
+    assert pipeline.analyse(path, figure=figure).result.simulated is True
     assert "simulated data" in figure.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
-    ("columns", "said"),
+    ("options", "said"),
     [
-        (
-            Columns(angle="angel"),
-            "one.csv: --angle angel; no such column; its columns are time, angle, left_V, right_V",
-        ),
-        (Columns(time="stamp"), "no such column; its columns are"),
-        (Columns(channels=(("left", "V_L"),)), "--channel V_L; no such column; its columns are"),
+        (AnalysisOptions(angle="angel"), "one.csv: --angle angel; no such column; its columns are time, angle, left_V"),
+        (AnalysisOptions(time="stamp"), "no such column; its columns are"),
+        (AnalysisOptions(channel=("left=V_L",)), "--channel V_L; no such column; its columns are"),
     ],
 )
-def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, columns: Columns, said: str) -> None:
+def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, options: AnalysisOptions, said: str) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
     with pytest.raises(DataError) as refused:
-        pipeline.analyse(pipeline.Request((path,), columns=columns))
+        study([path], options)
     assert said in str(refused.value)
 
 
 def test_what_cannot_be_told_is_asked_for(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
     with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
-        pipeline.analyse(pipeline.Request((path,)))
+        study([path])
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
     with pytest.raises(DataError, match="name it with --time, or give --rate-hz"):
-        pipeline.analyse(pipeline.Request((path,)))
+        study([path])
     signals = made(TRUTH)
     rows = np.column_stack([1e3 * signals.time_s, signals.angle_deg, signals.volts])
     np.savetxt(path, rows, delimiter=",", header="timestamp,angle_deg,left_V,right_V", comments="", fmt="%.8g")
     with pytest.raises(DataError, match="give --time-unit ms"):
-        pipeline.analyse(pipeline.Request((path,)))
-    asked = pipeline.Request((path,), columns=Columns(time_unit="ms"))
-    assert len(pipeline.analyse(asked)["sensors"]["two"]["cycles"]) == 6
+        study([path])
+    assert cycles_of(study([path], AnalysisOptions(time_unit="ms")), "two") == 6
 
 
-def test_options_that_cannot_be(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"pattern": "one.csv"}, "has no field"),
+        ({"control": ("S9",)}, "no such sensor"),
+        ({"smooth_ms": -1.0}, "smooth_ms"),
+        ({"smooth_ms": 1e6}, "a twentieth of one.csv"),
+        ({"zero_deg": math.nan}, "finite number"),
+        ({"dark_V": math.inf}, "finite number"),
+        ({"angle_time": "t"}, "--angle-file"),
+        ({"amplitude_deg": 3.0, "angle": "angle"}, "without an angle"),
+        ({"rails": (5.0, 0.0)}, "lower and the higher"),
+        ({"rate_hz": 200.0, "time": "t"}, "--time"),
+        ({"channel": ("=x",)}, "NAME=COLUMN"),
+        ({"channel": ("left=left_V", "left=right_V")}, "is named twice"),
+        ({"channel": ("left=left_V", "right=left_V")}, "has two roles"),
+        ({"angle_file": (Path("a"), Path("b"))}, "one for all files"),
+    ],
+)
+def test_options_that_cannot_be(tmp_path: Path, options: dict[str, Any], said: str) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
-    for asked, said in (
-        (pipeline.Request(()), "needs a file"),
-        (pipeline.Request((path,), pattern="one.csv"), "has no field"),
-        (pipeline.Request((path,), controls=("S9",)), "no sensor is called so"),
-        (pipeline.Request((path,), smooth_ms=-1.0), "must be above 0"),
-        (pipeline.Request((path,), smooth_ms=1e6), "a twentieth of one.csv"),
-        (pipeline.Request((path,), columns=Columns(zero_deg=math.nan)), "must be a number"),
-        (pipeline.Request((path,), settings=Settings(dark_V=math.inf)), "must be a number"),
-        (pipeline.Request((path,), log_time="t"), "is for a log"),
-    ):
-        with pytest.raises(SpecError, match=said):
-            pipeline.analyse(asked)
+    with pytest.raises(SpecError, match=said):
+        study([path], AnalysisOptions(**options))
+
+
+def test_files_that_cannot_be(tmp_path: Path) -> None:
+    path = write(tmp_path / "one.csv", TRUTH)
+    with pytest.raises(SpecError, match="at least one recording"):
+        study([])
+    with pytest.raises(SpecError, match="is named twice"):
+        study([path, path])
     with pytest.raises(DataError, match="is not named as"):
-        pipeline.analyse(pipeline.Request((path,), pattern="{sensor}_{run}.csv"))
+        study([path], AnalysisOptions(pattern="{sensor}_{run}.csv"))
     with pytest.raises(DataError, match="leaves more than 20,000 points"):
-        pipeline.analyse(pipeline.Request((path,), settings=Settings(step_deg=1e-9)))
-    with pytest.raises(SpecError, match="NAME=COLUMN"):
-        named_channels(["=x"])
+        study([path], AnalysisOptions(step_deg=1e-9))
 
 
 def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -194,7 +209,7 @@ def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[st
     np.savetxt(log, rows, delimiter=";", header="t_ms;pos_deg", comments="", fmt="%.6f")
     found = result(capsys, str(volts), "--angle-file", str(log))
     assert found["alignment"][0]["lag_s"] == pytest.approx(7.25, abs=1e-3)
-    assert len(found["sensors"]["daq"]["cycles"]) == 6
+    assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert len(found["sources"]) == 2
 
 
@@ -205,7 +220,7 @@ def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFix
         path, np.column_stack([signals.time_s, signals.volts]), delimiter=",", header="time_s,L_V,R_V", comments=""
     )
     found = result(capsys, str(path), "--amplitude-deg", "3")
-    assert len(found["sensors"]["daq"]["cycles"]) == 6
+    assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert any("no angle was recorded" in warning for warning in found["warnings"])
     assert run_command(["bench", "analyse", str(path)]) == 2
     assert "give --amplitude-deg" in capsys.readouterr().err
@@ -231,10 +246,9 @@ def test_ambient_light_is_taken_out_of_raw_waveforms(tmp_path: Path) -> None:
     path = tmp_path / "raw.csv"
     rows = np.column_stack([time_s, angle, volts])
     np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
-    asked = pipeline.Request((path,), switching=pipeline.Switching(200.0))
-    found = pipeline.analyse(asked)
+    found = study([path], AnalysisOptions(on_off_hz=200.0)).to_dict()
     sensor = found["sensors"]["raw"]
-    assert found["settings"]["dark_V"] == 0.0
+    assert found["dark_V"] == 0.0
     assert sensor["left_minus_right"]["contrast"]["at_low"] > 0.1
     right = sensor["receivers"]["right_V"]
     expected = truth.response_V(np.array(right["angle_deg"]))[:, 1] - 4.5
@@ -258,13 +272,13 @@ def test_a_file_of_several_sensors_by_groups(tmp_path: Path) -> None:
             for key, values in columns.items():
                 unit = {"time_s": "s", "angle_deg": "deg", "right_clipped": "1"}.get(key, "V")
                 group.create_dataset(key, data=values).attrs["units"] = unit
-    found = pipeline.analyse(pipeline.Request((path,)))
+    found = study([path]).to_dict()
     assert list(found["sensors"]) == ["C", "S1", "S2"]
     assert [one["lens"] for one in found["sensors"].values()] == [False, True, True]
     assert list(found["sensors"]["S1"]["receivers"]) == ["left", "right"]
     assert found["sensors"]["S1"]["receivers"]["right"]["clipped_samples"] == 1
     assert found["simulated"] is True
-    assert found["settings"]["dark_V"] is None  # only one of both receivers has its ambient light beside it
+    assert found["dark_V"] is None  # only one of both receivers has its ambient light beside it
     assert found["mean_of_sensors"]["n"] == 2
     assert len(found["sources"]) == 1
 
@@ -282,7 +296,7 @@ def test_the_shipped_recording_answers_as_the_paper_says(tmp_path: Path, capsys:
         middle = right.size // 2
         assert right[0] < right[middle] < right[-1]
         assert left[0] > left[middle] > left[-1]
-        assert len(sensor["cycles"]) == 6
+        assert len(sensor["runs"][0]["motion"]["cycles"]) == 6
     assert found["lens_beside_none"]["right"]["without_lens_percent"] < 10.0
     assert not any("convention" in warning for warning in found["warnings"])
     assert run_command(["bench", "analyse", "--example", str(path)]) == 2  # it is never written over
@@ -307,9 +321,9 @@ def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
         path = tmp_path / "one.csv"
         rows = np.column_stack([signals.time_s, angle_deg, volts])
         np.savetxt(path, rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.5f")
-        found = pipeline.analyse(pipeline.Request((path,)))
-        json.dumps(found, allow_nan=False)
-        return " | ".join(found["warnings"])
+        found = study([path])
+        json.dumps(found.to_dict(), allow_nan=False)
+        return " | ".join(found.warnings)
 
     assert "--zero-deg 90 counts from there" in warnings(signals.angle_deg + 90.0, signals.volts)
     told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
@@ -317,17 +331,12 @@ def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
     assert "both move" not in told
 
 
-def test_one_thing_under_two_names_is_refused(tmp_path: Path) -> None:
+def test_recordings_of_one_name_are_pooled_with_a_warning(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH)
-    columns = Columns(channels=(("left", "left_V"), ("right", "left_V")))
-    with pytest.raises(SpecError, match="is named for two things"):
-        pipeline.analyse(pipeline.Request((path,), columns=columns))
-    with pytest.raises(SpecError, match="is named twice"):
-        pipeline.analyse(pipeline.Request((path, path)))
     other = tmp_path / "other"
     other.mkdir()
-    found = pipeline.analyse(pipeline.Request((path, write(other / "one.csv", replace(TRUTH, seed=2)))))
-    assert any("taken for one sensor" in warning for warning in found["warnings"])
+    found = study([path, write(other / "one.csv", replace(TRUTH, seed=2))])
+    assert any("taken for one sensor" in warning for warning in found.warnings)
 
 
 @pytest.mark.evidence
@@ -361,8 +370,8 @@ import resource, sys, time
 from pathlib import Path
 from solen.pipeline.bench import analyse as pipeline
 file, folder = map(Path, sys.argv[1:])
-found = pipeline.analyse(pipeline.Request((file,)), figure=folder / "a.png", traces=folder / "b.png")
-assert [len(one["cycles"]) for one in found["sensors"].values()] == 4 * [1499]
+found = pipeline.analyse(file, figure=folder / "a.png", traces=folder / "b.png").result
+assert [len(one.runs[0].motion.cycles) for one in found.sensors.values()] == 4 * [1499]
 used = resource.getrusage(resource.RUSAGE_SELF)
 print(time.process_time(), used.ru_maxrss / (1024.0 if sys.platform == "linux" else 1024.0**2))
 """

@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solen.analysis import SignalOptions
+from solen.analysis.calibration import Decoding
 from solen.analysis.calibration import file as saved
+from solen.analysis.calibration.decoding import COLUMNS
 from solen.bench.follow import Following
 from solen.bench.journal import Journal
 from solen.cli import run_command
 from solen.errors import DataError
 from solen.pipeline.bench import decode as pipeline
 from solen.pipeline.bench import rig as bench
-from solen.pipeline.bench.decode_sources import Wanted
-from solen.pipeline.bench.signals import Columns
 from tests.analysis.made_support import Protocol, Truth, made
 from tests.bench.rig_support import PROTOCOL
 from tests.command_support import answered
@@ -59,8 +60,9 @@ def calibration(folder: Path) -> Path:
     return folder / "S1.calibration.json"
 
 
-def asked(folder: Path, source: str, **more: Any) -> pipeline.Asked:
-    return pipeline.Asked(folder / "S1.calibration.json", source, **more)
+def decoded(folder: Path, **more: Any) -> Decoding:
+    """What comes of lines of CSV."""
+    return pipeline.decode(folder / "S1.calibration.json", "-", **more).result
 
 
 def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
@@ -68,8 +70,8 @@ def test_a_calibration_is_left_beside_its_recording_and_says_what_it_is(
 ) -> None:
     figure = tmp_path / "one.svg"
     found = answered(
-        capfd, "calibrate", str(folder / "again.csv"), "--out", str(tmp_path / "a.json"), "--figure", str(figure),
-        "--motion", "rotation",
+        capfd, "bench", "calibrate", str(folder / "again.csv"), "--out", str(tmp_path / "a.json"),
+        "--figure", str(figure), "--motion", "rotation",
     )  # fmt: skip
     (one,) = found["calibrations"]
     assert one["cycles"] == 5
@@ -100,7 +102,7 @@ def test_a_recording_is_decoded_to_its_own_angle(
     assert 0.92 < told["against_angle"]["within_95"] <= 1.0
     assert told["outside"] < 0.01 * told["readings"]
     text = out.read_text(encoding="utf-8").splitlines()
-    assert text[0] == ",".join(pipeline.COLUMNS)
+    assert text[0] == ",".join(COLUMNS)
     assert len(text) == told["readings"] + 1
     rows = [line.split(",") for line in text[1:]]
     signals = made(replace(TRUTH, seed=5))
@@ -127,25 +129,25 @@ def test_lines_are_answered_as_they_come(folder: Path) -> None:
             asked_for.append(row)
             yield row
 
-    found = pipeline.decode(asked(folder, "-"), lines=answers, text=lines())
+    found = decoded(folder, rows=answers, text=lines())
     assert len(asked_for) == 5
     rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
     assert len(rows) == 4
-    assert (found["readings"], found["missing"]) == (2, 2)
-    assert all(len(row) == len(pipeline.COLUMNS) for row in rows)
+    assert (found.readings, found.missing) == (2, 2)
+    assert all(len(row) == len(COLUMNS) for row in rows)
     assert float(rows[0][1]) == pytest.approx(0.0, abs=0.05)
     assert float(rows[1][1]) == pytest.approx(2.0 * np.arctanh(0.5), abs=0.06)
     assert [row[10] for row in rows[2:]] == ["missing", "missing"]
-    assert any("cannot be checked" in warning for warning in found["warnings"])
+    assert any("cannot be checked" in warning for warning in found.warnings)
 
 
 def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
     answers = io.StringIO()
-    wanted = Wanted(names=("t", "left_V", "right_V"))
-    pipeline.decode(asked(folder, "-", wanted=wanted), lines=answers, text=["0.5,2.0,2.0\n"])
+    named = SignalOptions(columns=("t", "left_V", "right_V"))
+    decoded(folder, signals=named, rows=answers, text=["0.5,2.0,2.0\n"])
     assert answers.getvalue().splitlines()[1].startswith("0.500000,")
-    wanted = Wanted(columns=Columns(channels=(("left", "a"), ("right", "b"))))
-    pipeline.decode(asked(folder, "-", wanted=wanted), lines=answers, text=["a,b\n", "2.0,2.0\n"])
+    named = SignalOptions(channel=("left=a", "right=b"))
+    decoded(folder, signals=named, rows=answers, text=["a,b\n", "2.0,2.0\n"])
 
 
 def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Path) -> None:
@@ -155,9 +157,9 @@ def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Pa
         raise KeyboardInterrupt
 
     out = tmp_path / "live.csv"
-    found = pipeline.decode(asked(folder, "-"), out=out, text=lines())
-    assert found["interrupted"] is True
-    assert found["readings"] == 1
+    found = decoded(folder, out=out, text=lines())
+    assert found.interrupted is True
+    assert found.readings == 1
     assert len(out.read_text(encoding="utf-8").splitlines()) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["live.csv"]
 
@@ -185,7 +187,7 @@ def test_a_pipe_is_answered_before_it_is_closed(calibration: Path) -> None:
         (("--design", "bend.toml"), "not for what is decoded: kind of motion bend instead of rotation"),
         (("--design", "emitter.toml"), "not for what is decoded: pivot emitter instead of stem-base"),
         (("--motion", "bend"), "not for what is decoded: kind of motion bend instead of rotation"),
-        ((), "cannot be checked: nothing says the kind of motion, pivot, moving parts"),
+        ((), "cannot be checked: nothing states the kind of motion, pivot, moving parts"),
     ],
 )
 def test_another_motion_is_warned_of_once(
@@ -206,12 +208,12 @@ def test_a_pool_of_prints(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> 
     found = answered(capfd, "bench", "calibrate", *map(str, paths), "--pool")
     (one,) = found["calibrations"]
     assert one["prints"] == ["S0", "S1", "S2"]
-    assert Path(one["file"]).name == "pooled.calibration.json"
+    assert Path(found["files"]["calibration.pooled"]).name == "pooled.calibration.json"
     assert one["leave_one_cycle_out"] is None
     assert [part["name"] for part in one["leave_one_sensor_out"]["parts"]] == ["S0", "S1", "S2"]
     many = answered(capfd, "bench", "calibrate", *map(str, paths))
-    assert [Path(one["file"]).name for one in many["calibrations"]] == [f"S{n}.calibration.json" for n in range(3)]
-    told = answered(capfd, "bench", "decode", one["file"], str(paths[1]))
+    assert [Path(file).name for file in many["files"].values()] == [f"S{n}.calibration.json" for n in range(3)]
+    told = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(paths[1]))
     own = answered(capfd, "bench", "decode", str(tmp_path / "S1.calibration.json"), str(paths[1]))
     assert told["against_angle"]["rms_deg"] > own["against_angle"]["rms_deg"]
 
@@ -231,9 +233,9 @@ def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.Capt
     good = write(tmp_path / "good.csv")
     assert "--with-controls" in refused(capfd, "bench", "calibrate", str(good), "--control", "good")
     assert "needs at least two sensors" in refused(capfd, "bench", "calibrate", str(good), "--pool")
-    assert "no sensor is called so" in refused(capfd, "bench", "calibrate", str(good), "--sensor", "S9")
+    assert "no such sensor" in refused(capfd, "bench", "calibrate", str(good), "--sensor", "S9")
     assert "ends in .json" in refused(capfd, "bench", "calibrate", str(good), "--out", "x.toml")
-    assert "must be one of rotation, bend" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
+    assert "'rotation' or 'bend'" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
     assert not list(tmp_path.glob("*.json"))
 
 
@@ -247,19 +249,19 @@ def test_calibrations_that_cannot_be_read(
         bad.write_text(text, encoding="utf-8")
         return refused(capfd, "bench", "decode", str(bad), str(folder / "S1.csv"))
 
-    assert "is no JSON" in told(calibration.read_text(encoding="utf-8")[:500])
-    assert "is no JSON: NaN is no number" in told('{"kind": "calibration", "schema": NaN}')
-    assert "is no calibration of a sensor" in told('{"kind": "analysis"}')
-    assert "is no calibration of a sensor" in told("[1, 2]")
+    assert "is not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
+    assert "is not JSON: NaN is not a number" in told('{"kind": "calibration", "schema": NaN}')
+    assert "is not a calibration of a sensor" in told('{"kind": "analysis"}')
+    assert "is not a calibration of a sensor" in told("[1, 2]")
     assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))
     assert "schema is missing" in told(json.dumps({key: data[key] for key in data if key != "schema"}))
     assert "curves" in told(json.dumps({key: data[key] for key in data if key != "curves"}))
     assert "unknown key" in told(json.dumps(data | {"colour": "red"}))
     curves = data["curves"]
-    assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_v": curves["rising_v"][1:]}}))
+    assert "one for each angle" in told(json.dumps(data | {"curves": curves | {"rising_V": curves["rising_V"][1:]}}))
     assert "must ascend" in told(json.dumps(data | {"curves": curves | {"angle_deg": curves["angle_deg"][::-1]}}))
     wrong = [[1e-6, 1e-3, 1e-6]] * len(curves["angle_deg"])
-    assert "no covariance" in told(json.dumps(data | {"curves": curves | {"noise_v2": wrong}}))
+    assert "not a covariance" in told(json.dumps(data | {"curves": curves | {"noise_V2": wrong}}))
     assert "no such file" in refused(capfd, "bench", "decode", str(tmp_path / "none.json"), str(folder / "S1.csv"))
 
 
@@ -268,23 +270,23 @@ def test_streams_that_cannot_be_decoded(
 ) -> None:
     def told(*lines: str, **more: Any) -> str:
         with pytest.raises(DataError) as bad:
-            pipeline.decode(asked(folder, "-", **more), text=lines)
+            decoded(folder, text=lines, **more)
         return str(bad.value)
 
     assert "empty stream" in told()
     assert "empty stream" in told("\n", "\n")
     assert "holds no reading" in told("time_s,left_V,right_V\n")
     assert "holds no reading" in told("time_s,left_V,right_V\n", "0,nan,1\n")
-    assert "no column that is told to be the right receiver" in told("time_s,left_V\n", "0,1\n")
-    assert "2 columns that may be the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
+    assert "no columns are recognised as the right receiver" in told("time_s,left_V\n", "0,1\n")
+    assert "2 columns are recognised as the left receiver" in told("t,left_V,left2_L,right_V\n", "0,1,1,1\n")
     assert "begins with numbers" in told("0,2,2\n")
-    assert "no column stage" in told("t,left_V,right_V\n", wanted=Wanted(columns=Columns(time="stage")))
+    assert "--time stage; no such column" in told("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
     assert "are they mV" in told("t,left,right\n", "0,2000,2000\n")
     milli = write(tmp_path / "milli.csv", scale=1000.0)
     assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
     assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
     assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
-    assert "go to a .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
+    assert "written as .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
     assert "voltage without light" in refused(
         capfd, "bench", "decode", str(calibration), str(milli), "--gain-percent", "5"
     )
@@ -338,12 +340,12 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     # a point emitter's response saturates within a degree: beyond, little is known, and the bands say so
     assert one["leave_one_cycle_out"]["whole"]["rms_deg"] < 0.3
     assert one["leave_one_cycle_out"]["whole"]["within_95"] > 0.9
-    told = answered(capfd, "bench", "decode", one["file"], str(tmp_path / "protocol.nc"))
+    told = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(tmp_path / "protocol.nc"))
     assert told["against_angle"]["rms_deg"] < 0.3
     assert not [line for line in told["warnings"] if "calibration is" in line]
 
     data = whole.read_bytes()
-    stopped = answered(capfd, "bench", "decode", one["file"], str(whole))
+    stopped = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(whole))
 
     # the same journal as it grows: a piece now and then, cut anywhere
     growing = tmp_path / "growing.journal"
@@ -358,7 +360,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
 
     thread = threading.Thread(target=grow)
     thread.start()
-    followed = answered(capfd, "bench", "decode", one["file"], str(growing), "--follow")
+    followed = answered(capfd, "bench", "decode", next(iter(found["files"].values())), str(growing), "--follow")
     thread.join()
     assert followed["readings"] == stopped["readings"] > 300
     assert (followed["to_s"], followed["highest_deg"]) == (stopped["to_s"], stopped["highest_deg"])
@@ -370,15 +372,17 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert fresh.volts[:, 0] == pytest.approx(closed.channel("left").values, abs=1e-12)
     assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
     (tmp_path / "no.journal").write_bytes(b"something else")
-    assert "is no journal of solen" in refused(capfd, "bench", "decode", one["file"], str(tmp_path / "no.journal"))
+    assert "is no journal of solen" in refused(
+        capfd, "bench", "decode", next(iter(found["files"].values())), str(tmp_path / "no.journal")
+    )
 
 
 def test_a_reading_without_a_time_is_missing_and_a_clock_may_be_set_back(folder: Path) -> None:
     answers = io.StringIO()
     steps = (f"{0.005 * n},{2 - 0.1 * n},{2 + 0.1 * n}\n" for n in range(5))
     lines = ["time_s,left_V,right_V\n", ",2,2\n", "9,2,2\n", *steps]
-    found = pipeline.decode(asked(folder, "-"), lines=answers, text=lines)
-    assert (found["readings"], found["missing"]) == (6, 1)
+    found = decoded(folder, rows=answers, text=lines)
+    assert (found.readings, found.missing) == (6, 1)
     rows = [line.split(",") for line in answers.getvalue().splitlines()[1:]]
     assert rows[0][10] == "missing"
     assert rows[2][8] == ""  # the reading before is of another time

@@ -5,15 +5,21 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from solen.analysis.demodulation import Demodulation, DemodulationOptions
 from solen.arrays import FloatArray
 from solen.errors import DataError, OutputError, SpecError
-from solen.pipeline.bench.demodulate import Options, demodulate
+from solen.pipeline.bench.demodulate import demodulate as outcome_of
 from solen.recording import read
 from tests.analysis.switching_support import PERIOD_S, stream, waveform
+
+
+def demodulate(path: Path, options: DemodulationOptions | None = None, out: Path | None = None) -> Demodulation:
+    return outcome_of(path, options, out=out).result
 
 
 def written(path: Path, heads: str, *columns: Sequence[object] | FloatArray) -> Path:
@@ -31,10 +37,10 @@ def with_states(path: Path, heads: str = "time_s,right (V),led", readings: int =
 def test_readings_come_back_as_they_were_made(tmp_path: Path) -> None:
     """The table of readings is read again by the same reader, with units and gaps."""
     path = with_states(tmp_path / "a.csv", emitters=2)
-    found = demodulate(path, Options(), out=tmp_path / "r.csv")
-    assert found["method"] == "states"
-    assert found["counts"]["readings"] == {"1": 60, "2": 60}
-    assert found["rate_hz"] == pytest.approx(200.0)
+    found = demodulate(path, out=tmp_path / "r.csv")
+    assert found.method == "states"
+    assert found.counts.readings == {1: 60, 2: 60}
+    assert found.rate_hz == pytest.approx(200.0)
     again = read(tmp_path / "r.csv")
     assert again.channel("right").unit == "V"
     inner = slice(1, -1)
@@ -52,55 +58,58 @@ def test_states_may_be_words(tmp_path: Path, words: tuple[str, str], states: tup
     time, values, state = stream(20, np.zeros_like)
     texts = [words[1] if one else words[0] for one in state]
     found = demodulate(
-        written(tmp_path / "a.csv", "time_s,right (V),lamp", time, values[:, 0], texts), Options(state="lamp")
+        written(tmp_path / "a.csv", "time_s,right (V),lamp", time, values[:, 0], texts),
+        DemodulationOptions(state="lamp"),
     )
-    assert found["emitters"] == [states[1]]
+    assert found.emitters == (states[1],)
 
 
 def test_voltages_are_found_by_their_units_and_by_their_names(tmp_path: Path) -> None:
     path = with_states(tmp_path / "a.csv", "time_s,right_V,state")
-    assert demodulate(path, Options())["channels"] == ["right"]
+    assert list(demodulate(path).channels) == ["right"]
     other = with_states(tmp_path / "b.csv", "time_s,signal of it,state")
     with pytest.raises(SpecError, match="no column is in V; there are"):
-        demodulate(other, Options())
-    assert demodulate(other, Options(channels=("signal of it",)))["channels"] == ["signal of it"]
+        demodulate(other)
+    assert list(demodulate(other, DemodulationOptions(channel=("signal of it",))).channels) == ["signal of it"]
 
 
 def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
     time, values, _ = waveform(2.0, ppm=60.0, noise=0.002)
     shaken = values + 0.2 * np.cos(2 * np.pi * 100.0 * time)[:, None] + 0.1 * time[:, None]
     path = written(tmp_path / "w.csv", "# simulated: yes\ntime_s,right (V),left (V)", time, shaken[:, 0], shaken[:, 1])
-    options = Options(rate_hz=200.0, mains_hz=50.0)
-    found = demodulate(path, options, out=tmp_path / "r.csv", figure=tmp_path / "r.svg")
-    assert found["method"] == "waveform"
-    assert found["clock"]["off_stated_ppm"] == pytest.approx(60.0, abs=30.0)
-    assert found["readings_averaged"] == 4
+    options = DemodulationOptions(rate_hz=200.0, mains_hz=50.0)
+    found = outcome_of(path, options, out=tmp_path / "r.csv", figure=tmp_path / "r.svg").result
+    assert found.method == "waveform"
+    assert found.off_stated_ppm == pytest.approx(60.0, abs=30.0)
+    assert found.readings_averaged == 4
     for name, depth in (("right", -1.0), ("left", -0.5)):
-        one = found["by_channel"][name]["by_emitter"]["1"]
-        assert one["mean"] == pytest.approx(depth, abs=3e-3)
-        assert one["sd"] < 0.01, "0.2 V of flicker are gone"
-        assert one["u_reading"] < 0.01
+        one = found.channels[name].emitters[1]
+        assert one.mean == pytest.approx(depth, abs=3e-3)
+        assert one.sd < 0.01, "0.2 V of flicker are gone"
+        assert one.u_reading < 0.01
     drawn = (tmp_path / "r.svg").read_text(encoding="utf-8")
     assert "simulated: w.csv" in drawn
     assert read(tmp_path / "r.csv").provenance.simulated
 
 
 def test_the_rejection_is_stated_beside_the_one_sided(tmp_path: Path) -> None:
-    rows = {row["hz"]: row for row in demodulate(with_states(tmp_path / "a.csv"), Options())["rejection"]}
-    assert rows[100.0]["two_sided_dB"] == pytest.approx(0.0, abs=1e-6)
-    assert rows[100.0]["one_sided_dB"] == pytest.approx(-3.01, abs=0.01)
-    assert rows[1.0]["two_sided_dB"] > 70.0
+    rows = {row.frequency_hz: row for row in demodulate(with_states(tmp_path / "a.csv")).rejection}
+    assert rows[100.0].two_sided_dB == pytest.approx(0.0, abs=1e-6)
+    assert rows[100.0].one_sided_dB == pytest.approx(-3.01, abs=0.01)
+    assert rows[1.0].two_sided_dB > 70.0
 
 
 def test_clipping_is_found_and_told(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     time, values, state = stream(400, lambda t: 4.0 + 0.8 * np.sin(2 * np.pi * t))
     noisy = np.minimum(values[:, 0] + 0.001 * rng.standard_normal(len(time)), 4.5)
-    found = demodulate(written(tmp_path / "a.csv", "time_s,right (V),state", time, noisy, state.tolist()), Options())
-    assert 50 < found["counts"]["clipped"] < 300
-    assert any("samples at a limit" in one for one in found["warnings"])
-    free = demodulate(tmp_path / "a.csv", Options(low=-10.0, high=10.0))
-    assert free["counts"]["clipped"] == 0
+    found = demodulate(
+        written(tmp_path / "a.csv", "time_s,right (V),state", time, noisy, state.tolist()), DemodulationOptions()
+    )
+    assert 50 < found.counts.clipped < 300
+    assert any("samples at a limit" in one for one in found.warnings)
+    free = demodulate(tmp_path / "a.csv", DemodulationOptions(low=-10.0, high=10.0))
+    assert free.counts.clipped == 0
 
 
 def test_missing_slots_are_told(tmp_path: Path) -> None:
@@ -108,7 +117,7 @@ def test_missing_slots_are_told(tmp_path: Path) -> None:
     kept = np.ones(100, dtype=bool)
     kept[[20, 41, 51, 53]] = False
     path = written(tmp_path / "a.csv", "time_s,right (V),state", time[kept], values[kept, 0], state[kept].tolist())
-    told = " ".join(demodulate(path, Options())["warnings"])
+    told = " ".join(demodulate(path).warnings)
     assert "1 on slots of a regular sequence are missing" in told
     assert "1 on slots have no off slot near" in told
 
@@ -116,25 +125,25 @@ def test_missing_slots_are_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "heads", "error", "words"),
     [
-        (Options(on="up"), "", SpecError, "--on = 'up'"),
-        (Options(kernel="three"), "", SpecError, "--kernel = 'three'"),
-        (Options(emitters=0), "", SpecError, "--emitters"),
-        (Options(mains_hz=-1.0), "", SpecError, "--mains-hz"),
-        (Options(settle_us=-1.0), "", SpecError, "--settle-us"),
-        (Options(state="led", rate_hz=200.0), "", SpecError, "has no meaning beside --state"),
-        (Options(state="lid"), "", DataError, "did you mean led"),
-        (Options(time="tine"), "", DataError, "tine"),
-        (Options(channels=("rihgt",)), "", DataError, "did you mean right"),
-        (Options(), "time_s,right (V),other", SpecError, "neither a column of states nor a rate"),
-        (Options(), "moment,right (V),led", DataError, "has no column time"),
+        ({"on": "up"}, "", SpecError, "on = 'up'"),
+        ({"kernel": "three"}, "", SpecError, "kernel = 'three'"),
+        ({"emitters": 0}, "", SpecError, "emitters"),
+        ({"mains_hz": -1.0}, "", SpecError, "mains_hz"),
+        ({"settle_us": -1.0}, "", SpecError, "settle_us"),
+        ({"state": "led", "rate_hz": 200.0}, "", SpecError, "--state"),
+        ({"state": "lid"}, "", DataError, "did you mean led"),
+        ({"time": "tine"}, "", DataError, "tine"),
+        ({"channel": ("rihgt",)}, "", DataError, "did you mean right"),
+        ({}, "time_s,right (V),other", SpecError, "neither a column of states nor a switching rate"),
+        ({}, "moment,right (V),led", DataError, "has no column time"),
     ],
 )
 def test_what_cannot_be_is_refused(
-    tmp_path: Path, options: Options, heads: str, error: type[Exception], words: str
+    tmp_path: Path, options: dict[str, Any], heads: str, error: type[Exception], words: str
 ) -> None:
     path = with_states(tmp_path / "a.csv", heads or "time_s,right (V),led")
     with pytest.raises(error) as refusal:
-        demodulate(path, options, out=tmp_path / "r.csv")
+        demodulate(path, DemodulationOptions(**options), out=tmp_path / "r.csv")
     assert words in str(refusal.value)
     assert not (tmp_path / "r.csv").exists()
 
@@ -145,12 +154,12 @@ def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
     texts[6] = "maybe"
     path = written(tmp_path / "a.csv", "time_s,right (V),state", time, values[:, 0], texts)
     with pytest.raises(DataError, match=r"state in row 7 = 'maybe'"):
-        demodulate(path, Options())
+        demodulate(path)
     path = written(
         tmp_path / "b.csv", "time_s,right (V),state", time, values[:, 0], [0.5 * one for one in state.tolist()]
     )
     with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be whole"):
-        demodulate(path, Options())
+        demodulate(path)
 
 
 def test_the_angle_goes_along(tmp_path: Path) -> None:
@@ -159,7 +168,7 @@ def test_the_angle_goes_along(tmp_path: Path) -> None:
     path = written(
         tmp_path / "a.csv", "time_s,angle_deg,right (V),state", time, 3.0 * time - 1.0, values[:, 0], state.tolist()
     )
-    demodulate(path, Options(), out=tmp_path / "r.csv")
+    demodulate(path, out=tmp_path / "r.csv")
     again = read(tmp_path / "r.csv")
     angle = again.need("angle")
     assert angle.unit == "deg"
@@ -174,7 +183,9 @@ def test_swapped_phases_are_told(tmp_path: Path, on: str) -> None:
     moved = 4.0 - (4.0 - values) * (0.6 + 0.4 * np.sin(2 * np.pi * time))[:, None]
     path = written(tmp_path / "w.csv", "time_s,right (V),left (V)", time, moved[:, 0], moved[:, 1])
     told = [
-        one for one in demodulate(path, Options(rate_hz=200.0, on=on))["warnings"] if "may be swapped (--on)" in one
+        one
+        for one in demodulate(path, DemodulationOptions(rate_hz=200.0, on=on)).warnings
+        if "may be swapped (--on)" in one
     ]
     assert len(told) == (on == "high")
 
@@ -183,14 +194,14 @@ def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
     time, values, _ = waveform(1.0, noise=0.002)
     path = written(tmp_path / "w.csv", "time_s,right (V)", time, values[:, 0])
     with pytest.raises(SpecError, match=r"leaves nothing of the shorter phase, which lasts 2[45]"):
-        demodulate(path, Options(rate_hz=200.0, settle_us=2600.0))
+        demodulate(path, DemodulationOptions(rate_hz=200.0, settle_us=2600.0))
     with pytest.raises(DataError, match="needs two readings of an emitter"):
-        demodulate(with_states(tmp_path / "a.csv", readings=1), Options(mains_hz=50.0))
+        demodulate(with_states(tmp_path / "a.csv", readings=1), DemodulationOptions(mains_hz=50.0))
 
 
 def test_readings_are_written_as_csv_only(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"written as \.csv"):
-        demodulate(with_states(tmp_path / "a.csv"), Options(), out=tmp_path / "a.json")
+        demodulate(with_states(tmp_path / "a.csv"), DemodulationOptions(), out=tmp_path / "a.json")
 
 
 def test_the_command(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`solen bench diagnose` on files; the traced response is replaced by one in closed form, so that nothing need be traced."""
+"""`solen bench diagnose` on files; the traced response is replaced by one in closed form."""
 
 import json
 from pathlib import Path
@@ -8,12 +8,10 @@ import h5py
 import numpy as np
 import pytest
 
-from solen.analysis import Settings
-from solen.analysis.diagnosis import Response
+from solen.analysis import study
+from solen.analysis.diagnosis import DiagnosisOptions, Response, SensorDiagnoses, diagnosed_sensors
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
-from solen.pipeline.bench import analyse as recordings
-from solen.pipeline.bench import diagnose as pipeline
 from solen.spec import loads
 from tests.analysis.diagnosis_support import Lit, response
 from tests.analysis.made_support import made
@@ -66,9 +64,8 @@ def bench(path: Path, lit: Lit, design: str = DESIGN) -> Path:
     return path
 
 
-def ask(path: Path, **options: Any) -> dict[str, Any]:
-    request = recordings.Request((path,), settings=options.pop("settings", Settings()))
-    return pipeline.diagnose(pipeline.Asked(request, **options))
+def ask(path: Path, **options: Any) -> SensorDiagnoses:
+    return diagnosed_sensors(study([path]), DiagnosisOptions(**options))
 
 
 def test_a_table_and_a_design(tmp_path: Path, design: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -79,9 +76,9 @@ def test_a_table_and_a_design(tmp_path: Path, design: Path, capfd: pytest.Captur
     )
     sensor = found["sensors"]["S1"]
     decentre = sensor["parameters"]["emitter_offset_mm"]
-    low, high = decentre["interval_95"]
+    low, high = decentre["interval95_value"]
     assert low < 0.02 < high
-    assert decentre["u"] > 0.0
+    assert decentre["u_value"] > 0.0
     assert decentre["unit"] == "mm"
     assert sensor["words"][0].endswith("mm to the right")
     assert sensor["parameters"]["loss_per_mm"]["value"] is None
@@ -119,28 +116,30 @@ def _lines(capfd: pytest.CaptureFixture[str], *arguments: str) -> list[str]:
 def test_what_is_known_beforehand_widens(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", Lit(noise_V=1e-3))
     known, vague = (ask(path, design=design, zero_u_deg=u) for u in (0.01, 0.4))
-    one, other = (each["sensors"]["S1"]["parameters"]["emitter_offset_mm"]["u"] for each in (known, vague))
+    one, other = (each.sensors["S1"].parameters["emitter_offset_mm"].u_value for each in (known, vague))
+    assert one is not None
+    assert other is not None
     assert other > one
-    assert vague["known_beforehand"] == {"angle_zero_deg": 0.4, "material.index": 0.003}
+    assert vague.prior == {"angle_zero_deg": 0.4, "material.index": 0.003}
 
 
 def test_refusals_are_one_line(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", Lit(noise_V=2e-3))
     with pytest.raises(DataError, match="carries no design; name its design file with --design"):
         ask(path)
-    with pytest.raises(SpecError, match="no sensor is called so; there are S1"):
-        ask(path, design=design, sensors=("S9",))
-    with pytest.raises(SpecError, match="--zero-u-deg"):
+    with pytest.raises(SpecError, match="no such sensor; there are S1"):
+        ask(path, design=design, sensor=("S9",))
+    with pytest.raises(SpecError, match="zero_u_deg"):
         ask(path, design=design, zero_u_deg=2.0)
-    with pytest.raises(SpecError, match="--brighter"):
+    with pytest.raises(SpecError, match="brighter"):
         ask(path, design=design, brighter="red")
     with pytest.raises(SpecError, match="is fitted anyway"):
-        ask(path, design=design, spreads={"emitter.offset_mm": 0.1})
-    with pytest.raises(SpecError, match="must be above 0"):
-        ask(path, design=design, spreads={"material.index": -1.0})
+        ask(path, design=design, spread=("emitter.offset_mm=0.1",))
+    with pytest.raises(SpecError, match="must be greater than 0"):
+        ask(path, design=design, spread=("material.index=-1",))
     with pytest.raises(SpecError, match="must be KEY=U"):
-        pipeline.spreads_of(["emitter.distance_mm"])
-    assert pipeline.spreads_of(["emitter.distance_mm=0.02"])["emitter.distance_mm"] == 0.02
+        DiagnosisOptions(spread=("emitter.distance_mm",))
+    assert DiagnosisOptions(spread=("emitter.distance_mm=0.02",)).spreads["emitter.distance_mm"] == 0.02
     nameless = table(tmp_path / "S2.csv", Lit(), "time_s,angle_deg,a_V,b_V")
     with pytest.raises(DataError, match="do not tell right from left"):
         ask(nameless, design=design)
@@ -157,7 +156,7 @@ def test_another_motion_is_refused(tmp_path: Path) -> None:
     narrow = tmp_path / "narrow.toml"
     narrow.write_text(DESIGN + "[motion]\nfrom_deg = -1.0\nto_deg = 1.0\n", encoding="utf-8")
     found = ask(path, design=narrow)
-    assert any("is it the same motion?" in line for line in found["warnings"])
+    assert any("is it the same motion?" in line for line in found.warnings)
 
 
 def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
@@ -166,7 +165,7 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
         file.attrs["header"] = "{half of"
     with pytest.raises(DataError, match="carries no design"):
         ask(path)
-    assert ask(path, design=design)["sensors"]["lens-1"]["drawn"] is None
+    assert ask(path, design=design).sensors["lens-1"].drawn is None
 
 
 @pytest.mark.evidence
@@ -180,6 +179,6 @@ def test_a_bench_run_is_diagnosed_as_it_was_drawn(tmp_path: Path, capfd: pytest.
     for label, sensor in found["sensors"].items():
         keys = {"emitter_offset_mm": "emitter.offset_mm", "chip_width_mm": "emitter.width_mm"}
         for name, key in (keys | {gain: gain for gain in ("gain_right_V", "gain_left_V")}).items():
-            low, high = sensor["parameters"][name]["interval_95"]
+            low, high = sensor["parameters"][name]["interval95_value"]
             print(label, name, low, sensor["drawn"][key], high)
             assert low <= sensor["drawn"][key] <= high

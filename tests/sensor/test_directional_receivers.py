@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.analysis.diagnosis import Table
-from solen.analysis.diagnosis.table import angles_deg
+from solen.analysis.diagnosis.response_table import angles_deg
 from solen.bench.rig import load_rig
 from solen.bench.simulated.prints import prints_of
 from solen.sensor import Sensor

@@ -1,33 +1,39 @@
-"""What recordings of a sensor under a motion mean: cycles, the response and its numbers.
+"""Recordings of a sensor under a motion: cycles, the response and its figures of merit.
 
-`time_base` orders samples, `find_motion` finds ramps, holds and cycles in an angle, `analysed` makes the response of a
-sensor of its `Signals`, and `beside` puts sensors side by side. Voltages are analysed as they were recorded: no filter
-runs unless it is asked for. Of emitters that switch, `solen.analysis.demodulation` takes the ambient light out first.
+`study` takes files to a `Study`; its steps are `waveforms` of a recording, `find_motion` (ramps, holds and cycles of an
+angle), `sensor_response` of a sensor's `Signals`, and `group_of` sensors. Voltages are analysed as they were recorded:
+no filter runs unless it is asked for. Of emitters that switch, `solen.analysis.demodulation` subtracts the ambient
+light first.
 """
 
+from solen.analysis.figures_of_merit import ReceiverResponse
 from solen.analysis.motion import Cycle, Motion, Ramp, find_motion
 from solen.analysis.response import Curve, Passes
-from solen.analysis.signals import Signals, pair, side_of, smoothed
-from solen.analysis.study import Analysed, Group, Run, Settings, analysed, beside
+from solen.analysis.sensor_response import AnalysisOptions, Run, SensorGroup, SensorResponse, group_of, sensor_response
+from solen.analysis.signals import SignalOptions, Signals, Waveforms, waveforms
+from solen.analysis.study import Study, study
 from solen.analysis.timebase import TimeBase, time_base
 
 __all__ = [
-    "Analysed",
+    "AnalysisOptions",
     "Curve",
     "Cycle",
-    "Group",
     "Motion",
     "Passes",
     "Ramp",
+    "ReceiverResponse",
     "Run",
-    "Settings",
+    "SensorGroup",
+    "SensorResponse",
+    "SignalOptions",
     "Signals",
+    "Study",
     "TimeBase",
-    "analysed",
-    "beside",
+    "Waveforms",
     "find_motion",
-    "pair",
-    "side_of",
-    "smoothed",
+    "group_of",
+    "sensor_response",
+    "study",
     "time_base",
+    "waveforms",
 ]

@@ -9,18 +9,15 @@ The interface: `clipped` marks samples.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 _RUN = 3
 """Samples in a row of one extreme value, on the move, from which on they count as clipped."""
 _TIMES = 2  # how much longer than the longest run of any other value
 
 
-def clipped(
-    volts: FloatArray, moving: NDArray[np.bool_], rails: tuple[float, float] | None = None
-) -> NDArray[np.bool_]:
+def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | None = None) -> BoolArray:
     """Which samples of one receiver are clipped, (n,).
 
     Parameters
@@ -50,13 +47,13 @@ def clipped(
     return found
 
 
-def _runs(volts: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _runs(volts: FloatArray) -> tuple[IndexArray, IndexArray]:
     """First sample and the one after the last of each run of one value."""
     bounds = np.flatnonzero(np.diff(volts) != 0.0) + 1
     return np.append(0, bounds).astype(np.intp), np.append(bounds, volts.size).astype(np.intp)
 
 
-def _moving_counts(moving: NDArray[np.bool_], starts: NDArray[np.intp], stops: NDArray[np.intp]) -> NDArray[np.int64]:
+def _moving_counts(moving: BoolArray, starts: IndexArray, stops: IndexArray) -> IntArray:
     """Samples of each run that are on the move."""
     total = np.append(0, np.cumsum(moving))
     return np.asarray(total[stops] - total[starts], dtype=np.int64)

@@ -10,16 +10,16 @@ The interface: `find_motion` gives a `Motion` with its ramps and cycles.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
+from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
 """Share of the range that an excursion must exceed, and over which a ramp is told from a hold."""
@@ -62,8 +62,8 @@ class Cycle:
     stop: int
 
 
-@dataclass(frozen=True)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Result):
     """What an angle did.
 
     Attributes
@@ -84,16 +84,16 @@ class Motion:
         What is left out, and why.
     """
 
-    ramps: tuple[Ramp, ...]
+    ramps: tuple[Ramp, ...] = field(metadata=HIDDEN)
     cycles: tuple[Cycle, ...]
-    holds: NDArray[np.intp]
+    holds: IndexArray = field(metadata=HIDDEN)
     rest_deg: float
     low_deg: float
     high_deg: float
     noise_deg: float
     step_deg: float
     speed_deg_per_s: float
-    warnings: tuple[str, ...]
+    warnings: tuple[str, ...] = field(metadata=HIDDEN)
 
 
 def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
@@ -274,7 +274,7 @@ def _refuse_jumps(inside: float) -> NoReturn:
     raise DataError("angle", limit=limit, remedy=remedy)
 
 
-def _holds(ramps: tuple[Ramp, ...], size: int) -> NDArray[np.intp]:
+def _holds(ramps: tuple[Ramp, ...], size: int) -> IndexArray:
     stops = [0, *(ramp.stop for ramp in ramps)]
     starts = [*(ramp.start for ramp in ramps), size - 1]
     pairs = [(start, stop + 1) for start, stop in zip(stops, starts, strict=True) if stop + 1 - start > 2]

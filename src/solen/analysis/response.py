@@ -7,18 +7,18 @@ reaches beyond its cell, and nothing is filtered. A cell that no sample is near 
 sample touches is marked.
 
 The interface: `grid_deg` makes a grid, `passes` the ways on it, `Passes.joined` those of several recordings of one
-sensor; `curve` gives their mean and standard deviation.
+sensor; `mean_curve` gives their mean and standard deviation.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis.motion import Motion, Ramp
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
+from solen.results import Result
 
 DIRECTIONS = ("rising", "falling")
 _STEPS_DEG = (1.0, 2.0, 5.0)
@@ -28,7 +28,7 @@ _NEAR = 5.0  # times the usual distance of samples that a cell may be from them
 _OUT = 0.25  # share of a step that a point may lie beyond the last sample
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Passes:
     """Ways over the angles, on one grid.
 
@@ -46,7 +46,7 @@ class Passes:
 
     angle_deg: FloatArray
     volts: FloatArray
-    clipped: NDArray[np.bool_]
+    clipped: BoolArray
     middle_s: FloatArray
 
     @property
@@ -54,10 +54,11 @@ class Passes:
         """How many cycles."""
         return int(self.volts.shape[0])
 
-    def joined(self, other: "Passes") -> "Passes":
-        """These and the passes of another recording on the same grid."""
-        volts, clipped = np.concatenate([self.volts, other.volts]), np.concatenate([self.clipped, other.clipped])
-        return Passes(self.angle_deg, volts, clipped, np.concatenate([self.middle_s, other.middle_s]))
+    @classmethod
+    def joined(cls, parts: "Sequence[Passes]") -> "Passes":
+        """Those of several recordings on one grid."""
+        columns = ([getattr(part, name) for part in parts] for name in ("volts", "clipped", "middle_s"))
+        return cls(parts[0].angle_deg, *(np.concatenate(column) for column in columns))
 
     def of(self, receiver: int) -> "Passes":
         """Those of one receiver, with a last axis of one."""
@@ -65,13 +66,13 @@ class Passes:
         return Passes(self.angle_deg, self.volts[..., part], self.clipped[..., part], self.middle_s)
 
 
-@dataclass(frozen=True)
-class Curve:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curve(Result):
     """Mean and standard deviation of ways at each angle, NaN where there is none, and how many there were."""
 
     mean_V: FloatArray
     sd_V: FloatArray
-    count: NDArray[np.int64]
+    ways: IntArray
 
 
 def nice_step(reach_deg: float) -> float:
@@ -107,7 +108,7 @@ def grid_deg(low: float, high: float, step: float) -> FloatArray:
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
 
 
-def _within(ramp: Ramp, start: int, stop: int) -> NDArray[np.intp]:
+def _within(ramp: Ramp, start: int, stop: int) -> IndexArray:
     return np.arange(max(ramp.start, start), min(ramp.stop, stop), dtype=np.intp)
 
 
@@ -117,7 +118,7 @@ def passes(
     motion: Motion,
     used: Sequence[int],
     grid: FloatArray,
-    clipped: NDArray[np.bool_] | None = None,
+    clipped: BoolArray | None = None,
 ) -> Passes:
     """Ways of the used cycles on a grid.
 
@@ -149,7 +150,7 @@ def passes(
     return Passes(grid, found, marked, middle)
 
 
-def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[NDArray[np.intp]]]:
+def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray]]:
     """Samples of the rising and of the falling ramps of each used cycle, without the holds between them.
 
     Those on which a ramp begins and ends are with it.
@@ -160,7 +161,7 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[NDArray[np
     for number in used:
         cycle = motion.cycles[number]
         near = range(int(np.searchsorted(stops, cycle.start)), int(np.searchsorted(starts, cycle.stop)))
-        ways: list[list[NDArray[np.intp]]] = [[], []]
+        ways: list[list[IndexArray]] = [[], []]
         for place in near:
             ramp = motion.ramps[place]
             part = _within(ramp, cycle.start, cycle.stop)
@@ -220,11 +221,14 @@ def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half
     return np.where(narrow[:, None], value, mean)
 
 
-def curve(volts: FloatArray, clipped: NDArray[np.bool_]) -> Curve:
-    """Mean and standard deviation (n − 1) over the first axis, (ways, g).
+def mean_curve(passes: Passes, direction: int | None = None) -> Curve:
+    """Mean and standard deviation (n − 1) of one receiver's ways: of the rising (0), the falling (1), or of both.
 
-    There is no mean at an angle where a way is clipped: what is left of the others would be another mean.
+    There is no mean at an angle where a way is clipped: the others would have another mean.
     """
+    chosen = slice(None) if direction is None else slice(direction, direction + 1)
+    size = passes.angle_deg.size
+    volts, clipped = (one[:, chosen, :, 0].reshape(-1, size) for one in (passes.volts, passes.clipped))
     valid = np.isfinite(volts)
     count = valid.sum(axis=0)
     kept = np.where(valid, volts, 0.0)

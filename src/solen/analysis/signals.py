@@ -1,25 +1,141 @@
-"""What is analysed: receivers' voltages of one sensor over time, with the angle where there is one.
+"""Signals: the voltages of receivers over time, read from the columns of a recording.
 
-The interface: `Signals`; `side_of` tells a left receiver from a right one by its name; `smoothed` is the only filter,
-and runs only where it is asked for.
+The idea: `SignalOptions` name columns and state what a file leaves out; every other role follows from headers
+(`solen.recording.column_roles`). Units become s, degrees and volts; an assumption is a warning, a doubt a refusal.
+Ambient light of emitters that switch is subtracted and a moving mean taken only where the options ask for it.
+
+The interface: `waveforms` of a `Recording`, by emitter; `Signals` are those of one sensor.
 """
 
-import re
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import Field, model_validator
 from scipy.ndimage import uniform_filter1d
 
-from solen.arrays import FloatArray
+from solen.analysis.demodulation import DEFAULT_SETTLE_US, Demodulated, find_clock, slots_of, subtract
+from solen.analysis.timebase import TimeBase, time_base
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Provenance, Recording
+from solen.recording.column_roles import (
+    ENDS_IN_V,
+    NAMED_UNITS,
+    column_of,
+    companion,
+    existing,
+    named_column,
+    receiver_columns,
+)
+from solen.recording.words import plain
+from solen.spec.strict import Finite, Options, refused
+from solen.units import factor
 
-_TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
-_SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
-"""A receiver and its side in one word: VL, PDR, Vleft."""
-_SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
+_SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
+_HIGH_V = 100.0  # above what any receiver here shows
+_TURN_DEG = 360.0
+_FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
+_WIDEST = 0.05  # share of a recording that a moving mean may span
+
+AngleSource = Literal["required", "optional", "elsewhere"]
 
 
-@dataclass(frozen=True)
+class SignalOptions(Options):
+    """Which columns of a recording are what."""
+
+    time: str | None = None
+    """Column of the time; default: the column whose header names it."""
+    angle: str | None = None
+    """Column of the angle; default: the column whose header names it."""
+    channel: tuple[str, ...] = ()
+    """A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 names the sensor as well.
+    Default: every column in volts."""
+    time_unit: str | None = None
+    """Unit of a time whose column states none: s, ms, us, min."""
+    rate_hz: Finite | None = Field(None, gt=0)
+    """Samples per second, for a recording without times."""
+    zero_deg: Finite = 0.0
+    """Angle reading at rest; it is subtracted."""
+    flip_angle: bool = False
+    """Count the angle the other way."""
+    on_off_hz: Finite | None = Field(None, gt=0)
+    """How often per second the emitters of a raw waveform switch on and off. Ambient light is then subtracted first, as
+    solen bench demodulate does."""
+    emitters: int = Field(1, ge=1)
+    """How many emitters take turns in it, each followed by an off phase; each counts as a sensor."""
+    rails: tuple[Finite, Finite] | None = None
+    """Lowest and highest voltage of the recorder, such as 0 5: samples there are clipped."""
+    smooth_ms: Finite | None = Field(None, gt=0)
+    """Width of a moving mean over the voltages; none by default."""
+    columns: tuple[str, ...] = ()
+    """Names of the columns of tables without a header, such as time_s angle_deg left_mV right_mV."""
+    sheet: str | None = None
+    """Sheet of a workbook."""
+
+    @model_validator(mode="after")
+    def _check_columns(self) -> Self:
+        for text in self.channel:
+            name, equals, column = text.partition("=")
+            if not name.strip() or (equals and not column.strip()):
+                raise refused("channel", "must be NAME=COLUMN", value=text, remedy="as in --channel left=V_L")
+        counts = Counter(name for name, _ in self.named_receivers)
+        for name, count in counts.items():
+            if count > 1:
+                raise refused("channel", "is named twice", value=name, remedy="give each receiver its own name")
+        if self.rate_hz is not None and self.time is not None:
+            raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="leave one out")
+        if self.rails is not None and not self.rails[0] < self.rails[1]:
+            low, high = self.rails
+            raise refused("rails", "must be the lower and the higher voltage", value=f"{low} {high}")
+        return self
+
+    @property
+    def named_receivers(self) -> tuple[tuple[str, str], ...]:
+        """Receivers with their columns, as ``channel`` names them; a name alone is also that of its column."""
+        parts = [text.partition("=") for text in self.channel]
+        return tuple((name.strip(), (column if equals else name).strip()) for name, equals, column in parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Waveforms:
+    """Voltages of all receivers of a recording, in the order of time.
+
+    Attributes
+    ----------
+    time_s, step_s
+        Times that never fall, (n,), and the usual step between them.
+    receivers, volts
+        Names (m,) and voltages (n, m).
+    angle_deg
+        (n,); None where there is none.
+    clipped
+        Samples that the recording marks as clipped, (n, m); None where it marks none.
+    ambient_subtracted
+        Whether ambient light was subtracted, so that no light is 0 V.
+    warnings
+        Assumptions, and what is left out.
+    """
+
+    time_s: FloatArray
+    step_s: float
+    receivers: tuple[str, ...]
+    volts: FloatArray
+    angle_deg: FloatArray | None = None
+    clipped: BoolArray | None = None
+    ambient_subtracted: bool = False
+    warnings: tuple[str, ...] = ()
+
+    def rows(self, kept: BoolArray) -> "Waveforms":
+        """Some of the samples."""
+        angle = None if self.angle_deg is None else self.angle_deg[kept]
+        clipped = None if self.clipped is None else self.clipped[kept]
+        return replace(self, time_s=self.time_s[kept], volts=self.volts[kept], angle_deg=angle, clipped=clipped)
+
+
+@dataclass(frozen=True, eq=False)
 class Signals:
     """One recording of one sensor.
 
@@ -36,11 +152,15 @@ class Signals:
     volts
         (n, m), NaN where there is no reading.
     lens
-        Whether it has a lens, None where nothing says.
+        Whether it has a lens; None where nothing says so.
     source
         The file.
     clipped
-        Samples that whoever recorded them says are clipped, (n, m); None where nobody does.
+        Samples that the recording marks as clipped, (n, m); None where it marks none.
+    provenance
+        Of the recording.
+    ambient_V
+        Mean of the ambient light that was subtracted, by side, where the recording states it.
     """
 
     label: str
@@ -50,25 +170,242 @@ class Signals:
     volts: FloatArray
     lens: bool | None = None
     source: str = ""
-    clipped: NDArray[np.bool_] | None = None
+    clipped: BoolArray | None = None
+    provenance: Provenance = field(default_factory=Provenance)
+    ambient_V: Mapping[str, float] = field(default_factory=dict)
 
 
-def side_of(name: str) -> str:
-    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
-    words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
-    found = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
-    return found.pop() if len(found) == 1 else ""
+def ambient_by_side(recording: Recording) -> dict[str, float]:
+    """Mean of the ambient light that was subtracted from the right and the left receiver, where it is recorded."""
+    columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
+    return {
+        side: float(np.nanmean(one.values))
+        for side, one in columns.items()
+        if one is not None and np.isfinite(one.values).any()
+    }
 
 
-def pair(receivers: tuple[str, ...]) -> tuple[int, int] | None:
-    """Places of the left and the right receiver, where there is exactly one of each."""
-    sides = [side_of(name) for name in receivers]
-    if sides.count("left") == 1 == sides.count("right"):
-        return sides.index("left"), sides.index("right")
-    return None
+def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:
+    """Samples of a recording by emitter; the key is empty where emitters do not switch, or only one does.
+
+    Parameters
+    ----------
+    recording
+        Its columns.
+    options
+        Which of them are what, and what to do with them first.
+    angle
+        Whether the recording has to hold the angle; ``elsewhere`` does not look for it.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where a column is missing, holds no numbers or has a unit of another kind.
+    """
+    whole = _sampled(recording, options, angle)
+    parts = {"": whole} if options.on_off_hz is None else _demodulated(whole, options, options.on_off_hz)
+    return {emitter: _smoothed(part, options, recording) for emitter, part in parts.items()}
 
 
-def smoothed(volts: FloatArray, step_s: float, width_ms: float) -> FloatArray:
-    """Centred moving mean of each receiver over as many samples as a width holds, an odd number."""
-    samples = max(1, round(1e-3 * width_ms / step_s)) | 1
-    return np.asarray(uniform_filter1d(volts, samples, axis=0, mode="nearest"))
+def _sampled(recording: Recording, options: SignalOptions, angle: AngleSource) -> Waveforms:
+    warnings = list(recording.warnings)
+    base = sample_times(recording, options, warnings)
+    angle_deg = None if angle == "elsewhere" else recorded_angle_deg(recording, options, warnings)
+    if angle_deg is None and angle == "required":
+        _refuse_without_angle(recording)
+    channels = _receivers(recording, options, angle)
+    flags = [_clipped_flags(recording, channel) for channel in channels.values()]
+    samples = Waveforms(
+        time_s=base.time_s,
+        step_s=base.step_s,
+        receivers=tuple(channels),
+        volts=np.column_stack([_volts(channel, warnings) for channel in channels.values()])[base.order],
+        angle_deg=None if angle_deg is None else angle_deg[base.order],
+        clipped=np.column_stack(flags)[base.order] if any(one.any() for one in flags) else None,
+        ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
+        warnings=(*base.warnings, *warnings),
+    )
+    return _complete(samples, _file(recording))
+
+
+def _file(recording: Recording) -> str:
+    return recording.provenance.file or "recording"
+
+
+def _complete(samples: Waveforms, file: str) -> Waveforms:
+    """Samples that lack no number."""
+    finite = np.isfinite(samples.volts)
+    for name, held in zip(samples.receivers, finite.T, strict=True):
+        if not held.any():
+            raise DataError(f"{file}: {name}", limit="holds no number", remedy="leave it out")
+    kept = np.asarray(finite.all(axis=1))
+    if samples.angle_deg is not None:
+        kept &= np.isfinite(samples.angle_deg)
+    if kept.all():
+        return samples
+    warning = f"{int((~kept).sum())} of {kept.size} samples lack a number and are left out"
+    return replace(samples.rows(kept), warnings=(*samples.warnings, warning))
+
+
+def _clipped_flags(recording: Recording, channel: Channel) -> BoolArray:
+    marks = companion(recording, channel, "clipped")
+    return np.zeros(channel.values.size, dtype=bool) if marks is None else np.asarray(marks.values > 0.5)
+
+
+def _time_column(recording: Recording, options: SignalOptions) -> Channel | None:
+    if options.time is not None:
+        return named_column(recording, options.time, "--time")
+    return column_of(recording, "time") if options.rate_hz is None else None
+
+
+def _angle_column(recording: Recording, options: SignalOptions) -> Channel | None:
+    if options.angle is not None:
+        return named_column(recording, options.angle, "--angle")
+    return column_of(recording, "angle")
+
+
+def sample_times(recording: Recording, options: SignalOptions, warnings: list[str]) -> TimeBase:
+    """Order and times of a recording's samples; assumptions are added to the warnings."""
+    return time_base(_time_s(recording, options, warnings), f"{recording.provenance.file}: time")
+
+
+def _time_s(recording: Recording, options: SignalOptions, warnings: list[str]) -> FloatArray:
+    channel, file = _time_column(recording, options), _file(recording)
+    if channel is None:
+        if options.rate_hz is None:
+            remedy = f"name it with --time, or give --rate-hz; {existing(recording)}"
+            raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
+        return np.arange(recording.channels[0].values.size) / options.rate_hz
+    unit = options.time_unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
+    if not unit:
+        return _seconds_assumed(channel, file, warnings)
+    scale = factor(unit, "s")
+    if scale is None:
+        remedy = "name another column with --time, or its unit with --time-unit"
+        raise DataError(f"{file}: {channel.name}", value=unit, limit="is not a unit of time", remedy=remedy)
+    return channel.values * scale
+
+
+def _seconds_assumed(channel: Channel, file: str, warnings: list[str]) -> FloatArray:
+    steps = np.diff(channel.values)
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    if usual >= _SLOW_S:
+        limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
+    rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
+    warnings.append(f"{channel.name} states no unit; s is assumed{rate}")
+    return channel.values
+
+
+def _refuse_without_angle(recording: Recording) -> None:
+    remedy = "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; "
+    limit = "no column is recognised as the angle"
+    raise DataError(_file(recording), limit=limit, remedy=remedy + existing(recording))
+
+
+def recorded_angle_deg(recording: Recording, options: SignalOptions, warnings: list[str]) -> FloatArray | None:
+    """Angle at each sample as the file orders them, (n,); None where no column is one."""
+    channel, file = _angle_column(recording, options), _file(recording)
+    if channel is None:
+        return None
+    scale = factor(channel.unit, "deg") if channel.unit else 1.0
+    if scale is None or channel.unit == "1":
+        limit = "is not a unit of angle"
+        raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
+    if not channel.unit:
+        _check_degrees(channel, file, warnings)
+    return (-1.0 if options.flip_angle else 1.0) * (_unwound(channel, scale, warnings) - options.zero_deg)
+
+
+def _check_degrees(channel: Channel, file: str, warnings: list[str]) -> None:
+    """`DataError` where an angle without a unit cannot be in degrees."""
+    farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+    if farthest > _FAR_DEG:
+        limit = f"goes to {farthest:.4g} without a known unit, too far for degrees"
+        remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
+    if not plain(channel.name).endswith("deg"):
+        warnings.append(f"{channel.name} states no unit; degrees are assumed")
+
+
+def _unwound(channel: Channel, scale: float, warnings: list[str]) -> FloatArray:
+    """Degrees, continued where they jump from 360 to 0 or from 180 to -180 and back."""
+    angle = np.asarray(channel.values * scale)
+    held = np.isfinite(angle)
+    steps = np.diff(angle[held])
+    if not (np.abs(np.abs(steps) - _TURN_DEG) < 0.5 * (_TURN_DEG - 180.0)).any() or np.ptp(angle[held]) > _TURN_DEG:
+        return angle
+    unwound = np.unwrap(angle[held], period=_TURN_DEG)
+    angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
+    warnings.append(f"{channel.name} jumps by a whole turn; the angle is continued there")
+    return angle
+
+
+def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource) -> dict[str, Channel]:
+    """Columns of the receivers by their names."""
+    others = [_time_column(recording, options)]
+    others += [] if angle == "elsewhere" else [_angle_column(recording, options)]
+    taken = {one.name for one in others if one is not None}
+    if options.channel:
+        named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
+        for name, count in Counter([*(one.name for one in named.values()), *taken]).items():
+            if count > 1:
+                limit = f"has two roles in {recording.provenance.file}"
+                raise SpecError("--channel", value=name, limit=limit, remedy="give each role its own column")
+        return named
+    columns = receiver_columns([one for one in recording.channels if one.name not in taken])
+    if not columns:
+        remedy = f"name them with --channel NAME=COLUMN; {existing(recording)}"
+        raise DataError(_file(recording), limit="no column is recognised as a receiver's voltage", remedy=remedy)
+    return {one.name: one for one in columns}
+
+
+def _volts(channel: Channel, warnings: list[str]) -> FloatArray:
+    if channel.unit and channel.unit != "1":
+        return channel.to("V")
+    if not ENDS_IN_V.search(channel.name):
+        largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+        doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
+        warnings.append(f"{channel.name} states no unit; V is assumed{doubt}")
+    return channel.values
+
+
+def _demodulated(whole: Waveforms, options: SignalOptions, rate_hz: float) -> dict[str, Waveforms]:
+    """On less off by emitter, at the angle in the middle of each on slot, interpolated between samples."""
+    clock = find_clock(whole.time_s, whole.volts, rate_hz, emitters=options.emitters)
+    states = clock.states(1e-6 * DEFAULT_SETTLE_US, options.emitters)
+    found = subtract(slots_of(whole.time_s, whole.volts, states, gap_s=clock.shorter_s))
+    warnings = (*whole.warnings, *_demodulation_warnings(found, rate_hz, clock.rate_hz))
+    names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in found.emitters}
+    return {name: _readings(whole, found, emitter, warnings) for emitter, name in names.items()}
+
+
+def _readings(whole: Waveforms, found: Demodulated, emitter: int, warnings: tuple[str, ...]) -> Waveforms:
+    here = found.of(emitter)
+    base = time_base(found.time_s[here], "readings")
+    angle = None if whole.angle_deg is None else np.interp(base.time_s, whole.time_s, whole.angle_deg)
+    rows: IndexArray = np.flatnonzero(here)[base.order]
+    clipped = found.clipped[rows] if found.clipped[rows].any() else None
+    warnings = (*warnings, *base.warnings)
+    return Waveforms(base.time_s, base.step_s, whole.receivers, found.signal[rows], angle, clipped, True, warnings)
+
+
+def _demodulation_warnings(found: Demodulated, rate_hz: float, seen_hz: float) -> list[str]:
+    first = (
+        f"ambient light is subtracted: a reading is on less the mean of off before and after, {found.time_s.size} "
+        f"readings at {seen_hz:.6g} Hz ({rate_hz:g} Hz was stated)"
+    )
+    missing = sum(found.counts.missing.values())
+    return [first, f"{missing} on slots are missing from the recording"] if missing else [first]
+
+
+def _smoothed(samples: Waveforms, options: SignalOptions, recording: Recording) -> Waveforms:
+    """Centred moving mean of each receiver, where one is asked for."""
+    if options.smooth_ms is None:
+        return samples
+    most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
+    if options.smooth_ms > most_ms:
+        limit = f"must be at most {most_ms:.4g}, a twentieth of {_file(recording)}"
+        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller one, or none")
+    width = max(1, round(1e-3 * options.smooth_ms / samples.step_s)) | 1  # an odd number of samples
+    return replace(samples, volts=np.asarray(uniform_filter1d(samples.volts, width, axis=0, mode="nearest")))

@@ -1,328 +1,331 @@
-"""A sensor's recordings to its response and numbers, and several sensors side by side.
+"""A study: recordings of one or several sensors, from files to the response of each and their comparison.
 
-The idea: one recording gives its cycles, of which the first is left out as in the paper: the material and the stage
-settle in it. All recordings of one sensor lie on one grid, so that their ways are pooled. Sensors are the replicates:
-their mean and standard deviation are those of their mean curves, n is the number of prints.
+The idea: a file holds recordings of one sensor, or of several by the names of its columns or groups. Recordings of one
+label are pooled; sensors with a lens and without one are compared.
 
-The interface: `analysed` of a sensor's `Signals`; `beside` of several sensors gives a `Group`.
+The interface: `study` of files and `AnalysisOptions` gives a `Study`.
 """
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.analysis.clipping import clipped
-from solen.analysis.motion import Motion, find_motion
-from solen.analysis.numbers import receiver_numbers
-from solen.analysis.response import Curve, Passes, common_range, curve, grid_deg, nice_step, passes
-from solen.analysis.sides import pair_numbers, sign_warnings
-from solen.analysis.signals import Signals, pair
-from solen.arrays import FloatArray
-from solen.errors import DataError
+from solen.analysis.alignment import align
+from solen.analysis.figures_of_merit import NEAR_ZERO_DEG
+from solen.analysis.motion import Motion
+from solen.analysis.protocol_angle import angle_by_protocol
+from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
+from solen.analysis.signals import Signals, Waveforms, ambient_by_side, recorded_angle_deg, sample_times, waveforms
+from solen.errors import DataError, SolenError, SpecError
+from solen.recording import Provenance, Recording, read, read_parts
+from solen.recording.column_roles import by_sensor
+from solen.recording.labels import has_lens, labels
+from solen.results import HIDDEN, Result, reported
 
-_SETTLE = 0.2
-"""Share of a hold at its beginning that its noise is not taken from."""
-_LEAST_HOLD = 8
-_TENTH = 0.1
-_ROUNDING_V = 1e-9
+CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
+"""Parameters of a file that name its sensors without a lens."""
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How recordings are analysed.
+class ClockOffset:
+    """How the clock of a stage's log differs from the recorder's; see `solen.analysis.alignment.Alignment`."""
+
+    file: str
+    angle_file: str
+    lag_s: float
+    u_lag_s: float
+    rate_ppm: float
+    u_rate_ppm: float
+
+
+@dataclass(frozen=True)
+class SwingWithoutLens:
+    """Mean swing of a receiver with a lens and without one, and the latter in per cent of the former."""
+
+    swing_V: float
+    swing_without_lens_V: float
+    without_lens_percent: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Result):
+    """Sensors analysed and compared.
 
     Attributes
     ----------
-    drop_cycles
-        Cycles at the beginning of each recording that are not used.
-    step_deg
-        Step of the grid of angles; None for one that fits the range.
-    rails_V
-        Lowest and highest voltage that the recorder shows, where they are known.
+    sensors
+        Every sensor by its label, in the order of the files.
+    mean_of_sensors, mean_of_controls
+        Those with a lens and those without, side by side; None where there are none.
+    lens_beside_none
+        Swing without a lens beside that with one, by receiver; None unless there are both.
+    alignment
+        How the clocks of logs differ from the recorders'.
+    options
+        How the recordings were analysed.
     dark_V
-        Voltage of a receiver without light, where it is known.
-    """
-
-    drop_cycles: int = 1
-    step_deg: float | None = None
-    rails_V: tuple[float, float] | None = None
-    dark_V: float | None = None
-
-
-@dataclass(frozen=True)
-class Run:
-    """One recording: its motion, the places of the cycles that are used, and which samples are clipped, (n, m)."""
-
-    signals: Signals
-    motion: Motion
-    used: tuple[int, ...]
-    clipped: NDArray[np.bool_]
-    warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Analysed:
-    """One sensor.
-
-    Attributes
-    ----------
-    label, lens, receivers
-        As in `Signals`.
-    runs
-        Its recordings.
-    passes
-        Ways of all of them on one grid.
-    numbers
-        Of each receiver, by its name.
-    pair
-        Numbers of left and right together; None where the names do not tell them.
+        Voltage without light: as stated, or 0 where ambient light is subtracted.
+    ambient_subtracted
+        Whether ambient light is subtracted in all recordings.
+    provenances
+        Of every recording.
     warnings
-        What cannot be concluded.
+        Assumptions, and what cannot be concluded.
     """
 
-    label: str
-    lens: bool | None
-    receivers: tuple[str, ...]
-    runs: tuple[Run, ...]
-    passes: Passes
-    numbers: dict[str, dict[str, Any]]
-    pair: dict[str, Any] | None
+    sensors: dict[str, SensorResponse]
+    mean_of_sensors: SensorGroup | None
+    mean_of_controls: SensorGroup | None
+    lens_beside_none: dict[str, SwingWithoutLens] | None
+    alignment: tuple[ClockOffset, ...]
+    options: AnalysisOptions
+    dark_V: float | None
+    ambient_subtracted: bool
+    provenances: tuple[Provenance, ...] = field(metadata=HIDDEN)
     warnings: tuple[str, ...]
 
-    def curve(self, receiver: int, direction: int | None = None) -> Curve:
-        """Mean and spread of a receiver: of the rising ways (0), the falling (1), or of both."""
-        ways = self.passes.of(receiver)
-        chosen = slice(None) if direction is None else slice(direction, direction + 1)
-        size = self.passes.angle_deg.size
-        return curve(ways.volts[:, chosen, :, 0].reshape(-1, size), ways.clipped[:, chosen, :, 0].reshape(-1, size))
+    @reported
+    def near_zero_deg(self) -> float:
+        """Angles about 0 over which the sensitivity near zero is taken."""
+        return NEAR_ZERO_DEG
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether any recording is simulated."""
+        return any(one.simulated for one in self.provenances)
+
+    @reported
+    def sources(self) -> tuple[Provenance, ...]:
+        """The files, each once."""
+        return tuple({one.sha256: one for one in self.provenances}.values())
+
+    @property
+    def remark(self) -> str:
+        """What every figure must state about the processing; empty for nothing."""
+        return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
 
-@dataclass(frozen=True)
-class Group:
-    """Sensors side by side: mean and standard deviation of their mean curves, and of their swings.
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """What one recording of a file holds."""
 
-    ``mean_V`` and ``sd_V`` are (g,) by the name of the receiver; ``sd_V`` is NaN for a single sensor.
-    """
-
-    labels: tuple[str, ...]
-    angle_deg: FloatArray
-    mean_V: dict[str, FloatArray]
-    sd_V: dict[str, FloatArray]
-    swing_V: dict[str, float]
-    sd_swing_V: dict[str, float]
+    signals: tuple[Signals, ...]
+    provenances: tuple[Provenance, ...]
+    alignment: tuple[ClockOffset, ...]
+    ambient_subtracted: bool
+    warnings: tuple[str, ...]
 
 
-def analysed(recordings: Sequence[Signals], settings: Settings, motions: dict[int, Motion] | None = None) -> Analysed:
-    """Response and numbers of one sensor.
-
-    ``motions`` keeps what was found in an angle, by the identity of its array, for the other sensors on the same stage.
+def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
+    """Every sensor of every file, analysed and compared.
 
     Raises
     ------
-    DataError
-        Where a recording holds no whole cycle, none is left, or its recordings have other receivers.
+    DataError, SpecError
+        In one line, where a file or an option is not what it should be.
     """
-    first = recordings[0]
-    for other in recordings[1:]:
-        if other.receivers != first.receivers:
-            limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
-            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
-    known = {} if motions is None else motions
-    runs = tuple(_run(signals, settings, known) for signals in recordings)
-    ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in runs]
-    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
-    if low >= high:
-        limit = f"has no angle that all its ways reach ({low:.3g}° to {high:.3g}°)"
-        raise DataError(f"sensor {first.label}", limit=limit, remedy="analyse its recordings apart")
-    grid = grid_deg(low, high, settings.step_deg or nice_step(high - low))
-    found = _passes(runs[0], grid)
-    for run in runs[1:]:
-        found = found.joined(_passes(run, grid))
-    noise = _noise(runs)
-    numbers = {name: _numbers(found.of(n), noise[n], runs, n) for n, name in enumerate(first.receivers)}
-    sides = pair(first.receivers)
-    both = None if sides is None else pair_numbers(found, sides, noise, settings.dark_V)
-    told = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    told += [] if first.lens is False else sign_warnings(numbers, sides, first.receivers)
-    told += _cautions(first.receivers, numbers, found, runs)
-    return Analysed(first.label, first.lens, first.receivers, runs, found, numbers, both, tuple(told))
-
-
-def _run(signals: Signals, settings: Settings, known: dict[int, Motion]) -> Run:
-    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg)
-    known[id(signals.angle_deg)] = motion
-    count = len(motion.cycles)
-    if count <= settings.drop_cycles:
-        limit = f"holds {count} whole cycle{'s' * (count != 1)}, and the first {settings.drop_cycles} are left out"
-        raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
-    moving = np.zeros(signals.time_s.size, dtype=bool)
-    for ramp in motion.ramps:
-        moving[ramp.start + 1 : ramp.stop - 1] = True  # its ends belong to holds, which repeat a value
-    marked = np.column_stack([clipped(column, moving, settings.rails_V) for column in signals.volts.T])
-    if signals.clipped is not None:
-        marked |= signals.clipped
-    used = tuple(range(settings.drop_cycles, count))
-    return Run(signals, motion, used, marked, tuple(_clip_words(signals, marked)))
-
-
-def _clip_words(signals: Signals, marked: NDArray[np.bool_]) -> list[str]:
-    told = []
-    for name, column, flags in zip(signals.receivers, signals.volts.T, marked.T, strict=True):
-        if flags.any():
-            ends = sorted({float(value) for value in (column[flags].min(), column[flags].max())})
-            at = " and ".join(f"{value:.4g} V" for value in ends)
-            share = 100.0 * flags.mean()
-            told.append(
-                f"{name}: {int(flags.sum())} samples ({share:.2g} %) are clipped at {at}; angles at which a "
-                "cycle is clipped have no mean, and the numbers are those of the rest"
-            )
-    return told
-
-
-def _passes(run: Run, grid: FloatArray) -> Passes:
-    signals = run.signals
-    return passes(signals.angle_deg, signals.volts, run.motion, run.used, grid, run.clipped)
-
-
-def _noise(runs: Sequence[Run]) -> list[float]:
-    """Standard deviation of a reading of each receiver, about a straight line within each hold.
-
-    Without holds, from second differences of neighbouring samples.
-    """
-    squares, freedom = np.zeros(len(runs[0].signals.receivers)), np.zeros(len(runs[0].signals.receivers))
-    for run in runs:
-        for start, stop in run.motion.holds:
-            begin = start + math.ceil(_SETTLE * (stop - start))
-            if stop - begin >= _LEAST_HOLD:
-                part = run.signals.volts[begin:stop]
-                good = np.isfinite(part).all(axis=0) & ~run.clipped[begin:stop].any(axis=0)
-                squares += np.where(good, _about_line(run.signals.time_s[begin:stop], part), 0.0)
-                freedom += np.where(good, part.shape[0] - 2, 0)
-    second = np.vstack([np.diff(run.signals.volts, 2, axis=0) for run in runs])
-    with np.errstate(invalid="ignore", divide="ignore"):
-        held = np.sqrt(squares / freedom)
-        other = np.sqrt(np.nanmean(second**2, axis=0) / 6.0)
-    return [float(value) for value in np.where(freedom > 0, held, other)]
-
-
-def _about_line(time_s: FloatArray, volts: FloatArray) -> FloatArray:
-    """Sum of squares of each column about its straight line over time."""
-    away = (time_s - time_s.mean())[:, None]
-    rest = volts - volts.mean(axis=0)
-    total = float((away**2).sum())
-    slope = (away * rest).sum(axis=0) / total if total > 0.0 else 0.0
-    return np.asarray(((rest - slope * away) ** 2).sum(axis=0))
-
-
-def _numbers(found: Passes, noise_V: float, runs: Sequence[Run], place: int) -> dict[str, Any]:
-    marked = [run.clipped[:, place] for run in runs]
-    hidden = np.asarray(found.clipped[..., 0].any(axis=(0, 1)))
-    return {
-        **receiver_numbers(found, noise_V),
-        "clipped_samples": int(sum(flags.sum() for flags in marked)),
-        "clipped_angles_deg": _intervals(found.angle_deg, hidden),
-    }
-
-
-def _intervals(angle_deg: FloatArray, hidden: NDArray[np.bool_]) -> list[list[float]]:
-    """First and last angle of each stretch that is hidden."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden.astype(np.int8), [0]])))
-    return [[float(angle_deg[a]), float(angle_deg[b - 1])] for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _rest_words(runs: Sequence[Run]) -> list[str]:
-    """Whether the angle rests elsewhere than at 0, where numbers near zero are not what they are called."""
-    for run in runs:
-        motion = run.motion
-        if (
-            abs(motion.rest_deg) > _TENTH * (motion.high_deg - motion.low_deg)
-            and not motion.low_deg < 0 < motion.high_deg
-        ):
-            return [
-                f"the angle rests at {motion.rest_deg:.4g}° and never passes 0, so there are no numbers near zero; "
-                f"--zero-deg {motion.rest_deg:.4g} counts from there"
-            ]
-    return []
-
-
-def _reach_words(found: Passes, runs: Sequence[Run]) -> list[str]:
-    """Whether some ways go much farther than others, so that only part of the range is common to all."""
-    low, high = min(run.motion.low_deg for run in runs), max(run.motion.high_deg for run in runs)
-    first, last = float(found.angle_deg[0]), float(found.angle_deg[-1])
-    if last - first > (1.0 - _TENTH) * (high - low):
-        return []
-    return [
-        f"the angle goes from {low:.3g}° to {high:.3g}°, but every way that is used only from {first:.3g}° to "
-        f"{last:.3g}°: curves and numbers are of that part"
+    options = options or AnalysisOptions()
+    _check_files(files, options)
+    sensors: dict[str, list[Signals]] = {}
+    parts = []
+    for part in _parts(files, options):
+        for one in part.signals:
+            sensors.setdefault(one.label, []).append(one)
+        parts.append(replace(part, signals=()))
+    _check_controls(options, sensors)
+    bare = all(part.ambient_subtracted for part in parts)
+    used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
+    motions: dict[int, Motion] = {}
+    responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
+    lens, control = ([one for one in responses.values() if (one.lens is False) == without] for without in (False, True))
+    groups = [group_of(ones) if ones else None for ones in (lens, control)]
+    warnings = [
+        *(line for part in parts for line in part.warnings),
+        *_pooling_warnings(options, sensors),
+        *(
+            f"{one.label}: {line}" if len(responses) > 1 else line
+            for one in responses.values()
+            for line in one.warnings
+        ),
+        *_group_warnings(groups, len(responses)),
     ]
-
-
-def _drift_words(name: str, own: dict[str, Any], runs: Sequence[Run]) -> list[str]:
-    """Whether a drift alone parts both ways by as much as half of the hysteresis: they lie up to half a cycle apart."""
-    drift, u = own["drift_V_per_min"], own["u_drift_V_per_min"]
-    lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
-    apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
-    if not (abs(drift) > 3.0 * u and apart > 0.5 * own["hysteresis_V"] > 0.5 * _ROUNDING_V):
-        return []
-    return [
-        f"{name}: a drift of {drift:+.2g} V/min parts rising and falling ways by up to {apart:.2g} V, which is in the "
-        f"hysteresis of {own['hysteresis_V']:.2g} V"
-    ]
-
-
-def _cautions(
-    receivers: tuple[str, ...], numbers: dict[str, dict[str, Any]], found: Passes, runs: Sequence[Run]
-) -> list[str]:
-    """What the numbers of a sensor cannot say."""
-    told = _rest_words(runs) + _reach_words(found, runs)
-    if found.cycles < 3:
-        count = "one cycle is" if found.cycles == 1 else "two cycles are"
-        told.append(f"{count} used: how well they repeat, and how they drift, cannot be told")
-    for name in receivers:
-        own = numbers[name]
-        size, u = own["hysteresis_V"], own["u_hysteresis_V"]
-        if abs(own["swing_V"]) <= max(3.0 * own["u_swing_V"], _ROUNDING_V):
-            told.append(f"{name}: does not answer to the angle beyond its noise (swing {own['swing_V']:.2g} V)")
-        if math.isfinite(u) and 1e-9 * own["range_V"] < size <= 3.0 * u:
-            told.append(
-                f"{name}: the hysteresis of {size:.2g} V is within 3 of its uncertainties ({u:.2g} V); it is a bound"
-            )
-        told += _drift_words(name, own, runs)
-        if not np.isfinite(found.of(receivers.index(name)).volts).any():
-            told.append(f"{name}: has no reading in the cycles that are used")
-    return told
-
-
-def beside(sensors: Sequence[Analysed]) -> Group | None:
-    """Mean and spread over sensors; None where their receivers or angles have nothing in common."""
-    names = [name for name in sensors[0].receivers if all(name in one.receivers for one in sensors)]
-    grids = [{round(float(angle), 9) for angle in one.passes.angle_deg} for one in sensors]
-    common = np.array(sorted(set.intersection(*grids)))
-    if not names or common.size < 2:
-        return None
-    means: dict[str, FloatArray] = {}
-    spreads: dict[str, FloatArray] = {}
-    for name in names:
-        rows = np.array([_at(one, name, common) for one in sensors])
-        means[name] = rows.mean(axis=0)
-        spreads[name] = rows.std(axis=0, ddof=1) if len(rows) > 1 else np.full(common.size, np.nan)
-    swings = {name: np.array([one.numbers[name]["swing_V"] for one in sensors]) for name in names}
-    return Group(
-        labels=tuple(one.label for one in sensors),
-        angle_deg=common,
-        mean_V=means,
-        sd_V=spreads,
-        swing_V={name: float(values.mean()) for name, values in swings.items()},
-        sd_swing_V={
-            name: float(values.std(ddof=1)) if values.size > 1 else math.nan for name, values in swings.items()
-        },
+    return Study(
+        sensors=responses,
+        mean_of_sensors=groups[0],
+        mean_of_controls=groups[1],
+        lens_beside_none=_compared(*groups),
+        alignment=tuple(one for part in parts for one in part.alignment),
+        options=options,
+        dark_V=used.dark_V,
+        ambient_subtracted=bare,
+        provenances=tuple(one for part in parts for one in part.provenances),
+        warnings=tuple(dict.fromkeys(warnings)),
     )
 
 
-def _at(one: Analysed, name: str, angles: FloatArray) -> FloatArray:
-    places = np.searchsorted(one.passes.angle_deg, angles - 1e-6)
-    return one.curve(one.receivers.index(name)).mean_V[places]
+def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
+    if not files:
+        raise SpecError("files", limit="at least one recording is needed", remedy="name one or more")
+    twice = next((path for path in files if list(files).count(path) > 1), None)
+    if twice is not None:
+        raise SpecError("files", value=str(twice), limit="is named twice", remedy="name each recording once")
+    if len(options.angle_file) not in {0, 1, len(files)}:
+        limit = f"must be one for all files, or one for each of the {len(files)}"
+        raise SpecError("--angle-file", value=len(options.angle_file), limit=limit)
+
+
+def _check_controls(options: AnalysisOptions, sensors: Mapping[str, object]) -> None:
+    known = {name for label in sensors for name in (label, label.rpartition(".")[2])}
+    for name in options.control:
+        if name not in known:
+            raise SpecError("--control", value=name, limit=f"no such sensor; there are {', '.join(sensors)}")
+
+
+def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion]) -> SensorResponse:
+    """One sensor; an error names its file."""
+    try:
+        return sensor_response(signals, options, motions)
+    except SolenError as bad:
+        file = signals[0].source
+        if file in bad.what:
+            raise
+        raise DataError(f"{file}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
+
+
+def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[_Part]:
+    """Each recording of each file, by emitter, one after the other."""
+    elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
+    for number, path in enumerate(files):
+        stated = {} if options.pattern is None else labels(path, options.pattern)
+        for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
+            by_emitter = waveforms(recording, options, angle="elsewhere" if elsewhere else "required")
+            for emitter, samples in by_emitter.items():
+                own = ".".join(filter(None, (group, emitter)))
+                label = _label(path, stated.get("sensor"), own, len(files))
+                part = _with_angle(samples, recording, options, path, number)
+                prefix = f"{path.name}: " if len(files) > 1 else ""
+                yield replace(
+                    part[1],
+                    signals=tuple(_signals(part[0], recording, options, label, path, stated.get("lens"), len(files))),
+                    warnings=tuple(prefix + line for line in part[1].warnings),
+                )
+
+
+def _label(path: Path, stated: str | None, own: str, files: int) -> str:
+    """Label of a part of a file: its own name where the file is the only one."""
+    label = stated or path.stem
+    if not own:
+        return label
+    return own if files == 1 and stated is None else f"{label}.{own}"
+
+
+def _with_angle(
+    samples: Waveforms, recording: Recording, options: AnalysisOptions, path: Path, number: int
+) -> tuple[Waveforms, _Part]:
+    """Samples with the angle that was recorded beside them, in a log, or that the protocol asked for."""
+    part = _Part((), (recording.provenance,), (), samples.ambient_subtracted, samples.warnings)
+    if options.angle_file:
+        log = read(options.angle_file[number if len(options.angle_file) > 1 else 0])
+        samples, offset, warnings = _with_log(samples, log, options, path)
+        provenances = (recording.provenance, log.provenance)
+        return samples, replace(
+            part, provenances=provenances, alignment=(offset,), warnings=(*part.warnings, *warnings)
+        )
+    if options.protocol is not None:
+        found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
+        return replace(samples, angle_deg=found.angle_deg), replace(part, warnings=(*part.warnings, *found.warnings))
+    return samples, part
+
+
+def _with_log(
+    samples: Waveforms, log: Recording, options: AnalysisOptions, path: Path
+) -> tuple[Waveforms, ClockOffset, list[str]]:
+    """Samples with the angle of a log on another clock, how the clocks differ, and warnings."""
+    own = options.model_copy(update={"time": options.angle_time, "rate_hz": None})
+    warnings: list[str] = []
+    base = sample_times(log, own, warnings)
+    logged = recorded_angle_deg(log, own, warnings)
+    file = log.provenance.file
+    if logged is None:
+        raise DataError(file, limit="no column is recognised as the angle", remedy="name it with --angle")
+    angle = logged[base.order]
+    held = np.isfinite(angle)
+    found = align(samples.time_s, samples.volts, base.time_s[held], angle[held])
+    aligned = replace(samples, angle_deg=found.angle_deg).rows(np.isfinite(found.angle_deg))
+    offset = ClockOffset(path.name, file, found.lag_s, found.u_lag_s, found.rate_ppm, found.u_rate_ppm)
+    return aligned, offset, [*(f"{file}: {line}" for line in (*base.warnings, *warnings)), *found.warnings]
+
+
+def _signals(
+    samples: Waveforms,
+    recording: Recording,
+    options: AnalysisOptions,
+    label: str,
+    path: Path,
+    lens: str | None,
+    files: int,
+) -> Iterator[Signals]:
+    """Signals of each sensor of a recording."""
+    metadata = recording.provenance.metadata
+    stated = lens or metadata.get("lens")
+    has = None if stated is None else has_lens(stated)
+    texts = [value for key, value in metadata.items() if key.strip().casefold() in CONTROL_KEYS]
+    controls = {*options.control, *(name for text in texts for name in re.split(r"[,;\s]+", text) if name)}
+    ambient_V = ambient_by_side(recording)
+    for sensor, receivers in by_sensor(samples.receivers, label, alone=files == 1).items():
+        places = list(receivers.values())
+        clipped = None if samples.clipped is None else samples.clipped[:, places]
+        own = has if has is not None or not controls else True
+        if controls & {sensor, sensor.rpartition(".")[2]}:
+            own = False
+        assert samples.angle_deg is not None  # noqa: S101  required, or given by _with_angle
+        yield Signals(
+            label=sensor,
+            receivers=tuple(receivers),
+            time_s=samples.time_s,
+            angle_deg=samples.angle_deg,
+            volts=samples.volts[:, places],
+            lens=own,
+            source=path.name,
+            clipped=clipped,
+            provenance=recording.provenance,
+            ambient_V=ambient_V,
+        )
+
+
+def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str, SwingWithoutLens] | None:
+    """How much of the swing with a lens is left without one, by receiver."""
+    if lens is None or control is None:
+        return None
+    compared = {}
+    for name, receiver in lens.receivers.items():
+        if name in control.receivers:
+            with_lens, without = receiver.swing_V, control.receivers[name].swing_V
+            percent = 100.0 * abs(without / with_lens) if with_lens else np.nan
+            compared[name] = SwingWithoutLens(with_lens, without, percent)
+    return compared
+
+
+def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[str]:
+    """Recordings that are pooled though no pattern says so."""
+    if options.pattern is not None:
+        return []
+    return [
+        f"{label}: {len(signals)} recordings of one name are taken for one sensor; --pattern tells them apart"
+        for label, signals in sensors.items()
+        if len(signals) > 1
+    ]
+
+
+def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[str]:
+    """What the number of sensors cannot show."""
+    warnings = []
+    for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
+        if group is not None and group.n == 1 and sensors > 1:
+            warnings.append(f"one sensor {what}: how far prints differ cannot be judged from it")
+    if groups[0] is not None and sensors == 1:
+        warnings.append("one sensor: its cycles show how it repeats, not how far prints differ")
+    return warnings

@@ -11,9 +11,8 @@ The interface: `time_base` of stamps gives a `TimeBase`: which samples, in what 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
 
 LONGEST_GAP = 5.0
@@ -22,7 +21,7 @@ _FEW_STEPS, _SHARE = 10.0, 0.01  # how far back, and how many of the samples, is
 _LEAST = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TimeBase:
     """Order of the samples in time.
 
@@ -40,7 +39,7 @@ class TimeBase:
         What is not as a steady clock would have it.
     """
 
-    order: NDArray[np.intp]
+    order: IndexArray
     time_s: FloatArray
     step_s: float
     gaps_s: FloatArray
@@ -88,7 +87,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     return TimeBase(order, ordered, usual, gaps, tuple(warnings))
 
 
-def _disorder(time_s: FloatArray, order: NDArray[np.intp], steps: FloatArray, usual: float, name: str) -> str:
+def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> str:
     """Warning of a few samples out of order; `DataError` where the clock was set back."""
     back = np.flatnonzero(steps < 0.0)
     worst = back[np.argmin(steps[back])]

@@ -79,6 +79,12 @@ def check_out(out: Path | None) -> None:
         raise OutputError(str(out), limit="a result ends in .json", remedy="rename it")
 
 
+def check_table(out: Path | None, what: str) -> None:
+    """`OutputError` where a table is asked for in a file that is not called CSV."""
+    if out is not None and out.suffix.lower() != ".csv":
+        raise OutputError(str(out), limit=f"{what} are written as .csv", remedy="rename it")
+
+
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """`SpecError` where an option is none of its choices."""
     if value not in choices:

@@ -2,29 +2,46 @@
 
 The idea: a calibration is the curve that (V_left, V_right) runs through while the sensor turns, one for rising and one
 for falling angles, and the covariance of a reading about it. A reading is decoded by the likelihood of every angle, so
-that two angles that explain it equally well stay two. What a calibration is worth is told by cycles, or prints, that
-it has not seen.
+that two angles that explain it equally well stay two. What a calibration is worth is measured on cycles, or prints,
+that were left out of it.
 
-The interface: `training_of` an `Analysed` sensor, `calibrated` or `pooled`, `Decoder`, `leave_one_cycle_out` and
-`leave_one_sensor_out`; `CalibrationFile` is what is saved.
+The interface: `calibrated_sensors` of a `Study`; its steps `training_of` a `SensorResponse`, `calibrated`, `pooled`,
+`leave_one_cycle_out` and `leave_one_sensor_out`; `CalibrationFile` is what is saved, `Decoder` decodes by it, and
+`StreamDecoder` a whole stream.
 """
 
-from solen.analysis.calibration.checks import Check, leave_one_cycle_out, leave_one_sensor_out
+from solen.analysis.calibration.calibrate import (
+    CalibrationOptions,
+    SensorCalibration,
+    SensorCalibrations,
+    calibrated_sensors,
+)
+from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
 from solen.analysis.calibration.decoder import Decoded, Decoder
-from solen.analysis.calibration.fit import Calibration, calibrated, pooled
+from solen.analysis.calibration.decoding import DecodeOptions, Decoding, StreamDecoder
+from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
+from solen.analysis.calibration.file import CalibrationFile
 from solen.analysis.calibration.heading import Headings, Tracker
 from solen.analysis.calibration.training import Samples, Training, training_of
 
 __all__ = [
     "Calibration",
+    "CalibrationFile",
+    "CalibrationOptions",
     "Check",
+    "DecodeOptions",
     "Decoded",
     "Decoder",
+    "Decoding",
     "Headings",
     "Samples",
+    "SensorCalibration",
+    "SensorCalibrations",
+    "StreamDecoder",
     "Tracker",
     "Training",
     "calibrated",
+    "calibrated_sensors",
     "leave_one_cycle_out",
     "leave_one_sensor_out",
     "pooled",

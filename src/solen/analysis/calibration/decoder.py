@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 from scipy.stats import f as f_distribution
 
-from solen.analysis.calibration.fit import Calibration, at_angles
+from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
 LEVELS = (0.68, 0.95)
@@ -38,7 +38,7 @@ _DEEPEST = 200.0  # below the best log-likelihood that there is, readings are on
 _SURE = 1.0 - LEVELS[1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Decoded:
     """Angles of readings.
 
@@ -97,7 +97,7 @@ class Decoded:
         return Decoded(**(found | {"other": number[found["other"]]}))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Metric:
     """How far voltages are from each straight piece, for the receivers that are not clipped.
 

@@ -1,7 +1,7 @@
-"""A calibration as it is saved: the curves and covariances, what was moved and how, where it comes from, its checks.
+"""The file of a calibration: curves and covariances, motion and circuit, sources, checks.
 
-The interface: `CalibrationFile`, `load` of a path, `text_of` one; `Motion` and `Circuit` say what a calibration is for,
-and `differences` in what a recording is of another kind.
+The interface: `CalibrationFile`, `load` of a path, `text_of` one; `Motion` and `Circuit` state what a calibration is
+for, and `differences` how a recording differs from that.
 """
 
 import json
@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.fit import Calibration
+from solen.analysis.calibration.estimate import Calibration
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
@@ -22,6 +22,7 @@ SCHEMA = 1
 SUFFIX = ".calibration.json"
 KIND = "calibration"
 
+Ambient = Literal["subtracted", "not subtracted"]
 Pair = tuple[Number, Number]
 Three = tuple[Number, Number, Number]
 """Variance of left, covariance, variance of right."""
@@ -49,10 +50,8 @@ class Circuit(Strict):
     table: ClassVar[str] = "circuit"
     error: ClassVar[type[DataError]] = DataError
 
-    ambient: Literal["subtracted", "not subtracted"] | None = Field(
-        None, description="Whether ambient light was taken out of the voltages."
-    )
-    emitter_current_ma: Number | None = Field(None, description="Current of the emitter, by the design.")
+    ambient: Ambient | None = Field(None, description="Whether ambient light was taken out of the voltages.")
+    emitter_current_mA: Number | None = Field(None, description="Current of the emitter, by the design.")
     load_ohm: Number | None = Field(None, description="Load resistor of the receivers, by the design.")
     design_sha256: Text | None = Field(None, description="Checksum of the design file's text.")
 
@@ -64,25 +63,25 @@ class Curves(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     angle_deg: Column = Field(description="Angles, ascending, in degrees.")
-    rising_v: tuple[Pair, ...] = Field(description="Mean of the rising ways.")
-    falling_v: tuple[Pair, ...] = Field(description="Mean of the falling ways.")
-    noise_v2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
-    repeat_v2: tuple[Three, ...] = Field(description="Covariance of a new cycle, with the error of the mean.")
-    between_v2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single one.")
+    rising_V: tuple[Pair, ...] = Field(description="Mean of the rising ways.")
+    falling_V: tuple[Pair, ...] = Field(description="Mean of the falling ways.")
+    noise_V2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
+    repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, with the error of the mean.")
+    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single one.")
     samples: tuple[NotNegative, ...] = Field(description="Samples that the covariances rest on.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
         size = len(self.angle_deg)
-        for name in ("rising_v", "falling_v", "noise_v2", "repeat_v2", "between_v2", "samples"):
+        for name in ("rising_V", "falling_V", "noise_V2", "repeat_V2", "between_V2", "samples"):
             if len(getattr(self, name)) != size:
                 raise refused(name, f"must have {size} entries, one for each angle", value=len(getattr(self, name)))
         if not (np.diff(self.angle_deg) > 0.0).all():
             raise refused("angle_deg", "must ascend")
-        for name in ("noise_v2", "repeat_v2", "between_v2"):
+        for name in ("noise_V2", "repeat_V2", "between_V2"):
             a, b, c = np.array(getattr(self, name)).T
             if (a < 0.0).any() or (c < 0.0).any() or (b * b > a * c * (1.0 + 1e-9) + 1e-300).any():
-                raise refused(name, "holds what is no covariance")
+                raise refused(name, "is not a covariance")
         return self
 
 
@@ -122,11 +121,11 @@ class CalibrationFile(Strict):
     prints: tuple[Text, ...] = Field(description="The sensors that it was made of.")
     simulated: bool = Field(description="Whether any recording was computed.")
     cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
-    freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_v2.")
-    rails_v: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
+    freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
+    rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
         description="Lowest and highest voltage of left and right at which readings were clipped; null for none."
     )
-    dark_v: Number | None = Field(None, description="Voltage without light, where it is known.")
+    dark_V: Number | None = Field(None, description="Voltage without light, where it is known.")
     motion: Motion = Field(description="What was moved, and how far.")
     circuit: Circuit = Field(description="What the voltages are.")
     curves: Curves = Field(description="Voltages over the angles, and their covariances.")
@@ -142,15 +141,15 @@ class CalibrationFile(Strict):
         curves = self.curves
         return Calibration(
             angle_deg=np.array(curves.angle_deg),
-            curves_V=np.array([curves.rising_v, curves.falling_v]),
-            noise=_square(curves.noise_v2),
-            repeat=_square(curves.repeat_v2),
-            between=_square(curves.between_v2),
+            curves_V=np.array([curves.rising_V, curves.falling_V]),
+            noise=_square(curves.noise_V2),
+            repeat=_square(curves.repeat_V2),
+            between=_square(curves.between_V2),
             samples=np.array(curves.samples),
             cycles=self.cycles,
             prints=len(self.prints),
             freedom=(self.freedom_repeat, len(self.prints) - 1),
-            rails_V=np.array(self.rails_v, dtype=np.float64),
+            rails_V=np.array(self.rails_V, dtype=np.float64),
         )
 
 
@@ -158,11 +157,11 @@ def curves_of(one: Calibration) -> Curves:
     """Curves and covariances as they are saved."""
     return Curves(
         angle_deg=tuple(one.angle_deg.tolist()),
-        rising_v=_rows(one.curves_V[0]),
-        falling_v=_rows(one.curves_V[1]),
-        noise_v2=_three(one.noise),
-        repeat_v2=_three(one.repeat),
-        between_v2=_three(one.between),
+        rising_V=_rows(one.curves_V[0]),
+        falling_V=_rows(one.curves_V[1]),
+        noise_V2=_three(one.noise),
+        repeat_V2=_three(one.repeat),
+        between_V2=_three(one.between),
         samples=tuple(one.samples.tolist()),
     )
 
@@ -191,16 +190,19 @@ def text_of(one: CalibrationFile) -> str:
 
 
 def load(path: Path) -> CalibrationFile:
-    """Calibration of a file; `DataError` in one line where it cannot be read or is none."""
+    """Calibration of a file; `DataError` in one line where it cannot be read or is not one."""
     try:
         data = json.loads(read_text(path, DataError), parse_constant=_no_number)
     except (ValueError, RecursionError) as bad:
         remedy = "make it again with solen bench calibrate"
-        raise DataError(str(path), limit=f"is no JSON: {str(bad)[:100]}", remedy=remedy) from None
+        raise DataError(str(path), limit=f"is not JSON: {str(bad)[:100]}", remedy=remedy) from None
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
         raise DataError(
-            str(path), value=found, limit="is no calibration of a sensor", remedy="make one with solen bench calibrate"
+            str(path),
+            value=found,
+            limit="is not a calibration of a sensor",
+            remedy="make one with solen bench calibrate",
         )
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with told_of(str(path)):
@@ -208,7 +210,7 @@ def load(path: Path) -> CalibrationFile:
 
 
 def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number")
+    raise ValueError(f"{text} is not a number")
 
 
 def _tuples(value: Any) -> Any:
@@ -242,7 +244,7 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
             other.append(f"{name} {_text(theirs)} instead of {_text(mine)}")
     for name, before, now, unit in (
         ("ambient light", ours.circuit.ambient, circuit.ambient, ""),
-        ("emitter current", ours.circuit.emitter_current_ma, circuit.emitter_current_ma, " mA"),
+        ("emitter current", ours.circuit.emitter_current_mA, circuit.emitter_current_mA, " mA"),
         ("load resistor", ours.circuit.load_ohm, circuit.load_ohm, " ohm"),
     ):
         if before is not None and now is not None and before != now:

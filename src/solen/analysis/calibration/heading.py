@@ -19,7 +19,7 @@ SURE = 0.975
 _LEAST = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Headings:
     """Slope (deg/s), and the probability that the angle rises, both (n,); NaN and 0.5 where there are too few."""
 

@@ -10,16 +10,16 @@ import numpy as np
 
 from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS
-from solen.analysis.signals import pair
-from solen.analysis.study import Analysed, Run
+from solen.analysis.sensor_response import Run, SensorResponse
 from solen.arrays import BoolArray, FloatArray, IndexArray
 from solen.errors import DataError
+from solen.recording.column_roles import left_right
 
 LEAST_CYCLES = 2
 """With a single cycle nothing says how well cycles repeat."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Samples of the used cycles, their holds too.
 
@@ -44,7 +44,7 @@ class Samples:
         return Samples(self.angle_deg[kept], self.volts[kept], self.cycle[kept], self.way[kept], self.follows[kept])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Training:
     """One sensor's ways and samples.
 
@@ -96,7 +96,7 @@ def mean_curves(cycles_V: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(mean), mean, other))
 
 
-def training_of(sensor: Analysed) -> Training:
+def training_of(sensor: SensorResponse) -> Training:
     """Ways and samples of an analysed sensor.
 
     Raises
@@ -104,7 +104,7 @@ def training_of(sensor: Analysed) -> Training:
     DataError
         Without one left and one right receiver, with a single cycle, or where they have no angles in common.
     """
-    sides = pair(sensor.receivers)
+    sides = left_right(tuple(sensor.receivers))
     if sides is None:
         limit = f"has no pair of a left and a right receiver: {', '.join(sensor.receivers)}"
         remedy = "name them with --channel left=COLUMN right=COLUMN"
@@ -135,7 +135,7 @@ def _stretch(good: BoolArray) -> tuple[int, int]:
     return int(starts[longest]), int(stops[longest])
 
 
-def _samples(sensor: Analysed, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
+def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
     """Samples of all runs between two angles, without the clipped ones, and the voltages at which those are."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)

@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.analysis.demodulation.slots import OFF, Slots
 from solen.analysis.demodulation.subtract import Demodulated, on_sd, slot_sd
-from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 MOST_READINGS = 1000
@@ -23,7 +23,7 @@ NEAR = 0.02
 """Part of a mains period that a block may miss a whole number of them by."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Averaged:
     """Means of blocks of readings: as `Demodulated`, with ``left_out`` readings that fill no unbroken block."""
 
@@ -80,7 +80,7 @@ def _u(found: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> Fl
     return np.asarray(np.sqrt(on_sd(slots, off_sd, emitter) ** 2 / readings + of_off * off_sd**2))
 
 
-def _of_emitter(found: Demodulated, emitter: int, readings: int) -> np.ndarray[tuple[int, int], np.dtype[np.intp]]:
+def _of_emitter(found: Demodulated, emitter: int, readings: int) -> IndexArray:
     """Places (B, readings) of blocks without a gap: their number on the emitter's clock is one after the other."""
     places = np.flatnonzero(found.of(emitter))
     if not places.size or not math.isfinite(found.period_s):

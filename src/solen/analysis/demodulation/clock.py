@@ -11,7 +11,7 @@ its place in the sequence, counted from the first on slot of the recording.
 The interface: `find_clock`; `Clock.states` gives the state of each sample for `slots_of`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from solen.analysis.demodulation.slots import DROPPED, OFF
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
+from solen.results import HIDDEN, Result
 
 On = Literal["low", "high"]
 
@@ -34,8 +35,8 @@ CLEAR = 6.0
 """How many times its noise a modulation must stand out by."""
 
 
-@dataclass(frozen=True)
-class Clock:
+@dataclass(frozen=True, eq=False, repr=False)
+class Clock(Result):
     """Phases of N samples.
 
     Attributes
@@ -58,7 +59,7 @@ class Clock:
         Share of a period between a quarter and three quarters of the height: small for a switch, 1/3 for a sine.
     """
 
-    phase: FloatArray
+    phase: FloatArray = field(metadata=HIDDEN)
     rate_hz: float
     u_rate_hz: float
     wander_us: float

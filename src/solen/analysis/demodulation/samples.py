@@ -1,12 +1,70 @@
-"""Samples of several channels, and the state of the emitters at each: what slots are made of."""
+"""Samples of several channels with the state of the emitters at each, from the columns of a recording.
 
+The interface: `samples_of` a `Recording` by `DemodulationOptions` gives `Samples`; `limits_of` them where they clip;
+`other_columns` are what else was recorded, at the times of readings.
+"""
+
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
-from solen.analysis.demodulation.clock import Clock
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.analysis.demodulation.clock import Clock, On, find_clock
+from solen.analysis.demodulation.rejection import Kernel
+from solen.analysis.demodulation.slots import OFF
 from solen.arrays import FloatArray, IntArray
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Recording
+from solen.recording.column_roles import column_of, receiver_columns
+from solen.spec.strict import Finite, Options, refused
+
+STATES = ("state", "emitter", "led", "emitter state")
+VOLTAGES = ("V", "mV", "µV")
+OFF_WORDS, ON_WORDS = ("off", "dark", "aus", "0", "false"), ("on", "light", "an", "ein", "1", "true")
+DEFAULT_SETTLE_US = 300.0
+"""Time after a switch that is left out of a waveform: some ten time constants at 2 kΩ."""
+DISTINCT, AT_EXTREME = 100, 4
+"""Clipping is detected in channels of so many different values, from so many samples at the extreme."""
 
 
-@dataclass(frozen=True)
+class DemodulationOptions(Options):
+    """How ambient light is subtracted from a recording."""
+
+    channel: tuple[str, ...] = ()
+    """Column of a receiver; repeatable. Default: all columns in V."""
+    time: str | None = None
+    """Column of the time; default: the column whose header names it."""
+    state: str | None = None
+    """Column that says which emitter is on: 0 or off for none. Default: one called state, emitter or led."""
+    rate_hz: Finite | None = Field(None, gt=0)
+    """Readings of one emitter per second; the edges are then found in the waveform itself."""
+    emitters: int = Field(1, ge=1)
+    """How many take turns in a waveform, each followed by an off phase."""
+    on: On = "low"
+    """Whether light makes the readings low, as at the paper's receivers, or high."""
+    settle_us: Finite | None = Field(None, ge=0)
+    """Time after each switch that is left out; default: 300 in a waveform, 0 with states."""
+    kernel: Kernel = "two-sided"
+    """two-sided subtracts by the off phases before and after, one-sided by the one before, for comparison."""
+    mains_hz: Finite | None = Field(None, gt=0)
+    """Take means over whole periods of the mains, 50 or 60; a filter, off by default."""
+    low: Finite | None = None
+    """Value at and below which a channel is clipped; default: detected from its extremes."""
+    high: Finite | None = None
+    """Value at and above which a channel is clipped; default: detected from its extremes."""
+
+    @model_validator(mode="after")
+    def _check_state(self) -> Self:
+        if self.state is not None and self.rate_hz is not None:
+            limit = "has no effect with --state, which says when an emitter is on"
+            raise refused("rate_hz", limit, value=self.rate_hz, remedy="leave one of them out")
+        return self
+
+
+@dataclass(frozen=True, eq=False)
 class Samples:
     """N samples of C channels.
 
@@ -31,3 +89,137 @@ class Samples:
     state: IntArray
     settle_s: float
     clock: Clock | None
+
+
+def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
+    """Samples of a recording with the state of each, from its column or from the waveform.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where a column is missing, or neither states nor a rate are known.
+    """
+    time = _time(recording, options)
+    time_s = time.to("s") if time.unit else time.values
+    state = _recorded_state(recording, options)
+    channels = _channels(recording, options, time)
+    kept = np.isfinite(time_s)
+    time_s, values = time_s[kept], np.stack([channel.values for channel in channels], axis=1)[kept]
+    names, units = zip(*map(_name_and_unit, channels), strict=True)
+    if state is not None:
+        return Samples(time_s, values, names, units, state[kept], 1e-6 * (options.settle_us or 0.0), None)
+    if options.rate_hz is None:
+        limit = "neither a column of states nor a switching rate is known"
+        raise SpecError("--state", limit=limit, remedy="name the column, or state --rate-hz 200")
+    settle_s = 1e-6 * (DEFAULT_SETTLE_US if options.settle_us is None else options.settle_us)
+    clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
+    if settle_s >= clock.shorter_s:
+        limit = f"leaves nothing of the shorter phase, which lasts {1e6 * clock.shorter_s:.0f} µs"
+        raise SpecError("--settle-us", value=1e6 * settle_s, limit=limit, remedy="shorten it")
+    return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
+
+
+def other_columns(recording: Recording, options: DemodulationOptions, at_s: FloatArray) -> dict[str, FloatArray]:
+    """Other columns of numbers, such as a stage's angle, interpolated at the times of readings (M,), by header.
+
+    Times lie within those of the samples; a column without numbers is left out.
+    """
+    time = _time(recording, options)
+    time_s = time.to("s") if time.unit else time.values
+    used = {time.name, *(one.name for one in _channels(recording, options, time))}
+    state = recording.find(*_state_names(options)) if options.rate_hz is None else None
+    used |= {state.name} if state is not None else set()
+    columns = {}
+    for channel in recording.channels:
+        there = np.isfinite(time_s) & np.isfinite(channel.values)
+        if channel.name not in used and there.any():
+            name, unit = _name_and_unit(channel)
+            columns[f"{name} ({unit})" if unit else name] = np.interp(at_s, time_s[there], channel.values[there])
+    return columns
+
+
+def _time(recording: Recording, options: DemodulationOptions) -> Channel:
+    if options.time:
+        return recording.channel(options.time)
+    return column_of(recording, "time") or recording.need("time")
+
+
+def _channels(recording: Recording, options: DemodulationOptions, time: Channel) -> Sequence[Channel]:
+    """Channels that are named, or else all voltages."""
+    if options.channel:
+        return [recording.channel(name) for name in dict.fromkeys(options.channel)]
+    free = [one for one in recording.channels if one.name != time.name]
+    channels = [one for one in free if _name_and_unit(one)[1] in VOLTAGES] or receiver_columns(free)
+    if not channels:
+        limit = f"no column is in V; there are {', '.join(recording.names)}"
+        raise SpecError("--channel", limit=limit, remedy="name the columns of the receivers")
+    return channels
+
+
+def _name_and_unit(channel: Channel) -> tuple[str, str]:
+    """Name and unit of a channel; ``right_V`` without a unit of its own is split."""
+    stem, _, end = channel.name.rpartition("_")
+    return (stem, end) if not channel.unit and stem and end in VOLTAGES else (channel.name, channel.unit)
+
+
+def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
+    return (options.state,) if options.state else STATES
+
+
+def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
+    """States by a column of numbers or words; None where a rate is stated or there is none."""
+    if options.rate_hz is not None:
+        return None
+    names = _state_names(options)
+    channel, texts = recording.find(*names), recording.label(*names)
+    if channel is not None:
+        return _states_of_numbers(channel)
+    if texts is None:
+        return None if options.state is None else _states_of_numbers(recording.channel(options.state))
+    return np.array([_state_of_word(text, row) for row, text in enumerate(texts, start=1)], dtype=np.int64)
+
+
+def _states_of_numbers(channel: Channel) -> IntArray:
+    values = np.where(np.isfinite(channel.values), channel.values, -1.0)
+    wrong = np.flatnonzero((values != np.rint(values)) | (values < -1.0))
+    if wrong.size:
+        limit = "must be whole: 0 with all emitters off, the emitter's number while one is on"
+        raise DataError(f"{channel.name} in row {int(wrong[0]) + 1}", value=float(values[wrong[0]]), limit=limit)
+    return values.astype(np.int64)
+
+
+def _state_of_word(text: str, row: int) -> int:
+    """State of a word: off, on, on 2, emitter 2; empty for a sample without one."""
+    word = text.strip().casefold()
+    if not word:
+        return -1
+    if word in OFF_WORDS:
+        return OFF
+    if word in ON_WORDS:
+        return 1
+    number = re.fullmatch(r"(?:on|led|emitter|e)?[\s_#-]*(\d+)", word)
+    if number is None:
+        limit = "must be off, on, a number, or emitter and its number"
+        raise DataError(f"state in row {row}", value=text, limit=limit)
+    return int(number[1])
+
+
+def limits_of(samples: Samples, options: DemodulationOptions) -> tuple[FloatArray, FloatArray]:
+    """Values of each channel at and beyond which it is clipped (C,): as stated, or by how often its extremes occur."""
+    low, high = np.full(samples.values.shape[1], -np.inf), np.full(samples.values.shape[1], np.inf)
+    for place, column in enumerate(samples.values.T):
+        there = column[np.isfinite(column)]
+        if there.size:
+            low[place] = -_upper_limit(-there) if options.low is None else options.low
+            high[place] = _upper_limit(there) if options.high is None else options.high
+    return low, high
+
+
+def _upper_limit(values: FloatArray) -> float:
+    """The largest value, where a channel of many values takes it far more often than the next one; else inf."""
+    count = int((values == values.max()).sum())
+    distinct = np.unique(values[:: max(1, len(values) // 100_000)])
+    if count < AT_EXTREME or len(distinct) < DISTINCT:
+        return np.inf
+    near = int((values == distinct[-2]).sum())
+    return float(values.max()) if count > AT_EXTREME * max(1, near) else np.inf

@@ -9,9 +9,8 @@ The interface: `slots_of` samples with their states.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 OFF, DROPPED = 0, -1
@@ -20,7 +19,7 @@ BREAK = 1.5
 """A step of time this many times the usual one is one where samples are missing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Slots:
     """K slots of C channels.
 
@@ -160,7 +159,7 @@ def _at_limit(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) 
         return np.asarray((values <= low) | (values >= high))
 
 
-def _scatter(values: FloatArray, valid: BoolArray, slot: NDArray[np.intp], states: IntArray) -> dict[int, FloatArray]:
+def _scatter(values: FloatArray, valid: BoolArray, slot: IndexArray, states: IntArray) -> dict[int, FloatArray]:
     """Noise of a sample inside slots, by state: by differences of neighbours, which a slow change hardly moves."""
     inside = slot[1:] == slot[:-1]
     there = valid[1:] & valid[:-1] & inside[:, None]

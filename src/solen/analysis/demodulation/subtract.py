@@ -40,7 +40,7 @@ class Counts:
     clipped: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Demodulated:
     """M readings of C channels, in the order of time.
 

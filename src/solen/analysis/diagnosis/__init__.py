@@ -4,16 +4,24 @@ The idea: the traced response of a design, for an emitter of any decentre and an
 a recording. Each number comes with its interval from the scatter of the cycles, from what is known beforehand and from
 what the model misses, and what the recording does not determine is said in words in place of a number.
 
-The interface: `Response.of` a sensor, `diagnosed` of an analysed recording gives a `Diagnosis`; `words` says it.
+The interface: `diagnosed_sensors` of a `Study`; its steps `Response.of` a design's sensor and `diagnosed` of a
+`SensorResponse`, which gives a `Diagnosis`; `words` states it in sentences.
 """
 
-from solen.analysis.diagnosis.diagnose import BEYOND_DEG, INDEX_U, ZERO_U_DEG, Diagnosis, Estimate, diagnosed
-from solen.analysis.diagnosis.fit import Cycles, Fitted, Misfit, fit
-from solen.analysis.diagnosis.model import Model, Parameter
-from solen.analysis.diagnosis.response import Change, Response
-from solen.analysis.diagnosis.table import Table
-from solen.analysis.diagnosis.voltage import Bend
-from solen.analysis.diagnosis.words import advice, words
+from solen.analysis.diagnosis.curve_model import Bend, Model, Parameter
+from solen.analysis.diagnosis.design_response import Change, Response
+from solen.analysis.diagnosis.diagnose import (
+    BEYOND_DEG,
+    INDEX_U,
+    ZERO_U_DEG,
+    Diagnosis,
+    ParameterEstimate,
+    diagnosed,
+)
+from solen.analysis.diagnosis.least_squares import Cycles, Fitted, Misfit, fit
+from solen.analysis.diagnosis.response_table import Table
+from solen.analysis.diagnosis.sensors import DiagnosisOptions, SensorDiagnoses, SensorDiagnosis, diagnosed_sensors
+from solen.analysis.diagnosis.summary import advice, words
 
 __all__ = [
     "BEYOND_DEG",
@@ -23,15 +31,19 @@ __all__ = [
     "Change",
     "Cycles",
     "Diagnosis",
-    "Estimate",
+    "DiagnosisOptions",
     "Fitted",
     "Misfit",
     "Model",
     "Parameter",
+    "ParameterEstimate",
     "Response",
+    "SensorDiagnoses",
+    "SensorDiagnosis",
     "Table",
     "advice",
     "diagnosed",
+    "diagnosed_sensors",
     "fit",
     "words",
 ]

@@ -8,21 +8,20 @@ The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` and each
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.analysis.diagnosis.fit import Cycles, Fitted, fit
-from solen.analysis.diagnosis.model import INDEX, LOSS, OFFSET, SPREAD, ZERO, Model
-from solen.analysis.diagnosis.response import Response
-from solen.analysis.diagnosis.voltage import Bend
+from solen.analysis.diagnosis.curve_model import INDEX, LOSS, OFFSET, SPREAD, ZERO, Bend, Model
+from solen.analysis.diagnosis.design_response import Response
+from solen.analysis.diagnosis.least_squares import Cycles, Fitted, fit
 from solen.analysis.response import Passes
-from solen.analysis.signals import side_of
-from solen.analysis.study import Analysed
+from solen.analysis.sensor_response import SensorResponse
 from solen.arrays import FloatArray
 from solen.errors import DataError
+from solen.recording.column_roles import side_of
+from solen.results import HIDDEN, Result, reported
 from solen.sensor.readings import SIDES
 
 LEAST_ANGLES = 12
@@ -39,43 +38,48 @@ POOR = 0.95
 """Correlation from which on two numbers are told apart poorly."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """One number of a diagnosis.
+@dataclass(frozen=True, repr=False)
+class ParameterEstimate(Result):
+    """One parameter of a diagnosis.
 
     Attributes
     ----------
     name, unit
         What it is.
-    value, u
+    value, u_value
         Its value and standard uncertainty; None where the recording does not determine it.
     low, high
-        Interval of 95 %; None where there is none.
-    design
-        What the design says of it, None where it says nothing.
-    known_u
-        Standard uncertainty with which it was known beforehand; None where nothing was.
-    u_68
+        Ends of its interval of 95 %; None where there is none.
+    design_value
+        That of the design; None where it states none.
+    u_prior
+        Standard uncertainty with which it was known beforehand; None without a prior.
+    half_width_68
         Half of the interval of 68 %.
     """
 
-    name: str
+    name: str = field(metadata=HIDDEN)
     unit: str
-    value: float | None
-    u: float | None
-    low: float | None
-    high: float | None
-    design: float | None = None
-    known_u: float | None = None
-    u_68: float | None = None
+    value: float | None = None
+    u_value: float | None = None
+    low: float | None = field(default=None, metadata=HIDDEN)
+    high: float | None = field(default=None, metadata=HIDDEN)
+    design_value: float | None = None
+    u_prior: float | None = None
+    half_width_68: float | None = field(default=None, metadata=HIDDEN)
 
-    @property
+    @reported
+    def interval95_value(self) -> tuple[float, float] | None:
+        """Interval of 95 %."""
+        return None if self.low is None or self.high is None else (self.low, self.high)
+
+    @reported
     def determined(self) -> bool:
         """Whether the recording determines it."""
         return self.value is not None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What a recording says of a sensor.
 
@@ -102,7 +106,7 @@ class Diagnosis:
     label: str
     cycles: Cycles
     fitted: Fitted
-    estimates: dict[str, Estimate]
+    estimates: dict[str, ParameterEstimate]
     held: dict[str, tuple[str, ...]]
     poor: tuple[tuple[str, str, float], ...]
     correlations: FloatArray
@@ -114,9 +118,10 @@ class Diagnosis:
         return self.fitted.model.sides
 
 
-def sides_of(receivers: Sequence[str]) -> dict[str, int]:
+def sides_of(receivers: Iterable[str]) -> dict[str, int]:
     """Places of the right and the left receiver, of which one may miss; `DataError` where names do not tell them."""
     found: dict[str, int] = {}
+    receivers = list(receivers)
     for place, name in enumerate(receivers):
         side = side_of(name)
         if side and side in found:
@@ -140,7 +145,7 @@ def cycles_of(found: Passes, places: Sequence[int]) -> Cycles:
 
 
 def diagnosed(
-    sensor: Analysed,
+    sensor: SensorResponse,
     response: Response,
     known: Mapping[str, float] | None = None,
     bend: Bend | None = None,
@@ -152,7 +157,7 @@ def diagnosed(
     Parameters
     ----------
     sensor
-        Analysed, with receivers whose names tell right from left.
+        SensorResponse, with receivers whose names tell right from left.
     response
         Of its design, over its angles and `BEYOND_DEG` more to both sides.
     known
@@ -183,7 +188,7 @@ def diagnosed(
     return Diagnosis(sensor.label, cycles, fitted, estimates, held, _poor(fitted, correlations), correlations, left_out)
 
 
-def spacing_deg(sensor: Analysed) -> float:
+def spacing_deg(sensor: SensorResponse) -> float:
     """Usual distance of the samples on the ways, of the coarsest recording."""
     found = []
     for run in sensor.runs:
@@ -193,7 +198,7 @@ def spacing_deg(sensor: Analysed) -> float:
     return max(found, default=0.0)
 
 
-def _check(sensor: Analysed, cycles: Cycles, places: Mapping[str, int]) -> None:
+def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) -> None:
     for n, side in enumerate(places):
         valid = int(cycles.valid[:, n].sum())
         if valid < LEAST_ANGLES:
@@ -202,7 +207,7 @@ def _check(sensor: Analysed, cycles: Cycles, places: Mapping[str, int]) -> None:
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
-def _check_signs(sensor: Analysed, fitted: Fitted, places: Mapping[str, int]) -> None:
+def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, int]) -> None:
     """Refuse a gain below zero: the sensor was then turned or named the other way."""
     for side in places:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
@@ -264,7 +269,7 @@ def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, flo
     return tuple(found)
 
 
-def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, Estimate]:
+def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, ParameterEstimate]:
     model = fitted.model
     found = {
         "emitter_offset_mm": _plain(fitted, OFFSET, "mm", held, model.response.offset_mm),
@@ -282,30 +287,32 @@ def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, Estimate
     return found
 
 
-def _plain(fitted: Fitted, name: str, unit: str, held: Mapping[str, object], design: float | None = None) -> Estimate:
+def _plain(
+    fitted: Fitted, name: str, unit: str, held: Mapping[str, object], design: float | None = None
+) -> ParameterEstimate:
     known = fitted.model.parameters[fitted.model.places[name]].known
-    known_u = None if math.isinf(known) else known
+    u_prior = None if math.isinf(known) else known
     if name in held:
-        return Estimate(name, unit, None, None, None, None, design, known_u)
+        return ParameterEstimate(name, unit, design_value=design, u_prior=u_prior)
     value, half = fitted.value(name), fitted.half_width(name)
     narrow = fitted.half_width(name, 0.6827)
-    return Estimate(name, unit, value, fitted.u(name), value - half, value + half, design, known_u, narrow)
+    return ParameterEstimate(name, unit, value, fitted.u(name), value - half, value + half, design, u_prior, narrow)
 
 
-def _width(fitted: Fitted, held: Mapping[str, object]) -> Estimate:
+def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
     """Width of the chip by its square, whose interval is even; below 0 it ends at 0."""
     design = fitted.model.response.width_mm
     if SPREAD in held:
-        return Estimate("chip width", "mm", None, None, None, None, design)
+        return ParameterEstimate("chip width", "mm", design_value=design)
     value, half, u = fitted.value(SPREAD), fitted.half_width(SPREAD), fitted.u(SPREAD)
     width = math.sqrt(max(value, 0.0))
     low, high = (math.sqrt(max(value + sign * half, 0.0)) for sign in (-1.0, 1.0))
     own_u = u / (2.0 * width) if value > 2.0 * u else None
     narrow = None if own_u is None else fitted.half_width(SPREAD, 0.6827) / (2.0 * width)
-    return Estimate("chip width", "mm", width, own_u, low, high, design, None, narrow)
+    return ParameterEstimate("chip width", "mm", width, own_u, low, high, design, None, narrow)
 
 
-def _ratio(fitted: Fitted) -> Estimate:
+def _ratio(fitted: Fitted) -> ParameterEstimate:
     """Gain of the right receiver over that of the left."""
     places = [int(np.flatnonzero(fitted.active == fitted.model.places[f"gain {side}"])[0]) for side in SIDES]
     right, left = (fitted.value(f"gain {side}") for side in SIDES)
@@ -314,9 +321,9 @@ def _ratio(fitted: Fitted) -> Estimate:
     u = float(np.sqrt(max(slope @ block @ slope, 0.0)))
     share = fitted.half_width("gain right") / fitted.u("gain right")
     ratio = right / left
-    return Estimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
+    return ParameterEstimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
 
 
-def model_V(found: Diagnosis) -> NDArray[np.float64]:
+def model_V(found: Diagnosis) -> FloatArray:
     """Fitted curves (n, r)."""
     return found.fitted.model.volts(found.fitted.values)

@@ -3,27 +3,22 @@
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
 
-from cyclopts import Parameter
-
-from solen.cli.app import FigureFile, Json, show
-from solen.cli.bench.recorded import MOVED, RECORDED, Moved, Recorded, request_of
-
-_Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json.")]
+from solen.analysis import ReceiverResponse, SensorResponse, Study
+from solen.cli.app import FigureFile, Out, lines
+from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, split_files
+from solen.results import Outcome
 
 
 def analyse(
     *files: Path,
-    moved: Moved = MOVED,
-    recorded: Recorded = RECORDED,
-    example: Annotated[Path | None, Parameter(negative=())] = None,
+    options: Analysed = ANALYSED,
+    example: Path | None = None,
     traces: Path | None = None,
     figure: FigureFile = None,
-    out: _Out = None,
-    as_json: Json = False,
-) -> None:
-    """Cycles, response curve and numbers of recorded sensors.
+    out: Out = None,
+) -> Outcome[Study]:
+    """Cycles, response curve and figures of merit of recorded sensors.
 
     Parameters
     ----------
@@ -36,63 +31,55 @@ def analyse(
     """
     from solen.pipeline.bench import analyse as pipeline
 
-    asked = request_of(files, recorded, moved)
+    files, options = split_files(files, options)
     if example is not None:
-        asked = pipeline.with_example(asked, example)
-    found = pipeline.analyse(asked, out=out, figure=figure, traces=traces)
-    show(found, as_json, lambda: list(_told(found)))
+        pipeline.write_example(example)
+        files = (*files, example)
+    return pipeline.analyse(*files, options=options, out=out, figure=figure, traces=traces)
 
 
-def _told(found: dict[str, Any]) -> Iterator[str]:
-    """Lines for a reader."""
-    said = "; simulated" if found["simulated"] else ""
-    for label, sensor in found["sensors"].items():
-        lens = {None: "", True: ", lens", False: ", no lens"}[sensor["lens"]]
-        low, high = sensor["motion"][0]["lowest_deg"], sensor["motion"][0]["highest_deg"]
-        cycles = f"{sensor['cycles_used']} of {len(sensor['cycles'])} cycles"
-        yield f"{label}{lens}: {cycles}, {low:.3g}° to {high:.3g}°{said}"
-        for name, one in sensor["receivers"].items():
-            yield from _of_receiver(name, one)
-        if sensor["left_minus_right"] is not None:
-            pair = sensor["left_minus_right"]
-            yield f"  left and right show one voltage at {_pm(pair, 'balance_deg', '°')}"
-    for name, one in (found["lens_beside_none"] or {}).items():
-        share = one["without_lens_percent"]
-        if share is not None:
-            yield f"without a lens {name} swings by {share:.3g} % of what it does with one"
-    for warning in found["warnings"]:
-        yield f"warning: {warning}"
-    for kind in ("out", "figure", "traces"):
-        if kind in found:
-            yield f"{kind}: {found[kind]}"
+@lines.register
+def _(study: Study) -> Iterator[str]:
+    for sensor in study.sensors.values():
+        yield from _sensor(sensor, simulated=study.simulated)
+    for name, swing in (study.lens_beside_none or {}).items():
+        if math.isfinite(swing.without_lens_percent):
+            yield f"without a lens {name} swings by {swing.without_lens_percent:.3g} % of what it does with one"
 
 
-def _of_receiver(name: str, one: dict[str, Any]) -> Iterator[str]:
-    slope, zero = (_pm(one, f"sensitivity_{which}V_per_deg", " V/°") for which in ("", "near_zero_"))
-    yield f"  {name}: range {_pm(one, 'range_V', ' V')}; sensitivity {slope}, near zero {zero}"
+def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
+    motion = sensor.runs[0].motion
+    cycles = f"{sensor.cycles_used} of {sum(len(run.motion.cycles) for run in sensor.runs)} cycles"
+    reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
+    yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{'; simulated' if simulated else ''}"
+    for name, one in sensor.receivers.items():
+        yield from _receiver(name, one)
+    pair = sensor.left_minus_right
+    if pair is not None:
+        yield f"  left and right show one voltage at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
+
+
+def _receiver(name: str, one: ReceiverResponse) -> Iterator[str]:
+    slope = _pm(one.sensitivity_V_per_deg, one.u_sensitivity_V_per_deg, " V/°")
+    near_zero = _pm(one.sensitivity_near_zero_V_per_deg, one.u_sensitivity_near_zero_V_per_deg, " V/°")
+    yield f"  {name}: range {_pm(one.range_V, one.u_range_V, ' V')}; sensitivity {slope}, near zero {near_zero}"
     shares = (
-        f"{what} {_percent(one[f'{key}_percent_fs'])}"
-        for what, key in (
-            ("hysteresis", "hysteresis"),
-            ("linearity", "independent_linearity"),
-            ("repeatability", "repeatability"),
-        )
+        f"hysteresis {_percent(one.hysteresis_percent)}, linearity {_percent(one.independent_linearity_percent)}, "
+        f"repeatability {_percent(one.repeatability_percent)} of full scale"
     )
-    yield f"    {', '.join(shares)} of full scale; drift {_pm(one, 'drift_V_per_min', ' V/min')}"
-    noise = one["noise_V"]
-    angle = one["resolution_near_zero_deg"]
-    yield f"    noise {1e3 * noise:.3g} mV" + ("" if angle is None else f", that is {angle:.2g}° near zero")
+    yield f"    {shares}; drift {_pm(one.drift_V_per_min, one.u_drift_V_per_min, ' V/min')}"
+    angle = one.resolution_near_zero_deg
+    yield f"    noise {1e3 * one.noise_V:.3g} mV" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
 
 
-def _pm(values: dict[str, Any], name: str, unit: str) -> str:
-    value, u = values[name], values[f"u_{name}"]
-    if value is None:
+def _pm(value: float, u: float, unit: str) -> str:
+    if not math.isfinite(value):
         return "not known"
-    if not u:
+    if not (math.isfinite(u) and u):
         return f"{value:.4g}{unit}"
     digits = max(0, 1 - math.floor(math.log10(u)))
     return f"{value:.{digits}f} ± {u:.{digits}f}{unit}" if digits < 9 else f"{value:.9g} ± {u:.1e}{unit}"
 
 
-def _percent(value: float | None) -> str:
-    return "not known" if value is None else f"{value:.2g} %"
+def _percent(value: float) -> str:
+    return f"{value:.2g} %" if math.isfinite(value) else "not known"

@@ -12,7 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis import Analysed, side_of
+from solen.analysis import SensorResponse
+from solen.recording.column_roles import side_of
 from solen.report.canvas import LEFT, LOST, RIGHT, SERIES, STYLE
 
 _ACROSS = 4
@@ -25,7 +26,7 @@ def colour_of(name: str, place: int) -> str:
     return {"left": LEFT, "right": RIGHT}.get(side_of(name), _OTHERS[place % len(_OTHERS)])
 
 
-def response_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str = "") -> Figure:
+def response_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark: str = "") -> Figure:
     """A panel for each sensor, all to one scale, and one with all of them where there are several."""
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
@@ -49,19 +50,18 @@ def response_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str
     return figure
 
 
-def title_of(one: Analysed) -> str:
+def title_of(one: SensorResponse) -> str:
     """Name of a sensor with what it is."""
     return one.label + {None: "", True: ", lens", False: ", no lens"}[one.lens]
 
 
-def _draw_sensor(axes: Axes, one: Analysed) -> None:
+def _draw_sensor(axes: Axes, one: SensorResponse) -> None:
     angle = one.passes.angle_deg
-    for place, name in enumerate(one.receivers):
+    for place, (name, found) in enumerate(one.receivers.items()):
         colour = colour_of(name, place)
         ways = one.passes.volts[..., place].reshape(-1, angle.size)
         every = max(1, len(ways) // _SHOWN)
         axes.plot(angle, ways[::every].T, color=colour, lw=0.4, alpha=0.3)
-        found = one.curve(place)
         axes.fill_between(angle, found.mean_V - found.sd_V, found.mean_V + found.sd_V, color=colour, alpha=0.25, lw=0)
         axes.plot(angle, found.mean_V, color=colour, lw=1.8, label=name)
     count = one.passes.cycles
@@ -69,14 +69,14 @@ def _draw_sensor(axes: Axes, one: Analysed) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
-def _draw_all(axes: Axes, sensors: Sequence[Analysed], *, beside: bool) -> None:
+def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
     """Means of all sensors with their bands, grey without a lens; the legend beside it where that place is empty."""
     with_lens = [one for one in sensors if one.lens is not False]
     for one in sensors:
         plain = one.lens is False
         colour = LOST if plain else SERIES[with_lens.index(one) % len(SERIES)]
-        for place, name in enumerate(one.receivers):
-            found, angle = one.curve(place), one.passes.angle_deg
+        for name, found in one.receivers.items():
+            angle = found.angle_deg
             dashes = "--" if side_of(name) == "left" else "-"
             low, high = found.mean_V - found.sd_V, found.mean_V + found.sd_V
             axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)

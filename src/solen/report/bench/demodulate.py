@@ -5,8 +5,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis.demodulation import OFF, Demodulated, Kernel, Samples, gain, rejection_dB
-from solen.analysis.demodulation.average import Averaged
+from solen.analysis.demodulation import OFF, Demodulation, gain, rejection_dB
 from solen.analysis.demodulation.rejection import KERNELS, mean_gain
 from solen.report.canvas import INK, LOST, SERIES, STYLE
 
@@ -14,27 +13,21 @@ SHOWN_PERIODS = 12
 MOST_POINTS = 4000
 
 
-def demodulation_figure(
-    samples: Samples,
-    found: Demodulated,
-    means: Averaged | None,
-    title: str,
-    window_s: float,
-    kernel: Kernel,
-) -> Figure:
+def demodulation_figure(result: Demodulation) -> Figure:
     """A stretch of the samples with their states, all readings, and the rejection by frequency."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 5.2), layout="constrained")
         grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1.0))
-        _stretch(figure.add_subplot(grid[0, 0]), samples, found)
-        _rejection(figure.add_subplot(grid[0, 1]), found, means, window_s, kernel)
-        _readings(figure.add_subplot(grid[1, :]), samples, found, means)
-        figure.suptitle(title, fontsize=9)
+        _stretch(figure.add_subplot(grid[0, 0]), result)
+        _rejection(figure.add_subplot(grid[0, 1]), result)
+        _readings(figure.add_subplot(grid[1, :]), result)
+        figure.suptitle(f"{'simulated: ' if result.simulated else ''}{result.sources[0].file}", fontsize=9)
     return figure
 
 
-def _stretch(axes: Axes, samples: Samples, found: Demodulated) -> None:
+def _stretch(axes: Axes, result: Demodulation) -> None:
     """Some periods in the middle: dots that were used, on filled and off open; crosses that settle."""
+    samples, found = result.samples, result.readings
     period = found.period_s if np.isfinite(found.period_s) else 1.0
     middle = float(found.time_s[len(found.time_s) // 2])
     here = np.abs(samples.time_s - middle) <= 0.5 * SHOWN_PERIODS * period / max(1, len(found.emitters))
@@ -53,12 +46,11 @@ def _stretch(axes: Axes, samples: Samples, found: Demodulated) -> None:
     axes.legend(fontsize=7, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
 
 
-def _readings(axes: Axes, samples: Samples, found: Demodulated, means: Averaged | None) -> None:
-    kept = means or found
-    many = len(found.emitters) > 1
+def _readings(axes: Axes, result: Demodulation) -> None:
+    kept, samples, many = result.kept, result.samples, len(result.emitters) > 1
     number = 0
     for place, channel in enumerate(samples.names):
-        for emitter in found.emitters:
+        for emitter in result.emitters:
             here = np.flatnonzero(kept.emitter == emitter)
             here = here[:: max(1, len(here) // MOST_POINTS)]
             colour = SERIES[number % len(SERIES)]
@@ -67,21 +59,21 @@ def _readings(axes: Axes, samples: Samples, found: Demodulated, means: Averaged 
             clipped = here[kept.clipped[here, place]]
             axes.plot(kept.time_s[clipped], kept.signal[clipped, place], "x", color=INK, ms=4)
             number += 1
-    told = "" if means is None else f", means of {means.readings}"
-    axes.set(xlabel="time (s)", ylabel=_labelled(f"on less off{told}", samples.units[0]))
+    of_means = "" if result.means is None else f", means of {result.means.readings}"
+    axes.set(xlabel="time (s)", ylabel=_labelled(f"on less off{of_means}", samples.units[0]))
     axes.legend(fontsize=7, ncols=4)
 
 
-def _rejection(axes: Axes, found: Demodulated, means: Averaged | None, window_s: float, kernel: Kernel) -> None:
-    period = found.period_s
+def _rejection(axes: Axes, result: Demodulation) -> None:
+    period, means = result.readings.period_s, result.means
     if not np.isfinite(period):
         axes.set_axis_off()
         return
     hz = np.linspace(0.5, min(150.0, 0.99 / period), 600)
     for one, style in zip(KERNELS, ("-", "--"), strict=True):
-        axes.plot(hz, rejection_dB(gain(hz, period, window_s, one)), style, color=SERIES[0], lw=1.3, label=one)
+        axes.plot(hz, rejection_dB(gain(hz, period, result.window_s, one)), style, color=SERIES[0], lw=1.3, label=one)
     if means is not None:
-        both = gain(hz, period, window_s, kernel) * mean_gain(hz, period, means.readings)
+        both = gain(hz, period, result.window_s, result.options.kernel) * mean_gain(hz, period, means.readings)
         axes.plot(
             hz, rejection_dB(np.maximum(both, 1e-4)), color=SERIES[1], lw=1.0, label=f"and mean of {means.readings}"
         )

@@ -1,4 +1,4 @@
-"""Diagnosed sensors: mean curves with the fitted model, what is left of them, and which numbers go together."""
+"""Diagnosed sensors: mean curves with the fitted model, residuals, and correlations of the parameters."""
 
 from collections.abc import Sequence
 
@@ -57,7 +57,7 @@ def _residuals(axes: Axes, one: Diagnosis) -> None:
             axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_xlabel("angle (°)")
-    axes.set_title("what the model leaves, ± its uncertainty by the cycles", fontsize=8, loc="left")
+    axes.set_title("residual, ± the uncertainty of the mean by the cycles", fontsize=8, loc="left")
 
 
 def _correlations(axes: Axes, one: Diagnosis) -> None:
@@ -71,4 +71,4 @@ def _correlations(axes: Axes, one: Diagnosis) -> None:
         if i != j:
             colour = "white" if abs(value) > 0.6 else INK
             axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize=5.5, color=colour)
-    axes.set_title("which numbers go together (correlation)", fontsize=8, loc="left")
+    axes.set_title("correlation of the parameters", fontsize=8, loc="left")

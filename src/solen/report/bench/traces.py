@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis import Analysed, Run
+from solen.analysis import Run, SensorResponse
 from solen.arrays import FloatArray
 from solen.report.bench.analyse import colour_of, title_of
 from solen.report.canvas import INK, LOST, SOFT, STYLE
@@ -21,7 +21,7 @@ _MOST_ROWS = 12
 _MOST_HOLDS = 400
 
 
-def traces_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str = "") -> Figure:
+def traces_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark: str = "") -> Figure:
     """A row for each recording: voltages, the angle above them, cycles and holds."""
     rows = [(one, run) for one in sensors for run in one.runs]
     shown = rows[:_MOST_ROWS]
@@ -38,7 +38,7 @@ def traces_figure(sensors: Sequence[Analysed], *, simulated: bool, remark: str =
     return figure
 
 
-def _draw(axes: Axes, one: Analysed, run: Run) -> None:
+def _draw(axes: Axes, one: SensorResponse, run: Run) -> None:
     signals = run.signals
     for place, name in enumerate(signals.receivers):
         axes.plot(*_thinned(signals.time_s, signals.volts[:, place]), color=colour_of(name, place), lw=0.8, label=name)

@@ -1,4 +1,4 @@
-"""A recording without an angle: the motion is told by the signal, its scale by what the stage was asked to do.
+"""The angle of a recording that has none: the cycles from the signals, their scale from the commanded protocol.
 
 The idea: the voltages repeat with the cycle. Its length is where they are most like themselves; where each cycle begins
 is where they are most like the protocol: 0 to +A at a speed, a hold, back, the same on the other side. What the length
@@ -8,19 +8,18 @@ had, not one that anybody measured.
 Which side is which is not in one signal. With a left and a right receiver the convention says it: at negative angles
 the right one is brighter, that is lower. Without them the first excursion is called positive.
 
-The interface: `Protocol` of what was asked for, `unseen` gives an `Unseen`.
+The interface: `angle_by_protocol` of signals and a `Protocol` gives a `ProtocolAngle`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
-from solen.analysis.clocks import principal
-from solen.analysis.signals import pair
-from solen.arrays import FloatArray
+from solen.analysis.alignment import principal
+from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
+from solen.recording.column_roles import left_right
 
 _MOST = 1 << 20
 _ALIKE = 0.5  # correlation with itself one cycle later, at least
@@ -33,7 +32,7 @@ _SLACK = 0.05  # share of a cycle that the protocol may be longer
 
 @dataclass(frozen=True)
 class Protocol:
-    """What a stage was asked to do: to +A and −A, at a speed, with a hold at each."""
+    """Commanded motion of a stage: to +A and −A, at a speed, with a hold at each."""
 
     amplitude_deg: float
     speed_deg_per_s: float = 15.0
@@ -52,9 +51,9 @@ class Protocol:
         return np.cumsum(took) * min(1.0, period_s / self.shortest_s), angles
 
 
-@dataclass(frozen=True)
-class Unseen:
-    """Angle by the protocol at each sample, (n,), length of a cycle, and what to know."""
+@dataclass(frozen=True, eq=False)
+class ProtocolAngle:
+    """Angle by the protocol at each sample (n,), length and starts of its cycles, and its limits."""
 
     angle_deg: FloatArray
     period_s: float
@@ -62,7 +61,9 @@ class Unseen:
     warnings: tuple[str, ...]
 
 
-def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol) -> Unseen:
+def angle_by_protocol(
+    time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol
+) -> ProtocolAngle:
     """Angle that a protocol had when the signals were recorded.
 
     Parameters
@@ -70,16 +71,16 @@ def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], pr
     time_s, volts
         (n,) and (n, m).
     receivers
-        Names, by which left and right are told.
+        Names, which tell left from right.
     protocol
-        What was asked of the stage.
+        The commanded motion.
 
     Raises
     ------
     DataError
         Where the signals do not repeat, their cycle is shorter than the protocol's, or they do not go with it.
     """
-    sides = pair(receivers)
+    sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
     even_s = max(float(np.median(np.diff(time_s))), float(np.ptp(time_s)) / _MOST)
     grid = np.arange(time_s[0], time_s[-1], even_s)
@@ -97,23 +98,23 @@ def unseen(time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], pr
     turn = np.searchsorted(starts, grid[inside], side="right")
     _check_goes_with(_less_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
     rest = period - protocol.shortest_s
-    told = [
+    warnings = [
         f"no angle was recorded: cycles of {period:.4g} s were found in the voltages, and the angle is the one that "
         f"±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of {protocol.hold_s:g} s should "
         "have had; range, sensitivity and hysteresis are no better than that"
     ]
     if rest > _SLACK * period:
-        told.append(f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0")
+        warnings.append(f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0")
     if sides is None:
-        told.append("no left and right receiver are told by name: the first excursion is called positive")
+        warnings.append("the names do not tell a left from a right receiver: the first excursion is taken as positive")
     else:
-        told.append(
+        warnings.append(
             "the sign of the angle is that of the convention (right brighter at negative angles), not a finding"
         )
-    return Unseen(angle, period, starts, tuple(told))
+    return ProtocolAngle(angle, period, starts, tuple(warnings))
 
 
-def _less_means(signal: FloatArray, turn: NDArray[np.intp]) -> FloatArray:
+def _less_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
     """A signal less its mean over each cycle, so that what wanders from one to the next is left out."""
     return np.asarray(signal - (np.bincount(turn, signal) / np.maximum(np.bincount(turn), 1))[turn])
 

@@ -4,53 +4,49 @@ One row for each calibration. Left is orange and right blue; whole lines rise, d
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from solen.analysis.calibration import Calibration, Check
+from solen.analysis.calibration import Calibration, Check, SensorCalibration, SensorCalibrations
+from solen.arrays import IndexArray
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
 
 _DRAWN = 3000
 _SIDES = (("left", LEFT), ("right", RIGHT))
 
 
-@dataclass(frozen=True)
-class Shown:
-    """One calibration: its title, what it is, the check and what was left out for it."""
-
-    title: str
-    calibration: Calibration
-    check: Check | None
-    left_out: str
-
-
-def calibration_figure(made: Sequence[Shown], *, simulated: bool, remark: str = "") -> Figure:
+def calibration_figure(result: SensorCalibrations, *, remark: str = "") -> Figure:
     """Three panels for each calibration."""
+    made = result.calibrations
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3), layout="constrained")
         axes = figure.subplots(len(made), 3, squeeze=False)
-        for one, (curves, angles, errors) in zip(made, axes, strict=True):
-            _draw_curves(curves, one.calibration)
-            curves.set_title(one.title, fontsize=9, loc="left")
-            check, what = one.check, one.left_out
-            if check is None:
-                for panel in (angles, errors):
-                    panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
-                continue
-            _draw_angles(angles, check)
-            angles.set_title(f"{what} left out: rms {check.whole.rms_deg:.2g}°", fontsize=9, loc="left")
-            _draw_errors(errors, check)
-            shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
-            errors.set_title(f"in the bands of 68 and 95 %: {shares}", fontsize=9, loc="left")
-        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark)))
-        if said:
-            figure.suptitle(said, color=LOST, fontsize=9)
+        for one, row in zip(made, axes, strict=True):
+            _draw_calibration(row, one)
+        title = "; ".join(filter(None, ("simulated data" if result.simulated else "", remark)))
+        if title:
+            figure.suptitle(title, color=LOST, fontsize=9)
     return figure
+
+
+def _draw_calibration(row: Sequence[Axes], one: SensorCalibration) -> None:
+    curves, angles, errors = row
+    _draw_curves(curves, one.calibration)
+    curves.set_title(f"{one.sensor}: {one.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
+    check = one.check
+    if check is None:
+        for panel in (angles, errors):
+            panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
+        return
+    left_out = "a cycle" if one.leave_one_sensor_out is None else "a print"
+    _draw_angles(angles, check)
+    angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", fontsize=9, loc="left")
+    _draw_errors(errors, check)
+    shares = f"{100 * check.whole.within_68:.0f} and {100 * check.whole.within_95:.0f} %"
+    errors.set_title(f"in the bands of 68 and 95 %: {shares}", fontsize=9, loc="left")
 
 
 def _draw_curves(axes: Axes, one: Calibration) -> None:
@@ -66,7 +62,7 @@ def _draw_curves(axes: Axes, one: Calibration) -> None:
     axes.legend(fontsize=8, loc="best")
 
 
-def _places(check: Check) -> NDArray[np.intp]:
+def _places(check: Check) -> IndexArray:
     """Readings that are drawn, in the order of their true angle."""
     order = np.argsort(check.true_deg, kind="stable")
     return order[:: max(1, order.size // _DRAWN)]

@@ -5,19 +5,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.analysis import SignalOptions, Waveforms, waveforms
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.pipeline.bench.signals import Columns, Sampled, sampled
 from solen.recording import read
 
 ROWS = np.column_stack([0.005 * np.arange(40), np.linspace(-3.0, 3.0, 40), np.linspace(1.0, 2.0, 40), np.full(40, 2.5)])
 
 
-def taken(tmp_path: Path, header: str, rows: FloatArray = ROWS) -> Sampled:
+def taken(tmp_path: Path, header: str, rows: FloatArray = ROWS) -> Waveforms:
     path = tmp_path / "one.csv"
     text = "\n".join(",".join(f"{value:.7g}" for value in row) for row in rows)
     path.write_text(f"{header}\n{text}\n", encoding="utf-8")
-    return sampled(read(path), Columns(), need_angle=True)
+    return waveforms(read(path), SignalOptions(), angle="required")[""]
 
 
 @pytest.mark.parametrize(
@@ -36,13 +36,13 @@ def taken(tmp_path: Path, header: str, rows: FloatArray = ROWS) -> Sampled:
     ],
 )
 def test_a_time_by_its_name_or_unit(tmp_path: Path, name: str) -> None:
-    assert taken(tmp_path, f"{name},angle_deg,left_V,right_V").base.time_s == pytest.approx(ROWS[:, 0])
+    assert taken(tmp_path, f"{name},angle_deg,left_V,right_V").time_s == pytest.approx(ROWS[:, 0])
 
 
 @pytest.mark.parametrize(("name", "scale"), [("t(ms)", 1e3), ("millis", 1e3), ("micros", 1e6), ("time_us", 1e6)])
 def test_a_time_in_other_units(tmp_path: Path, name: str, scale: float) -> None:
     found = taken(tmp_path, f"{name},angle_deg,left_V,right_V", ROWS * [scale, 1.0, 1.0, 1.0])
-    assert found.base.time_s == pytest.approx(ROWS[:, 0])
+    assert found.time_s == pytest.approx(ROWS[:, 0])
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_numbered_names_are_no_receivers_beside_volts(tmp_path: Path) -> None:
 
 
 def test_an_angle_in_counts_is_no_angle_in_degrees(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="goes to 3000 and states no unit that is known"):
+    with pytest.raises(DataError, match="goes to 3000 without a known unit"):
         taken(tmp_path, "time_s,angle (counts),left_V,right_V", ROWS * [1.0, 1e3, 1.0, 1.0])
 
 
@@ -81,7 +81,7 @@ def test_an_angle_that_begins_anew_after_a_turn_is_counted_on(tmp_path: Path) ->
     rows = np.column_stack([ROWS[:, 0], ROWS[:, 1] % 360.0, ROWS[:, 2:]])
     found = taken(tmp_path, "time_s,angle_deg,left_V,right_V", rows)
     assert found.angle_deg == pytest.approx(ROWS[:, 1], abs=1e-4)
-    assert any("passes from one end of a turn to the other" in warning for warning in found.warnings)
+    assert any("jumps by a whole turn" in warning for warning in found.warnings)
 
 
 def test_an_angle_about_the_half_turn_is_counted_on(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solen.analysis.diagnosis.table import Table, angles_deg
+from solen.analysis.diagnosis.response_table import Table, angles_deg
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.sensor import Sensor
@@ -32,7 +32,7 @@ LEAST_SPREAD_MM2 = 0.02**2
 LEAST_SHARE = 1e-9
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Change:
     """How a table changes with a number: by a parabola up to a step to each side, by straight lines beyond.
 
@@ -59,7 +59,7 @@ class Change:
         return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Response:
     """Tables of a design.
 

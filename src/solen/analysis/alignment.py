@@ -16,12 +16,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import fftconvolve
 
 from solen.analysis.motion import Motion, find_motion
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 
 _CELLS = 512
@@ -37,7 +36,7 @@ _MOST = 1 << 20
 _INNER = 0.05  # share of the range at each end where a curve's slope is not known well
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Alignment:
     """What a log's clock reads beside the recorder's.
 
@@ -192,7 +191,7 @@ def _speed(time_s: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: M
     return np.asarray((after - before) / (2.0 * half))
 
 
-def _on_corners(when: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> NDArray[np.bool_]:
+def _on_corners(when: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> BoolArray:
     """Which times lie between two entries of the log that have a ramp's end between them.
 
     A straight line cuts that corner, in every cycle alike where the log keeps step with the motion, so that their
@@ -209,7 +208,7 @@ def _on_corners(when: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion
 
 
 def _linearised(
-    angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: NDArray[np.bool_], motion: Motion
+    angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: BoolArray, motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
     """Voltages less the mean curve, and what a shift of a second changes beyond any change of that curve.
 

@@ -19,9 +19,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray, Progress
+from solen.arrays import FloatArray, IndexArray, Progress
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.scene.sources import Chip, Emitter
@@ -49,7 +48,7 @@ POINT_RAYS = 1024
 _PAD = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Table:
     """Integral of the response of a point emitter over its place.
 
@@ -207,11 +206,11 @@ def _check(scene: Scene) -> None:
 def _merged(
     places: FloatArray,
     shares: FloatArray,
-    suspects: NDArray[np.intp],
+    suspects: IndexArray,
     middles: FloatArray,
     between: FloatArray,
     step: float,
-) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
+) -> tuple[FloatArray, FloatArray, IndexArray]:
     """Places with the middles among them, and the intervals that are to be halved again."""
     bend = np.abs(between - 0.5 * (shares[suspects] + shares[suspects + 1])).max(axis=1, initial=0.0)
     order = np.argsort(np.concatenate([places, middles]), kind="stable")

@@ -1,4 +1,4 @@
-"""A diagnosis in words: each number with what it may be off by, what cannot be told, and what to do about it.
+"""A diagnosis in words: each parameter with its interval, what is not determined, and advice.
 
 The interface: `words` and `advice`, a line each.
 """
@@ -6,8 +6,8 @@ The interface: `words` and `advice`, a line each.
 import math
 from collections.abc import Iterator
 
-from solen.analysis.diagnosis.diagnose import Diagnosis, Estimate
-from solen.analysis.diagnosis.model import LOSS, OFFSET, SPREAD, ZERO
+from solen.analysis.diagnosis.curve_model import LOSS, OFFSET, SPREAD, ZERO
+from solen.analysis.diagnosis.diagnose import Diagnosis, ParameterEstimate
 
 NAMES = {
     OFFSET: "the emitter's decentre",
@@ -38,7 +38,7 @@ def advice(found: Diagnosis) -> list[str]:
     return [*_shift(found), *_trim(found), *_record(found)]
 
 
-def pm(one: Estimate, unit: str | None = None) -> str:
+def pm(one: ParameterEstimate, unit: str | None = None) -> str:
     """A number with half of its interval of 95 %, both to the place that the latter is worth telling to."""
     if one.value is None or one.low is None or one.high is None:
         return "not determined"
@@ -66,23 +66,23 @@ def _chip(found: Diagnosis) -> Iterator[str]:
     one = found.estimates["chip_width_mm"]
     if one.value is None or one.high is None or one.low is None:
         yield f"the chip's width cannot be told from this recording{_apart(found, SPREAD)}"
-    elif one.low <= 0.0 or one.u is None:
+    elif one.low <= 0.0 or one.u_value is None:
         yield f"chip at most {one.high:.2g} mm wide; it may be a point"
     else:
         yield f"chip {pm(one)} wide" + _beside_design(one)
 
 
-def _beside_design(one: Estimate) -> str:
+def _beside_design(one: ParameterEstimate) -> str:
     """How a number stands to the design's, where that is outside its interval."""
-    if one.design is None or one.low is None or one.high is None or one.low <= one.design <= one.high:
+    if one.design_value is None or one.low is None or one.high is None or one.low <= one.design_value <= one.high:
         return ""
-    return f" (the design says {one.design:g} {one.unit})"
+    return f" (the design states {one.design_value:g} {one.unit})"
 
 
 def _zero(found: Diagnosis) -> Iterator[str]:
     one = found.estimates["angle_zero_deg"]
-    if one.u is not None and one.known_u is not None and one.u > SAYS * one.known_u:
-        yield f"the zero of the angle is taken as known to {one.known_u:g}°: the recording says no more of it"
+    if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
+        yield f"the zero of the angle is taken as known to {one.u_prior:g}°: the recording says no more of it"
     elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
         yield f"the angle's zero is right within {max(-one.low, one.high):.2g}°"
     elif one.value is not None:
@@ -106,8 +106,8 @@ def _loss(found: Diagnosis) -> Iterator[str]:
 def _others(found: Diagnosis) -> Iterator[str]:
     for key in found.fitted.model.response.changes:
         one = found.estimates[key]
-        if one.u is not None and one.known_u is not None and one.u > SAYS * one.known_u:
-            yield f"{key} is taken as the design's ± {one.known_u:g}: the recording says no more of it"
+        if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
+            yield f"{key} is taken as the design's ± {one.u_prior:g}: the recording says no more of it"
         else:
             yield f"{key} differs from the design's by {pm(one)}"
 

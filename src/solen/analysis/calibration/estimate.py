@@ -7,7 +7,7 @@ and the error of the mean. That rest is known by a few cycles only, so readings 
 freedom are those of the parts by their shares (Satterthwaite 1946). Of several prints, the scatter of their mean curves
 comes on top, with as many degrees of freedom as prints less one.
 
-The interface: `calibrated` of one `Training`, `pooled` of several, both a `Calibration`.
+The interface: `calibrated` of a `Training` gives a `Calibration`, `pooled` one of several.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ _LEAST_FREEDOM = 2.0
 _LEAST_SHARE = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Calibration:
     """Curves and covariances, left before right everywhere.
 
@@ -188,21 +188,18 @@ def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray
     return (axes * share) @ axes.swapaxes(1, 2), (axes * (1.0 - share)) @ axes.swapaxes(1, 2)
 
 
-def pooled(trainings: Sequence[Training]) -> Calibration:
-    """One calibration of several prints, for a print that is not among them.
+def pooled(ones: Sequence[Calibration]) -> Calibration:
+    """One calibration of those of several prints, for a print that is not among them.
+
+    The scatter of prints is that of their mean curves.
 
     Raises
     ------
     DataError
         With a single print, or where their angles have too little in common.
     """
-    if len(trainings) < 2:
-        raise DataError("pooled calibration", value=len(trainings), limit="needs at least two prints")
-    return mean_of([calibrated(one) for one in trainings])
-
-
-def mean_of(ones: Sequence[Calibration]) -> Calibration:
-    """Pooled calibration of those of several prints; the scatter of prints is that of their mean curves."""
+    if len(ones) < 2:
+        raise DataError("pooled calibration", value=len(ones), limit="needs at least two prints")
     grid, places = _common([one.angle_deg for one in ones])
     curves = np.array([one.curves_V[:, place] for one, place in zip(ones, places, strict=True)])
     noise, repeat = (

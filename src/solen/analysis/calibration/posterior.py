@@ -7,7 +7,7 @@ The interface: `posterior` of one reading.
 
 import numpy as np
 
-from solen.analysis.calibration.fit import Calibration, at_angles
+from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import FloatArray
 
 

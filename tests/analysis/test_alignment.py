@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solen.analysis import Settings, analysed
-from solen.analysis.clocks import Alignment, align
-from solen.analysis.unseen import Protocol as Asked
-from solen.analysis.unseen import unseen
+from solen.analysis import AnalysisOptions, sensor_response
+from solen.analysis.alignment import Alignment, align
+from solen.analysis.protocol_angle import Protocol as Asked
+from solen.analysis.protocol_angle import angle_by_protocol
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from tests.analysis.made_support import Protocol, Truth, made
@@ -100,9 +100,9 @@ def test_the_response_is_that_of_one_clock() -> None:
     found = aligned(TRUTH, 0.4)
     known = np.isfinite(found.angle_deg)
     laid = replace(signals, time_s=signals.time_s[known], angle_deg=found.angle_deg[known], volts=signals.volts[known])
-    mean = analysed([laid], Settings(drop_cycles=0))
+    mean = sensor_response([laid], AnalysisOptions(drop=0))
     expected = TRUTH.response_V(mean.passes.angle_deg)[:, 1]
-    assert mean.curve(1).mean_V == pytest.approx(expected, abs=0.035)
+    assert mean.receivers["right"].mean_V == pytest.approx(expected, abs=0.035)
 
 
 def test_a_hysteresis_is_said_to_look_like_a_lag() -> None:
@@ -127,30 +127,30 @@ def test_a_log_of_another_test_is_refused() -> None:
 def test_cycles_without_an_angle(protocol: Protocol) -> None:
     truth = replace(TRUTH, protocol=protocol, drift_V_per_min=0.3)
     signals = made(truth)
-    found = unseen(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
+    found = angle_by_protocol(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
     assert found.starts_s == pytest.approx(protocol.starts_s(), abs=0.005)
     assert found.angle_deg == pytest.approx(protocol.angle_deg(signals.time_s), abs=0.08)  # 5 ms at 15 °/s
 
 
 def test_sides_that_no_name_tells_begin_with_a_positive_one() -> None:
     signals = made(replace(TRUTH, protocol=Protocol(levels_deg=(0.0, -3.0, 0.0, 3.0))))
-    found = unseen(signals.time_s, signals.volts, ("a", "b"), Asked(3.0))
+    found = angle_by_protocol(signals.time_s, signals.volts, ("a", "b"), Asked(3.0))
     assert found.angle_deg == pytest.approx(-signals.angle_deg, abs=0.08)
-    assert any("first excursion is called positive" in warning for warning in found.warnings)
+    assert any("first excursion is taken as positive" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize("other", [{"hold_s": 2.0}, {"hold_s": 0.2}, {"speed_deg_per_s": 5.0}], ids=str)
 def test_a_protocol_that_was_another_is_refused(other: dict[str, float]) -> None:
     signals = made(replace(TRUTH, protocol=Protocol(**other)))  # type: ignore[arg-type]  # its numbers
     with pytest.raises(DataError, match=r"does not go with ±3° at 15°/s and holds of 0\.8 s"):
-        unseen(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
+        angle_by_protocol(signals.time_s, signals.volts, signals.receivers, Asked(3.0))
 
 
 @pytest.mark.parametrize("other", [{"noise_V": 0.3}, {"drift_V_per_min": 3.0}, {"hysteresis_V": 0.3}], ids=str)
 def test_noise_drift_and_hysteresis_are_no_other_protocol(other: dict[str, float]) -> None:
     signals = made(replace(TRUTH, **other))  # type: ignore[arg-type]  # its numbers
     wander = 0.5 * np.sin(0.3 * signals.time_s)[:, None]
-    found = unseen(signals.time_s, signals.volts + wander * [0.0, 1.0], signals.receivers, Asked(3.0))
+    found = angle_by_protocol(signals.time_s, signals.volts + wander * [0.0, 1.0], signals.receivers, Asked(3.0))
     assert found.starts_s == pytest.approx(TRUTH.protocol.starts_s(), abs=0.1)
 
 
@@ -158,6 +158,6 @@ def test_what_does_not_repeat_is_refused() -> None:
     time_s = np.arange(0.0, 20.0, 0.005)
     noise = np.random.default_rng(4).standard_normal((time_s.size, 2))
     with pytest.raises(DataError, match="does not repeat itself"):
-        unseen(time_s, noise, ("left", "right"), Asked(3.0))
+        angle_by_protocol(time_s, noise, ("left", "right"), Asked(3.0))
     with pytest.raises(DataError, match="less than one and a half cycles"):
-        unseen(time_s[:400], noise[:400], ("left", "right"), Asked(3.0))
+        angle_by_protocol(time_s[:400], noise[:400], ("left", "right"), Asked(3.0))

@@ -1,4 +1,4 @@
-"""What a calibration is worth, by what it has not seen: a cycle left out, a print left out.
+"""What a calibration is worth, by cross-validation: a cycle left out, a print left out.
 
 The idea: the rest is calibrated as if what is left out had never been recorded; then it is decoded and held against the
 angle of the stage. The share of readings within their bands tells whether the bands can be believed; readings of one
@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solen.analysis.calibration.decoder import Decoded, Decoder
-from solen.analysis.calibration.fit import Calibration, calibrated, mean_of
+from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
+from solen.analysis.calibration.file import Part
 from solen.analysis.calibration.training import Samples, Training
 from solen.arrays import FloatArray
 
@@ -22,22 +23,7 @@ _MOST_FOLDS = 20
 _MOST_READINGS = 40_000
 
 
-@dataclass(frozen=True)
-class Part:
-    """What one cycle, or one print, showed: errors are decoded less true angles."""
-
-    name: str
-    readings: int
-    rms_deg: float
-    bias_deg: float
-    worst_deg: float
-    within_68: float
-    within_95: float
-    outside: float
-    ambiguous: float
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Check:
     """All of it together, and in its parts.
 
@@ -73,7 +59,7 @@ def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibrati
     found = []
     for place, training in enumerate(trainings):
         others = [one for number, one in enumerate(ones) if number != place]
-        found.append(_held(mean_of(others), _thinned(training.samples, len(ones))))
+        found.append(_held(pooled(others), _thinned(training.samples, len(ones))))
     return _check([one.label for one in trainings], found)
 
 

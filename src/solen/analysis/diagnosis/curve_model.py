@@ -1,7 +1,10 @@
-"""The model of a recording: every number that makes its mean curves, with what is known of each beforehand.
+"""The model of a recording's mean curves: its parameters with their priors, and the receivers' voltages.
 
-The interface: `Parameter`; `Model.of` a response and the receivers that were recorded; `Model.volts` of values;
-`Model.jacobian`.
+Light I pulls a receiver's voltage down by gain times I, until the transistor has no voltage left. The bend is that of
+`solen.readout.load_line`, and there only where the circuit is known. Voltages less those without the emitter begin at
+0, others at the supply; an offset of each receiver takes up whichever it is.
+
+The interface: `Model.of` a response and the receivers that were recorded; `Model.volts` of values; `Model.jacobian`.
 """
 
 import math
@@ -11,16 +14,56 @@ from functools import cached_property
 
 import numpy as np
 
-from solen.analysis.diagnosis.response import INDEX, Response
-from solen.analysis.diagnosis.voltage import Bend, volts
+from solen.analysis.diagnosis.design_response import INDEX, Response
 from solen.arrays import FloatArray
+from solen.readout import Circuit
+from solen.readout.transistor import load_line
 from solen.sensor.readings import SIDES
 
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
+_OHM = 1e3  # so that mA are V
 LOSS_WORTH = 0.05
 """Loss along the way, as a share of the light, that is worth telling."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
 """Places in a cell, in its standard deviations, whose plain mean is that over the cell (Chebyshev's rule)."""
+
+
+@dataclass(frozen=True)
+class Bend:
+    """Load line of every receiver.
+
+    Attributes
+    ----------
+    supply_V, saturation_V, knee_V
+        As in `solen.readout.load_line`.
+    room_V
+        By how much the light of the room pulls each receiver down, (r,).
+    """
+
+    supply_V: float
+    saturation_V: float
+    knee_V: float
+    room_V: tuple[float, ...]
+
+    @classmethod
+    def of(cls, circuit: Circuit, room_V: tuple[float, ...]) -> "Bend":
+        """Bend of a circuit in the light of a room."""
+        part = circuit.transistor
+        return cls(circuit.supply_V, part.saturation_V, part.knee_V, room_V)
+
+    def __call__(self, pulled_V: FloatArray) -> FloatArray:
+        """How far the voltages (n, r) go down where a straight line would have them go down by ``pulled_V``."""
+        room = np.maximum(np.array(self.room_V), 0.0)
+        pulled = np.maximum(pulled_V + room, 0.0)
+        line = (self.supply_V, self.saturation_V, self.knee_V)
+        down = load_line(np.vstack([room, pulled]), _OHM, *line).volts
+        return np.asarray(down[0] - down[1:] + np.minimum(pulled_V + room, 0.0))
+
+
+def _receiver_V(shares: FloatArray, gain_V: FloatArray, offset_V: FloatArray, bend: Bend | None) -> FloatArray:
+    """Voltages (n, r) of shares (n, r), by gains and offsets (r,)."""
+    pulled = shares * gain_V
+    return np.asarray(offset_V - (pulled if bend is None else bend(pulled)))
 
 
 @dataclass(frozen=True)
@@ -45,7 +88,7 @@ class Parameter:
     known: float = math.inf
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Model:
     """Curves (n, r) of the receivers of some sides over angles (n,), by values of its parameters (p,)."""
 
@@ -144,8 +187,7 @@ class Model:
         return self._volts(values, self.shares(values))
 
     def _volts(self, values: FloatArray, shares: FloatArray) -> FloatArray:
-        found = volts(shares, values[self.gains], values[self.offsets], self.bend)
-        return self._means(found)
+        return self._means(_receiver_V(shares, values[self.gains], values[self.offsets], self.bend))
 
     def jacobian(self, values: FloatArray, active: Sequence[int]) -> FloatArray:
         """Derivatives (n, r, a) by the active parameters (a,), by central differences."""

@@ -19,11 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import f as f_distribution
 
-from solen.analysis.diagnosis.model import OFFSET, SPREAD, Model
-from solen.arrays import FloatArray
+from solen.analysis.diagnosis.curve_model import OFFSET, SPREAD, Model
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.results import Result, reported
 
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 STARTS_MM2 = (0.1**2, 0.25**2)
@@ -41,7 +41,7 @@ SIGNIFICANT = 0.05
 _ROUNDS = 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cycles:
     """Curves of the cycles of a recording.
 
@@ -57,7 +57,7 @@ class Cycles:
     volts: FloatArray
 
     @property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> BoolArray:
         """Angles of each receiver that every cycle has, (n, r)."""
         return np.asarray(np.isfinite(self.volts).all(axis=0))
 
@@ -73,14 +73,14 @@ class Cycles:
         return np.asarray(np.nanmax(mean, axis=0) - np.nanmin(mean, axis=0))
 
 
-@dataclass(frozen=True)
-class Misfit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Misfit(Result):
     """What mean curves depart from the model by.
 
     Attributes
     ----------
     rms_V
-        Of the residuals, by receiver (r,).
+        Of the residuals, by receiver (r,), right before left.
     ratio, chance
         Mean square of the residuals' waves over what the scatter of the cycles makes of it, and how often chance alone
         makes as much; NaN for a single cycle.
@@ -93,13 +93,13 @@ class Misfit:
     chance: float
     share: float
 
-    @property
+    @reported
     def significant(self) -> bool:
         """Whether there is more than chance makes."""
         return bool(self.chance < SIGNIFICANT)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fitted:
     """A fit.
 
@@ -123,7 +123,7 @@ class Fitted:
 
     model: Model
     values: FloatArray
-    active: NDArray[np.intp]
+    active: IndexArray
     covariance: FloatArray
     freedom: FloatArray
     residual_V: FloatArray
@@ -186,7 +186,7 @@ def _first_sd(cycles: Cycles) -> FloatArray:
     return np.asarray(np.sqrt(np.nanmean(scatter, axis=0) / count) + least)
 
 
-def _started(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray) -> FloatArray:
+def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
     """Values of the best of several beginnings."""
     spread = model.parameters[model.places[SPREAD]].start
     free = {model.parameters[place].name for place in places}
@@ -203,7 +203,7 @@ def _started(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatAr
 
 
 def _solved(
-    model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, start: FloatArray
+    model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
     """Values and sum of squares by the way of Levenberg and Marquardt, in the parameters' scales."""
     scale = np.array([model.parameters[place].scale for place in places])
@@ -240,7 +240,7 @@ def _keep_within(model: Model, values: FloatArray) -> None:
 
 
 def _rest(
-    model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray
+    model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray
 ) -> tuple[FloatArray, float]:
     """What is left of the mean curves, and of what is known beforehand, in their standard deviations."""
     left = ((cycles.mean_V - model.volts(values)) / sd)[cycles.valid]
@@ -249,14 +249,14 @@ def _rest(
     return rest, float(rest @ rest)
 
 
-def _table(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray) -> FloatArray:
+def _table(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
     """Derivatives of the model by the parameters in the same units, (observations, a)."""
     found = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
     prior = np.diag([1.0 / model.parameters[p].known for p in places])
     return np.concatenate([found, prior])
 
 
-def _fitted(model: Model, cycles: Cycles, places: NDArray[np.intp], sd: FloatArray, values: FloatArray) -> Fitted:
+def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> Fitted:
     valid, count = cycles.valid, len(cycles.volts)
     width = np.broadcast_to(sd, valid.shape)[valid]
     table = (model.jacobian(values, places.tolist()) / sd[:, None])[valid]

@@ -1,0 +1,234 @@
+"""Calibrations of a study's sensors: one of each, or one of several prints, with what they are worth.
+
+The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `place_of` is where one is written.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from solen import __version__
+from solen.analysis.calibration.conditions import ConditionOptions, conditions
+from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
+from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
+from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Checked, Circuit, Motion, curves_of, rails_of
+from solen.analysis.calibration.training import training_of
+from solen.analysis.sensor_response import SensorResponse
+from solen.analysis.study import Study
+from solen.errors import DataError, SpecError
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+
+POOL = "pooled"
+_FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
+_MANY = 0.01  # ambiguous
+
+
+class CalibrationOptions(ConditionOptions):
+    """Which sensors are calibrated, and how."""
+
+    sensor: str | None = None
+    """Calibrate only this one."""
+    pool: bool = False
+    """Make one calibration of all prints with a lens, for a print that was never recorded."""
+    with_controls: bool = False
+    """Calibrate sensors without a lens, too."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorCalibration(Result):
+    """A calibration with its checks; its curves are in its ``content``.
+
+    Attributes
+    ----------
+    content
+        What its file holds.
+    calibration
+        Its arrays.
+    check
+        Its cross-validation; None where there are too few cycles or prints.
+    warnings
+        What it cannot show.
+    """
+
+    content: CalibrationFile = field(metadata=HIDDEN)
+    calibration: Calibration = field(metadata=HIDDEN)
+    check: Check | None = field(metadata=HIDDEN)
+    warnings: tuple[str, ...]
+
+    @reported
+    def sensor(self) -> str:
+        """Name of the sensor, or of the pool."""
+        return self.content.sensor
+
+    @reported
+    def prints(self) -> tuple[str, ...]:
+        """The sensors that it is made of."""
+        return self.content.prints
+
+    @reported
+    def cycles(self) -> int:
+        """Cycles used, of all prints."""
+        return self.content.cycles
+
+    @reported
+    def range_deg(self) -> tuple[float, float]:
+        """Lowest and highest calibrated angle."""
+        return float(self.calibration.angle_deg[0]), float(self.calibration.angle_deg[-1])
+
+    @reported
+    def motion(self) -> Motion:
+        """What was moved, and how far."""
+        return self.content.motion
+
+    @reported
+    def circuit(self) -> Circuit:
+        """What the voltages are."""
+        return self.content.circuit
+
+    @reported
+    def leave_one_cycle_out(self) -> Checked | None:
+        """Each cycle decoded by the others."""
+        return self.content.leave_one_cycle_out
+
+    @reported
+    def leave_one_sensor_out(self) -> Checked | None:
+        """Each print decoded by the others."""
+        return self.content.leave_one_sensor_out
+
+    @reported
+    def words(self) -> tuple[str, ...]:
+        """What the checks show, in sentences."""
+        return self.content.words
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorCalibrations(Result):
+    """Calibrations of a study: each of them, whether any recording is simulated, the recordings, and warnings."""
+
+    calibrations: tuple[SensorCalibration, ...]
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+
+def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
+    """A calibration of each sensor that is asked for, or one of all.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where there is no such sensor, or one has too few cycles or no pair of receivers.
+    """
+    options = options or CalibrationOptions()
+    sensors, warnings = _chosen(study, options)
+    trainings = [training_of(one) for one in sensors]
+    ones = [calibrated(one) for one in trainings]
+    if options.pool:
+        check = leave_one_sensor_out(trainings, ones)
+        cautions = [] if check else [f"{len(ones)} prints: three are needed to check it on a print left out"]
+        made = [_made(study, options, sensors, pooled(ones), check, cautions)]
+    else:
+        made = []
+        for sensor, training, one in zip(sensors, trainings, ones, strict=True):
+            check = leave_one_cycle_out(training)
+            cautions = _cautions(sensor, one, check)
+            warnings += [f"{sensor.label}: {line}" for line in cautions]
+            made.append(_made(study, options, [sensor], one, check, cautions))
+    return SensorCalibrations(tuple(made), study.simulated, study.sources, (*study.warnings, *warnings))
+
+
+def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[str]]:
+    """Sensors to calibrate: those with a lens, or the one that is named; and a warning of those left out."""
+    sensors = list(study.sensors.values())
+    if options.sensor is not None:
+        sensors = [one for one in sensors if options.sensor in {one.label, one.label.rpartition(".")[2]}]
+        if not sensors:
+            limit = f"no such sensor; there are {', '.join(study.sensors)}"
+            raise SpecError("--sensor", value=options.sensor, limit=limit)
+    bare = ", ".join(one.label for one in sensors if one.lens is False)
+    kept = [one for one in sensors if options.with_controls or one.lens is not False]
+    if not kept:
+        limit = "has no lens and hardly answers to the angle"
+        raise DataError(f"sensor {bare}", limit=limit, remedy="--with-controls calibrates it all the same")
+    if options.pool and len(kept) < 2:
+        raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
+    left_out = bare and not options.with_controls
+    return kept, [f"without a lens and not calibrated: {bare}"] if left_out else []
+
+
+def _made(
+    study: Study,
+    options: CalibrationOptions,
+    sensors: Sequence[SensorResponse],
+    one: Calibration,
+    check: Check | None,
+    warnings: Sequence[str],
+) -> SensorCalibration:
+    runs = [run for sensor in sensors for run in sensor.runs]
+    subtracted = study.ambient_subtracted and study.options.dark_V is None
+    motion, circuit = conditions(
+        sensors[0].label, runs[0].signals.provenance, options, "subtracted" if subtracted else "not subtracted"
+    )
+    motions = [run.motion for run in runs]
+    reached = {
+        "low_deg": min(one.low_deg for one in motions),
+        "high_deg": max(one.high_deg for one in motions),
+        "speed_deg_per_s": sorted(one.speed_deg_per_s for one in motions)[len(motions) // 2],
+    }
+    checked = None if check is None else Checked(whole=check.whole, parts=check.parts)
+    content = CalibrationFile(
+        solen=__version__,
+        sensor=POOL if options.pool else sensors[0].label,
+        prints=tuple(sensor.label for sensor in sensors),
+        simulated=study.simulated,
+        cycles=one.cycles,
+        freedom_repeat=one.freedom[0],
+        rails_V=rails_of(one),
+        dark_V=study.dark_V,
+        motion=motion.model_copy(update=reached),
+        circuit=circuit,
+        curves=curves_of(one),
+        leave_one_cycle_out=None if options.pool else checked,
+        leave_one_sensor_out=checked if options.pool else None,
+        words=() if check is None else (_sentence(check, "print" if options.pool else "cycle"),),
+        sources=tuple(source.as_dict() for source in study.sources),
+        warnings=tuple(warnings),
+    )
+    return SensorCalibration(content, one, check, tuple(warnings))
+
+
+def _sentence(check: Check, left_out: str) -> str:
+    """What a check shows."""
+    one = check.whole
+    return (
+        f"angles of a {left_out} left out are decoded to {one.rms_deg:.2g}° (rms; mean error {one.bias_deg:+.1g}°, "
+        f"worst {one.worst_deg:.2g}°); {100 * one.within_68:.0f} % lie within the bands of 68 %, "
+        f"{100 * one.within_95:.0f} % within those of 95 %"
+    )
+
+
+def _cautions(sensor: SensorResponse, one: Calibration, check: Check | None) -> list[str]:
+    """What a sensor's calibration cannot show."""
+    warnings = []
+    if check is None:
+        warnings.append("two cycles: three are needed to check it on a cycle left out")
+    elif check.whole.ambiguous > _MANY:
+        warnings.append(f"{100 * check.whole.ambiguous:.2g} % of the readings have several angles that explain them")
+    if check is not None and check.whole.within_95 < _FEW:
+        warnings.append(f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %")
+    low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
+    first, second, last = (float(one.angle_deg[place]) for place in (0, 1, -1))
+    beside = 2.0 * (second - first)
+    if first > low + beside or last < high - beside:
+        warnings.append(f"both receivers have readings from {first:g}° to {last:g}° only, of {low:.3g}° to {high:.3g}°")
+    return warnings
+
+
+def place_of(recordings: Sequence[Path], sensor: str) -> Path:
+    """Where a sensor's calibration is written by default: beside its recording."""
+    for path in recordings:
+        if sensor == path.stem or sensor.startswith(f"{path.stem}."):
+            return path.with_name(f"{sensor}{SUFFIX}")
+    first = recordings[0]
+    return first.with_name(f"{first.stem}.{sensor}{SUFFIX}" if len(recordings) == 1 else f"{sensor}{SUFFIX}")

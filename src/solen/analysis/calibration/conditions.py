@@ -1,0 +1,84 @@
+"""What a recording was made under: motion and circuit, from the header that a bench wrote or from a design file.
+
+Recordings of other programs state neither; `ConditionOptions` do.
+
+The interface: `conditions` of a sensor's recording.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any, Literal
+
+from solen.analysis.calibration.file import Ambient, Circuit, Motion
+from solen.errors import SolenError, SpecError
+from solen.files import read_text
+from solen.recording import Provenance
+from solen.spec import Design, loads
+from solen.spec.strict import Options
+
+
+class ConditionOptions(Options):
+    """What a recording that does not state it was made with."""
+
+    design: Path | None = None
+    """Design file of the sensor: its motion, pivot, moving parts and circuit."""
+    motion: Literal["rotation", "bend"] | None = None
+    """Kind of motion, where the recording does not state it."""
+
+
+def conditions(
+    sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
+) -> tuple[Motion, Circuit]:
+    """Motion and circuit of a sensor's recording; None for what is stated nowhere.
+
+    Raises
+    ------
+    SpecError
+        Where the design file cannot be read.
+    """
+    header = {} if provenance is None else header_of(provenance)
+    if options.design is not None:
+        text = read_text(options.design, SpecError)
+        design: Design | None = loads(text, what=str(options.design), folder=options.design.absolute().parent)
+    else:
+        text = _design_text(header, sensor)
+        design = _design(text)
+    protocol = header.get("protocol_name")
+    if design is None:
+        return Motion(kind=options.motion, protocol=protocol), Circuit(ambient=ambient)
+    moved, readout = design.motion, design.readout
+    pivot = moved.pivot if isinstance(moved.pivot, str) else " ".join(f"{one:g}" for one in moved.pivot)
+    motion = Motion(kind=options.motion or moved.kind, pivot=pivot, parts=tuple(moved.moves), protocol=protocol)
+    return motion, Circuit(
+        ambient=ambient,
+        emitter_current_mA=readout.emitter_current_ma,
+        load_ohm=readout.load_ohm,
+        design_sha256=hashlib.sha256(text.encode("utf-8")).hexdigest(),
+    )
+
+
+def header_of(provenance: Provenance) -> dict[str, Any]:
+    """Header that a bench wrote at the start of a run; empty for recordings of other programs."""
+    try:
+        header = json.loads(provenance.metadata.get("header", "{}"))
+    except ValueError:
+        return {}
+    return header if isinstance(header, dict) else {}
+
+
+def _design_text(header: dict[str, Any], sensor: str) -> str:
+    """Text of the header's design for a sensor; where the sensor is not in it, of its only design."""
+    designs = header.get("designs", {})
+    name = next((one.get("design") for one in header.get("sensors", ()) if one.get("name") == sensor), None)
+    if name is None and len(designs) == 1:
+        name = next(iter(designs))
+    return str(designs.get(name, ""))
+
+
+def _design(text: str) -> Design | None:
+    """Design of a header's text; None where there is none, or this solen cannot read it."""
+    try:
+        return loads(text, what="the recording's design") if text else None
+    except SolenError:
+        return None

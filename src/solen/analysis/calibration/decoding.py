@@ -1,0 +1,323 @@
+"""A stream decoded by a saved calibration: rows of angles as they arrive, and a summary at the end.
+
+The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of CSV, its `result` a `Decoding`.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from solen.analysis.calibration.conditions import ConditionOptions, conditions
+from solen.analysis.calibration.cross_validation import merged, part_of
+from solen.analysis.calibration.decoder import Decoded, Decoder
+from solen.analysis.calibration.file import CalibrationFile, Part, differences
+from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
+from solen.analysis.calibration.streams import Batch, Stream
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError, SpecError
+from solen.recording import Provenance
+from solen.results import Result
+from solen.spec.strict import Finite
+
+COLUMNS = (
+    "time_s",
+    "angle_deg",
+    "low68_deg",
+    "high68_deg",
+    "low95_deg",
+    "high95_deg",
+    "direction",
+    "probability",
+    "heading",
+    "rises",
+    "flags",
+    "other",
+)
+HEADER = ",".join(COLUMNS) + "\n"
+FLAGS = ("outside", "ambiguous", "clipped", "at_end")
+_MILLI = 100.0  # times the calibration's largest voltage, from which on a reading is not in volts
+_TOLD = 0.5  # per cent of the readings from which on a flag is warned of
+_MEANING = {
+    "outside": "lie outside of the calibrated curve, and their angles mean nothing",
+    "ambiguous": "have several angles that explain them",
+    "clipped": "are clipped: their angle rests on one receiver",
+    "missing": "lack a voltage",
+}
+
+
+class DecodeOptions(ConditionOptions):
+    """How a stream is decoded."""
+
+    sensor: str | None = None
+    """Sensor of the source; default: the one that was calibrated."""
+    follow: bool = False
+    """Follow a journal as it grows, until its run ends."""
+    gain_percent: Finite = Field(0.0, ge=0)
+    """Allow a common change of the light by so many per cent (standard deviation), as of an emitter that ages."""
+    window_ms: Finite = Field(1e3 * WINDOW_S, ge=0)
+    """Time over which the heading, rising or falling, is judged."""
+
+
+@dataclass(frozen=True)
+class Against:
+    """Errors against the angle that the source itself has, within the calibrated range; as in a calibration's check."""
+
+    readings: int
+    rms_deg: float
+    worst_deg: float
+    bias_deg: float
+    within_68: float
+    within_95: float
+
+
+@dataclass(frozen=True)
+class CalibrationUsed:
+    """A calibration: its file, its sensor, and whether it is simulated."""
+
+    file: str
+    sensor: str
+    simulated: bool
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Decoding(Result):
+    """What was decoded.
+
+    Attributes
+    ----------
+    readings, missing
+        Readings that were decoded, and those that lack a voltage.
+    outside, ambiguous, clipped, at_end
+        Readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
+    from_s, to_s
+        Times of the first and the last reading.
+    lowest_deg, highest_deg
+        Range of the angles that lie on the curve; None where none does.
+    against_angle
+        Errors against the source's own angle, where it has one.
+    calibration
+        What it was decoded by.
+    sensor
+        Of the source, where it is known.
+    simulated
+        Whether the calibration or the source is simulated.
+    interrupted
+        Whether Ctrl-C ended the stream.
+    sources
+        The recording.
+    warnings
+        What the angles cannot show.
+    """
+
+    readings: int
+    missing: int
+    outside: int
+    ambiguous: int
+    clipped: int
+    at_end: int
+    from_s: float
+    to_s: float
+    lowest_deg: float | None
+    highest_deg: float | None
+    against_angle: Against | None
+    calibration: CalibrationUsed
+    sensor: str | None
+    simulated: bool
+    interrupted: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+
+class StreamDecoder:
+    """Readings of one stream, decoded and counted.
+
+    Parameters
+    ----------
+    known, file
+        The calibration, and the name of its file.
+    stream
+        Where the readings come from.
+    options
+        How they are decoded.
+    rails
+        Lowest and highest voltage of the recorder, instead of the calibration's.
+    source
+        Name of the stream in refusals.
+
+    Raises
+    ------
+    SpecError
+        Where a change of gain is allowed for, and the voltage without light is unknown.
+    """
+
+    def __init__(
+        self,
+        known: CalibrationFile,
+        file: str,
+        stream: Stream,
+        options: DecodeOptions,
+        rails: tuple[float, float] | None,
+        source: str,
+    ) -> None:
+        if options.gain_percent and known.dark_V is None:
+            limit = "needs the voltage without light, which the calibration does not have"
+            remedy = "calibrate with --dark-V"
+            raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
+        calibration = known.calibration
+        self._used = CalibrationUsed(file, known.sensor, known.simulated)
+        self._stream, self._source = stream, source
+        self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
+        self._tracker = Tracker(1e-3 * options.window_ms)
+        self._largest_V = float(np.abs(calibration.curves_V).max())
+        self._middle_V = calibration.curves_V.mean(axis=(0, 1))
+        self._rails = calibration.rails_V if rails is None else np.array([rails] * 2)
+        self._range_deg, self._times_s = (math.inf, -math.inf), (math.nan, math.nan)
+        self._parts: list[Part] = []
+        self.counts = dict.fromkeys(("readings", "missing", *FLAGS), 0)
+        self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
+
+    def rows(self, batch: Batch) -> str:
+        """Lines of CSV of a batch, as `COLUMNS`; `DataError` where its voltages are not in V."""
+        good = np.asarray(np.isfinite(batch.volts).all(axis=1))
+        self._check_scale(batch.volts[good])
+        decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))
+        noise = self._decoder.noise_deg(decoded.angle_deg)
+        headings = self._tracker.of(batch.time_s[good], decoded.angle_deg, noise)
+        self._count(batch, good, decoded)
+        return "".join(_rows(batch.time_s, good, decoded, headings))
+
+    def _check_scale(self, volts: FloatArray) -> None:
+        """`DataError` where readings are some thousand times what was calibrated."""
+        largest = float(np.median(np.abs(volts).max(axis=1))) if len(volts) else 0.0
+        if largest > _MILLI * self._largest_V:
+            limit = f"reads {largest:.4g} V; the calibration goes up to {self._largest_V:.3g} V: are they mV?"
+            raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in left_mV")
+
+    def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
+        """1 where a reading stands at the upper end of what is shown, −1 at the lower."""
+        volts = batch.volts[good]
+        marks = np.zeros(volts.shape, dtype=np.int8)
+        if batch.clipped is not None:
+            marks[batch.clipped[good]] = 1
+            marks *= np.where(volts >= self._middle_V, 1, -1).astype(np.int8)
+        marks[volts >= np.nan_to_num(self._rails[:, 1], nan=np.inf)] = 1
+        marks[volts <= np.nan_to_num(self._rails[:, 0], nan=-np.inf)] = -1
+        return marks
+
+    def _count(self, batch: Batch, good: BoolArray, decoded: Decoded) -> None:
+        self.counts["readings"] += int(good.sum())
+        self.counts["missing"] += int((~good).sum())
+        for name in FLAGS:
+            self.counts[name] += int(getattr(decoded, name).sum())
+        if not good.any():
+            return
+        inside = decoded.angle_deg[~decoded.outside]
+        low, high = self._range_deg
+        self._range_deg = float(inside.min(initial=low)), float(inside.max(initial=high))
+        times, first = batch.time_s[good], self._times_s[0]
+        self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
+        if batch.angle_deg is not None:
+            true, (start, end) = batch.angle_deg[good], self._decoder.range_deg
+            kept = (true >= start) & (true <= end)
+            if kept.any():
+                self._parts.append(part_of("source", true[kept], decoded.picked(np.flatnonzero(kept))))
+
+    def result(self, *, interrupted: bool) -> Decoding:
+        """Summary of what was decoded; `DataError` where there was no reading."""
+        if not self.counts["readings"]:
+            raise DataError(self._source, limit="holds no reading", remedy="check its columns")
+        low, high = self._range_deg
+        provenance = self._stream.provenance
+        return Decoding(
+            **self.counts,
+            from_s=self._times_s[0],
+            to_s=self._times_s[1],
+            lowest_deg=low if math.isfinite(low) else None,
+            highest_deg=high if math.isfinite(high) else None,
+            against_angle=_against(self._parts),
+            calibration=self._used,
+            sensor=self._stream.sensor,
+            simulated=self._used.simulated or self._stream.simulated,
+            interrupted=interrupted,
+            sources=() if provenance is None else (provenance,),
+            warnings=(*self.warnings, *self._flag_warnings()),
+        )
+
+    def _flag_warnings(self) -> Iterator[str]:
+        for name, meaning in _MEANING.items():
+            count = self.counts[name]
+            percent = 100.0 * count / max(self.counts["readings"], 1)
+            if count and (name == "missing" or percent >= _TOLD):
+                yield f"{count} readings ({percent:.2g} %) {meaning}"
+
+
+def _against(parts: list[Part]) -> Against | None:
+    if not parts:
+        return None
+    one = merged("source", parts)
+    return Against(one.readings, one.rms_deg, one.worst_deg, one.bias_deg, one.within_68, one.within_95)
+
+
+def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[str]:
+    """Whether the calibration is for the source: one sentence for what differs, one for what is stated nowhere."""
+    motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
+    other, unknown = differences(known, motion, circuit)
+    moved = bool(other)
+    if len(known.prints) == 1 and stream.sensor is not None and _last(stream.sensor) != _last(known.sensor):
+        other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
+    if other:
+        yield f"this calibration is not for what is decoded: {'; '.join(other)}"
+    if unknown and not moved:
+        yield (
+            f"whether the calibration is for this motion cannot be checked: nothing states the {', '.join(unknown)}; "
+            "--design or --motion does"
+        )
+    if known.simulated and not stream.simulated and stream.provenance is not None:
+        yield "the calibration is simulated, and the recording is not"
+
+
+def _last(name: str) -> str:
+    """Name of a sensor without that of its file."""
+    return name.rpartition(".")[2]
+
+
+def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headings) -> Iterator[str]:
+    """A line for each reading, in the order of `COLUMNS`."""
+    others: dict[int, list[str]] = {}
+    for row, (low, high), share in zip(
+        decoded.other.tolist(), decoded.other_deg.tolist(), decoded.other_probability.tolist(), strict=True
+    ):
+        others.setdefault(row, []).append(f"{low:.5f}..{high:.5f} ({share:.2f})")
+    columns = (
+        decoded.angle_deg.tolist(),
+        decoded.low_deg.tolist(),
+        decoded.high_deg.tolist(),
+        decoded.right.tolist(),
+        headings.words(),
+        headings.rises.tolist(),
+        _flags(decoded),
+    )
+    readings = enumerate(zip(*columns, strict=True))
+    for stamp, held in zip(time_s.tolist(), good.tolist(), strict=True):
+        when = f"{stamp:.6f}" if math.isfinite(stamp) else ""
+        if not held:
+            yield f"{when},,,,,,,,,,missing,\n"
+            continue
+        number, (angle, low, high, right, heading, rises, flags) = next(readings)
+        side, share = ("right", right) if right >= 0.5 else ("left", 1.0 - right)
+        yield (
+            f"{when},{angle:.5f},{low[0]:.5f},{high[0]:.5f},{low[1]:.5f},{high[1]:.5f},"
+            f"{side},{share:.3f},{heading},{rises:.3f},{flags},{' '.join(others.get(number, ()))}\n"
+        )
+
+
+def _flags(decoded: Decoded) -> list[str]:
+    marks = np.column_stack([getattr(decoded, name) for name in FLAGS])
+    texts = [
+        " ".join(name for place, name in enumerate(FLAGS) if number >> place & 1) for number in range(2 ** len(FLAGS))
+    ]
+    return [texts[number] for number in (marks @ (1 << np.arange(len(FLAGS)))).tolist()]

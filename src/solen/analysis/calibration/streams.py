@@ -1,0 +1,210 @@
+"""Streams of voltages to decode: a recorded file, or lines of CSV as they arrive.
+
+Each is a `Stream` of `Batch` after `Batch` of left and right voltages, as large as there is something to hand over.
+
+The interface: `recorded_stream` of a file, `line_stream` of lines.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from solen.analysis.calibration.file import Ambient
+from solen.analysis.signals import SignalOptions, Waveforms, waveforms
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Provenance, Recording, read_parts
+from solen.recording.column_roles import by_sensor, column_of, existing, is_companion, left_right, named_column, side_of
+from solen.recording.numbers import is_number, parse
+from solen.recording.words import heading
+from solen.units import factor
+
+_SEPARATORS = (";", "\t", ",")
+STDIN = "-"
+FILE_OPTIONS = ("angle", "zero_deg", "flip_angle", "on_off_hz", "emitters", "smooth_ms", "sheet")
+"""Options that have a meaning for files alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Readings: times (n,), left and right (n, 2) with NaN where one is missing, flags of clipped ones, true angles."""
+
+    time_s: FloatArray
+    volts: FloatArray
+    clipped: BoolArray | None = None
+    angle_deg: FloatArray | None = None
+
+    def pieces(self, size: int) -> Iterator["Batch"]:
+        """The batch in pieces that fit the memory."""
+        for begin in range(0, len(self.time_s), size):
+            part = slice(begin, begin + size)
+            clipped = None if self.clipped is None else self.clipped[part]
+            angle = None if self.angle_deg is None else self.angle_deg[part]
+            yield Batch(self.time_s[part], self.volts[part], clipped, angle)
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Readings with their sensor, their source, and whether ambient light was subtracted (None if unknown)."""
+
+    batches: Iterator[Batch]
+    sensor: str | None = None
+    ambient: Ambient | None = None
+    provenance: Provenance | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the readings are simulated."""
+        return self.provenance is not None and self.provenance.simulated
+
+
+def recorded_stream(path: Path, options: SignalOptions, sensor: str | None, calibrated: str) -> Stream:
+    """Readings of a file; ``sensor`` is the one to decode, by default the one that was ``calibrated``.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where the file has no such sensor, or no left and right receiver.
+    """
+    streams: dict[str, Stream] = {}
+    for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
+        for emitter, samples in waveforms(recording, options).items():
+            label = ".".join(filter(None, (group, emitter))) or path.stem
+            for name, receivers in by_sensor(samples.receivers, label, alone=True).items():
+                sides = left_right(tuple(receivers))
+                if sides is not None:
+                    places = [list(receivers.values())[side] for side in sides]
+                    streams[name] = _of_sensor(samples, name, places, recording.provenance)
+    if not streams:
+        remedy = "name them with --channel left=COLUMN right=COLUMN"
+        raise DataError(path.name, limit="has no pair of a left and a right receiver", remedy=remedy)
+    return streams[chosen_sensor(list(streams), sensor, calibrated, path.name)]
+
+
+def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Provenance) -> Stream:
+    clipped = None if samples.clipped is None else samples.clipped[:, places]
+    batch = Batch(samples.time_s, samples.volts[:, places], clipped, samples.angle_deg)
+    return Stream(
+        iter([batch]), name, "subtracted" if samples.ambient_subtracted else None, provenance, samples.warnings
+    )
+
+
+def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
+    """The sensor that is asked for, else the calibrated one, else the only one."""
+    for wanted in filter(None, (sensor, calibrated)):
+        named = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
+        if named:
+            return wanted if wanted in named else named[0]
+        if wanted == sensor:
+            raise SpecError("--sensor", value=sensor, limit=f"{source} has {', '.join(names)}")
+    if len(names) == 1:
+        return names[0]
+    limit = f"has {len(names)} sensors, none of them called {calibrated}: {', '.join(names)}"
+    raise DataError(source, limit=limit, remedy="choose one with --sensor")
+
+
+def check_live(options: SignalOptions) -> None:
+    """`SpecError` where an option is set that live readings have no use for."""
+    for name in FILE_OPTIONS:
+        if name in options.model_fields_set:
+            option = f"--{name.replace('_', '-')}"
+            raise SpecError(option, limit="applies to recorded files, not to live readings", remedy="leave it out")
+
+
+def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
+    """Readings of lines of CSV, each as soon as it arrives; the first line is the header unless columns are named.
+
+    Raises
+    ------
+    DataError
+        Where no line arrives, or the header names no left and right receiver.
+    """
+    rows = iter(text)
+    first = next((row for row in rows if row.strip()), None)
+    if first is None:
+        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
+    separator = next((one for one in _SEPARATORS if one in first), ",")
+    cells = _cells(first, separator)
+    if options.columns:
+        return Stream(_Layout.of(options.columns, options, separator).batches(chain([first], rows)))
+    if all(is_number(cell) for cell in cells):
+        limit = "begins with numbers, not with the names of its columns"
+        raise DataError(STDIN, limit=limit, remedy="name them, as in --columns time_s left_V right_V")
+    return Stream(_Layout.of(cells, options, separator).batches(rows))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.strip("\r\n").split(separator)]
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Which cells of a line are the time, left and right, and what they are multiplied by."""
+
+    places: tuple[int | None, int, int]
+    scales: tuple[float, float, float]
+    count: int
+    separator: str
+    rate_hz: float | None
+
+    @classmethod
+    def of(cls, names: Sequence[str], options: SignalOptions, separator: str) -> "_Layout":
+        heads = [heading(name) for name in names]
+        channels = tuple(Channel(one.name, one.quantity, one.unit, np.empty(0)) for one in heads)
+        header = Recording(channels, Provenance(STDIN))
+        time = None
+        if options.time is not None:
+            time = named_column(header, options.time, "--time")
+        elif options.rate_hz is None:
+            time = column_of(header, "time")
+        left, right = (_receiver(header, options, side) for side in ("left", "right"))
+        unit = "" if time is None else options.time_unit or time.unit
+        scales = (_scale(unit, "s", "time"), _scale(left.unit, "V", left.name), _scale(right.unit, "V", right.name))
+        at = {id(one): place for place, one in enumerate(channels)}
+        places = (None if time is None else at[id(time)], at[id(left)], at[id(right)])
+        return cls(places, scales, len(names), separator, options.rate_hz)
+
+    def batches(self, rows: Iterable[str]) -> Iterator[Batch]:
+        """One reading at a time; a line that cannot be read is a reading that is missing."""
+        for number, row in enumerate(row for row in rows if row.strip()):
+            cells = _cells(row, self.separator)
+            values = [self._number(cell) for cell in cells] if len(cells) == self.count else [math.nan] * self.count
+            place, left, right = self.places
+            counted = number / self.rate_hz if self.rate_hz else float(number)
+            stamp = counted if place is None else values[place] * self.scales[0]
+            volts = [values[left] * self.scales[1], values[right] * self.scales[2]]
+            yield Batch(np.array([stamp]), np.array([volts if math.isfinite(stamp) else [math.nan, math.nan]]))
+
+    def _number(self, cell: str) -> float:
+        """Number of a cell; NaN where it is empty or a word."""
+        try:
+            return parse(cell, "." if self.separator == "," else ",")
+        except ValueError:
+            return math.nan
+
+
+def _scale(unit: str, wanted: str, name: str) -> float:
+    scale = factor(unit, wanted) if unit and unit != "1" else 1.0
+    if scale is None:
+        raise DataError(
+            f"-: {name}", value=unit, limit=f"cannot be converted to {wanted}", remedy="name another column"
+        )
+    return scale
+
+
+def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
+    """Column of the left or the right receiver."""
+    named = next((column for name, column in options.named_receivers if side_of(name) == side), None)
+    if named is not None:
+        return named_column(header, named, "--channel")
+    columns = [one for one in header.channels if side_of(one.name) == side and not is_companion(one.name)]
+    if len(columns) != 1:
+        limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver; one is needed"
+        remedy = f"name it with --channel {side}=COLUMN; {existing(header)}"
+        raise DataError(STDIN, limit=limit, remedy=remedy)
+    return columns[0]

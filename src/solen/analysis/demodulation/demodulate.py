@@ -1,0 +1,349 @@
+"""A recording demodulated: its readings without ambient light, what was missing, and what the subtraction rejects.
+
+The interface: `demodulated` of a `Recording` gives a `Demodulation`; `readings_csv` is the table of its readings.
+"""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from solen.analysis.demodulation.average import Averaged, averaged, readings_per_mains
+from solen.analysis.demodulation.clock import Clock
+from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
+from solen.analysis.demodulation.samples import DemodulationOptions, Samples, limits_of, other_columns, samples_of
+from solen.analysis.demodulation.slots import Slots, slots_of
+from solen.analysis.demodulation.subtract import Counts, Demodulated, subtract
+from solen.recording import Provenance, Recording
+from solen.results import HIDDEN, Result, reported
+
+REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
+"""Frequencies of ambient light whose rejection is reported."""
+SMOOTH, SWAPPED, LEAST_TO_COMPARE = 0.2, 2.0, 20
+CLEAR = 20.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EmitterReadings(Result):
+    """Readings of one channel and emitter, in the channel's unit: mean, scatter, uncertainty of one; those clipped."""
+
+    mean: float
+    sd: float
+    u_reading: float
+    clipped: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ChannelReadings(Result):
+    """Readings of one channel, in its unit.
+
+    Attributes
+    ----------
+    unit
+        Empty where none is known.
+    emitters
+        By the emitter's number.
+    mean_ambient, sd_ambient
+        Of what was subtracted.
+    sd_slot
+        Noise of an off slot: what of it the subtraction leaves.
+    """
+
+    unit: str
+    emitters: dict[int, EmitterReadings]
+    mean_ambient: float
+    sd_ambient: float
+    sd_slot: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Rejection(Result):
+    """Rejection of ambient light of a frequency, by its formula; also with a mean over mains periods."""
+
+    frequency_hz: float
+    two_sided_dB: float
+    one_sided_dB: float
+    with_mean_dB: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Demodulation(Result):
+    """A recording without its ambient light.
+
+    Attributes
+    ----------
+    samples, slots, readings
+        What was recorded, its slots and all readings.
+    means
+        Means of readings over whole mains periods; None unless asked for.
+    options
+        How it was demodulated.
+    clock
+        Of the emitters, where it was found in the waveform.
+    counts
+        What was missing.
+    channels
+        Readings of each channel, by name.
+    rejection
+        By frequency; empty with fewer than two readings of an emitter.
+    simulated
+        Whether the recording is simulated.
+    sources
+        The recording.
+    warnings
+        What the readings cannot show.
+    """
+
+    samples: Samples = field(metadata=HIDDEN)
+    slots: Slots = field(metadata=HIDDEN)
+    readings: Demodulated = field(metadata=HIDDEN)
+    means: Averaged | None = field(metadata=HIDDEN)
+    options: DemodulationOptions
+    clock: Clock | None
+    counts: Counts
+    channels: dict[str, ChannelReadings]
+    rejection: tuple[Rejection, ...]
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def kept(self) -> Demodulated | Averaged:
+        """The readings, or the means where these were asked for."""
+        return self.means or self.readings
+
+    @property
+    def window_s(self) -> float:
+        """Time over which a slot is averaged."""
+        return _window_s(self.samples, self.slots)
+
+    @reported
+    def method(self) -> str:
+        """Where the state of the emitters comes from: ``states`` or ``waveform``."""
+        return "states" if self.clock is None else "waveform"
+
+    @reported
+    def emitters(self) -> tuple[int, ...]:
+        """Numbers of the emitters."""
+        return self.readings.emitters
+
+    @reported
+    def rate_hz(self) -> float | None:
+        """Readings of one emitter per second; None with fewer than two."""
+        return 1.0 / self.readings.period_s if np.isfinite(self.readings.period_s) else None
+
+    @reported
+    def off_stated_ppm(self) -> float | None:
+        """How far the rate of the waveform is from the stated one."""
+        if self.clock is None or self.options.rate_hz is None:
+            return None
+        return 1e6 * (self.clock.rate_hz / (self.options.rate_hz * self.options.emitters) - 1.0)
+
+    @reported
+    def samples_recorded(self) -> int:
+        """Number of samples."""
+        return len(self.samples.time_s)
+
+    @reported
+    def readings_kept(self) -> int:
+        """Number of readings, or of means."""
+        return len(self.kept.time_s)
+
+    @reported
+    def readings_averaged(self) -> int | None:
+        """Readings in each mean."""
+        return None if self.means is None else self.means.readings
+
+    @reported
+    def left_out_of_means(self) -> int | None:
+        """Readings that fill no unbroken period of the mains."""
+        return None if self.means is None else self.means.left_out
+
+    @reported
+    def samples_per_slot(self) -> float:
+        """Samples of a slot, usually."""
+        return float(np.median(self.slots.samples))
+
+    @reported
+    def settle_us(self) -> float:
+        """Time after each switch that is left out."""
+        return 1e6 * self.samples.settle_s
+
+
+def demodulated(recording: Recording, options: DemodulationOptions | None = None) -> Demodulation:
+    """Readings of a recording without its ambient light.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where columns, states or a clock are missing, or there is nothing to subtract.
+    """
+    options = options or DemodulationOptions()
+    samples = samples_of(recording, options)
+    slots = slots_of(
+        samples.time_s,
+        samples.values,
+        samples.state,
+        settle_s=samples.settle_s if samples.clock is None else 0.0,
+        limits=limits_of(samples, options),
+        gap_s=None if samples.clock is None else samples.clock.shorter_s,
+    )
+    readings = subtract(slots, options.kernel)
+    means = None
+    if options.mains_hz is not None:
+        means = averaged(readings, slots, readings_per_mains(readings.period_s, options.mains_hz))
+    channels = zip(samples.names, samples.units, strict=True)
+    return Demodulation(
+        samples=samples,
+        slots=slots,
+        readings=readings,
+        means=means,
+        options=options,
+        clock=samples.clock,
+        counts=readings.counts,
+        channels={name: _channel(readings, means or readings, n, unit) for n, (name, unit) in enumerate(channels)},
+        rejection=_rejection(readings, means, _window_s(samples, slots), options),
+        simulated=recording.provenance.simulated,
+        sources=(recording.provenance,),
+        warnings=(*recording.warnings, *_warnings(samples, readings, means)),
+    )
+
+
+def _window_s(samples: Samples, slots: Slots) -> float:
+    step = float(np.median(np.diff(samples.time_s[:10_000]))) if len(samples.time_s) > 1 else 0.0
+    count = float(np.median(slots.samples))
+    return step * count if count > 1 else 0.0
+
+
+def _channel(readings: Demodulated, kept: Demodulated | Averaged, place: int, unit: str) -> ChannelReadings:
+    ambient = readings.ambient[np.isfinite(readings.ambient[:, place]), place]
+    mean, sd = (float(ambient.mean()), float(ambient.std())) if ambient.size else (np.nan, np.nan)
+    emitters = {}
+    for emitter in readings.emitters:
+        here = kept.emitter == emitter
+        there = here & np.isfinite(kept.signal[:, place])
+        if there.any():
+            values = kept.signal[there, place]
+            u = float(np.median(kept.u[there, place]))
+            clipped = int(kept.clipped[here, place].sum())
+            emitters[emitter] = EmitterReadings(float(values.mean()), float(values.std()), u, clipped)
+    return ChannelReadings(unit, emitters, mean, sd, float(readings.slot_sd[place]))
+
+
+def _rejection(
+    readings: Demodulated, means: Averaged | None, window_s: float, options: DemodulationOptions
+) -> tuple[Rejection, ...]:
+    period_s = readings.period_s
+    if not np.isfinite(period_s):
+        return ()
+    hz = np.array(REPORTED_HZ)
+    two_sided, one_sided = (rejection_dB(gain(hz, period_s, window_s, kernel)) for kernel in ("two-sided", "one-sided"))
+    if means is None:
+        return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided]).tolist())
+    left = gain(hz, period_s, window_s, options.kernel) * mean_gain(hz, period_s, means.readings)
+    with_mean = rejection_dB(np.maximum(left, 1e-10))
+    return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided, with_mean]).tolist())
+
+
+def _warnings(samples: Samples, readings: Demodulated, means: Averaged | None) -> list[str]:
+    return [
+        *_count_warnings(readings),
+        *_noise_warnings(readings),
+        *([] if means is None or not means.left_out else [_LEFT_OUT.format(means.left_out)]),
+        *_swapped(samples, readings),
+        *([] if samples.clock is None else _clock_warnings(samples.clock)),
+    ]
+
+
+_LEFT_OUT = "{} readings fill no unbroken period of the mains: left out of the means"
+
+
+def _count_warnings(readings: Demodulated) -> list[str]:
+    counts = readings.counts
+    warnings = [
+        f"emitter {emitter}: {missing} on slots of a regular sequence are missing from the recording"
+        for emitter, missing in counts.missing.items()
+        if missing
+    ]
+    if counts.without_off:
+        warnings.append(f"{counts.without_off} on slots have no off slot near: they give no reading")
+    if counts.one_sided > 2 * len(readings.emitters):
+        warnings.append(
+            f"{counts.one_sided} readings have an off slot on one side only: a ramp is not taken out of them"
+        )
+    if counts.emptied:
+        warnings.append(f"{counts.emptied} slots had no sample left after settling: shorten --settle-us")
+    if counts.clipped:
+        warnings.append(
+            f"{counts.clipped} of {len(readings.time_s)} readings hold samples at a limit of their channel: light "
+            "beyond it is not seen, neither the emitter's nor the ambient's (--low, --high)"
+        )
+    return warnings
+
+
+def _noise_warnings(readings: Demodulated) -> list[str]:
+    if np.isnan(readings.slot_sd).all():
+        return ["fewer than three off slots: uncertainties are not known"]
+    if not np.nanmax(readings.slot_sd) > 0.0:
+        return ["off slots never change: noise is below the converter's step, and uncertainties of 0 are not real"]
+    return []
+
+
+def _clock_warnings(clock: Clock) -> list[str]:
+    warnings = []
+    if clock.between_share > SMOOTH:
+        warnings.append(
+            f"{100.0 * clock.between_share:.0f} % of a period lie between on and off: this looks like flicker or a "
+            "slow receiver rather than an emitter that switches"
+        )
+    if clock.clearness < CLEAR:
+        warnings.append(f"the modulation stands out only {clock.clearness:.0f} times: edges are uncertain")
+    return warnings
+
+
+def _swapped(samples: Samples, readings: Demodulated) -> list[str]:
+    """Whether what is taken as off varies more than what is taken as on, as where they are swapped."""
+    with np.errstate(invalid="ignore"):
+        off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
+    if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
+        return []
+    remedy = "the column of states" if samples.clock is None else "--on"
+    return [
+        f"readings taken as off vary more than {SWAPPED:g} times as much as those taken as on: an emitter's light "
+        f"follows the motion and the room does not, so on and off may be swapped ({remedy})"
+    ]
+
+
+def readings_csv(result: Demodulation, recording: Recording) -> str:
+    """Readings as CSV: time, emitter; of each channel signal, uncertainty, ambient light and whether it clipped.
+
+    Other columns of the recording stand beside them, at the times of the readings.
+    """
+    kept, options = result.kept, result.options
+    columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
+    for place, (name, one) in enumerate(result.channels.items()):
+        plain, unit = re.sub(r"[,\s\"]+", "_", name), f" ({one.unit})" if one.unit else ""
+        heads = (f"{plain}{unit}", f"u_{plain}{unit}", f"ambient_{plain}{unit}", f"clipped_{plain}")
+        for head, values in zip(heads, (kept.signal, kept.u, kept.ambient, kept.clipped), strict=True):
+            columns[head] = values[:, place].tolist()
+    for head, other in other_columns(recording, options, kept.time_s).items():
+        columns[head.replace(",", " ").replace('"', " ")] = other.tolist()
+    formats = [_format(head) for head in columns]
+    rows = zip(*columns.values(), strict=True)
+    remarks = [f"# readings of {recording.provenance.file}: on less off, {options.kernel}"]
+    if result.means is not None:
+        remarks.append(f"# means of {result.means.readings} readings, whole periods of {options.mains_hz:g} Hz")
+    if result.simulated:
+        remarks.append("# simulated: yes")
+    table = [",".join(write(value) for write, value in zip(formats, row, strict=True)) for row in rows]
+    return "\n".join([*remarks, ",".join(columns), *table]) + "\n"
+
+
+def _format(head: str) -> Callable[[Any], str]:
+    """How a column is written: whole numbers whole, times to the microsecond, gaps empty."""
+    if head == "emitter" or head.startswith("clipped_"):
+        return lambda value: str(int(value))
+    digits = ".6f" if head == "time_s" else ".9g"
+    return lambda value: "" if value != value else format(value, digits)

@@ -1,0 +1,358 @@
+"""The sensors of a study diagnosed: which design each has, its traced response, and what the fit shows.
+
+A recording of a bench carries its designs; for others the options name one. Sensors of one design share its response.
+
+The interface: `diagnosed_sensors` of a `Study` gives `SensorDiagnoses`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from solen.analysis.calibration.conditions import header_of
+from solen.analysis.diagnosis.curve_model import INDEX, ZERO, Bend
+from solen.analysis.diagnosis.design_response import Response
+from solen.analysis.diagnosis.diagnose import (
+    BEYOND_DEG,
+    INDEX_U,
+    ZERO_U_DEG,
+    Diagnosis,
+    ParameterEstimate,
+    diagnosed,
+    model_V,
+    sides_of,
+)
+from solen.analysis.diagnosis.least_squares import Misfit
+from solen.analysis.diagnosis.summary import advice, words
+from solen.analysis.sensor_response import SensorResponse
+from solen.analysis.study import Study
+from solen.arrays import FloatArray, Progress
+from solen.errors import DataError, SpecError
+from solen.readout import circuit_of, face_areas_mm2
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+from solen.sensor import Sensor
+from solen.spec import Design, load, loads
+from solen.spec.strict import Finite, Options, refused
+
+MOST_BEYOND_DEG = 0.5
+"""A recording that goes farther beyond its design's motion gets a warning."""
+FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
+"""Keys that are fitted anyway."""
+
+
+class DiagnosisOptions(Options):
+    """What is diagnosed, and what is known beforehand."""
+
+    design: Path | None = None
+    """Design of the sensor; default: the one that a recording of solen bench carries."""
+    sensor: tuple[str, ...] = ()
+    """Sensors to diagnose, by their labels; default: all."""
+    spread: tuple[str, ...] = ()
+    """What differs from print to print by a standard uncertainty, KEY=U, as in --spread emitter.distance_mm=0.02;
+    default: material.index=0.003."""
+    zero_u_deg: Finite = Field(ZERO_U_DEG, gt=0, le=BEYOND_DEG)
+    """Standard uncertainty of the angle at which the sensor is straight."""
+    brighter: Literal["lower", "higher"] = "lower"
+    """Whether brighter light is a lower or a higher voltage."""
+
+    @model_validator(mode="after")
+    def _check_spread(self) -> Self:
+        for text in self.spread:
+            key, _, value = (part.strip() for part in text.partition("="))
+            if key in FITTED:
+                raise refused("spread", "is fitted anyway", value=key, remedy="leave it out")
+            try:
+                positive = 0.0 < float(value) < float("inf")
+            except ValueError:
+                remedy = "as in --spread emitter.distance_mm=0.02"
+                raise refused("spread", "must be KEY=U", value=text, remedy=remedy) from None
+            if not positive:
+                raise refused("spread", "must be greater than 0", value=text)
+        return self
+
+    @property
+    def spreads(self) -> dict[str, float]:
+        """Standard uncertainties by key; that of the index by default."""
+        parts = [text.partition("=") for text in self.spread]
+        return {INDEX: INDEX_U} | {key.strip(): float(value) for key, _, value in parts}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FittedCurve(Result):
+    """Mean curve of a receiver, the model's, and their difference over the angles (n,)."""
+
+    angle_deg: FloatArray
+    mean_V: FloatArray
+    model_V: FloatArray
+    residual_V: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Correlations(Result):
+    """Correlations of the fitted parameters, (a, a), in the order of their names."""
+
+    of: tuple[str, ...]
+    matrix: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorDiagnosis(Result):
+    """Diagnosis of one sensor.
+
+    Attributes
+    ----------
+    diagnosis
+        The fit and its estimates.
+    lens
+        Whether it has a lens; None where nothing says so.
+    design
+        Name of its design.
+    drawn
+        What a simulated bench drew for it, by key; None for others.
+    warnings
+        What the numbers cannot show.
+    """
+
+    diagnosis: Diagnosis = field(metadata=HIDDEN)
+    lens: bool | None
+    design: str
+    drawn: Mapping[str, float] | None
+    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+
+    @reported
+    def words(self) -> list[str]:
+        """What the recording shows, a line for each parameter."""
+        return words(self.diagnosis)
+
+    @reported
+    def advice(self) -> list[str]:
+        """What to do about it."""
+        return advice(self.diagnosis)
+
+    @reported
+    def parameters(self) -> dict[str, ParameterEstimate]:
+        """Every parameter by name."""
+        return self.diagnosis.estimates
+
+    @reported
+    def not_determined(self) -> dict[str, tuple[str, ...]]:
+        """Parameters that the recording does not determine, each with those that it is correlated with."""
+        return self.diagnosis.held
+
+    @reported
+    def correlations(self) -> Correlations:
+        """Of the fitted parameters."""
+        fitted = self.diagnosis.fitted
+        names = tuple(fitted.model.parameters[place].name for place in fitted.active)
+        return Correlations(names, self.diagnosis.correlations)
+
+    @reported
+    def cycles_used(self) -> int:
+        """Cycles that the intervals rest on."""
+        return len(self.diagnosis.cycles.volts)
+
+    @reported
+    def misfit(self) -> Misfit:
+        """What the mean curves depart from the model by."""
+        return self.diagnosis.fitted.misfit
+
+    @reported
+    def receivers(self) -> dict[str, FittedCurve]:
+        """Curves of each receiver."""
+        one = self.diagnosis
+        model = model_V(one)
+        columns = (one.cycles.mean_V, model, one.fitted.residual_V)
+        return {
+            side: FittedCurve(one.cycles.angle_deg, *(column[:, n] for column in columns))
+            for n, side in enumerate(one.sides)
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorDiagnoses(Result):
+    """Diagnoses of a study.
+
+    Attributes
+    ----------
+    sensors
+        By label.
+    prior
+        Standard uncertainties of what was known beforehand, by key.
+    simulated
+        Whether any recording is simulated.
+    sources
+        The recordings.
+    warnings
+        What the recordings and the numbers cannot show.
+    """
+
+    sensors: dict[str, SensorDiagnosis]
+    prior: dict[str, float]
+    simulated: bool
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """What the recording of a sensor carries: its design with the file's name, and what was drawn for it."""
+
+    design: Design | None = None
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    simulated: bool = False
+
+
+def diagnosed_sensors(
+    study: Study, options: DiagnosisOptions | None = None, progress: Progress | None = None
+) -> SensorDiagnoses:
+    """Diagnosis of each sensor, those of one design and lens with one traced response.
+
+    Parameters
+    ----------
+    study
+        The recordings, analysed.
+    options
+        Which sensors, their design, and what is known beforehand.
+    progress
+        Told how much of the tracing is done, from 0 to 1.
+
+    Raises
+    ------
+    DataError, SpecError, DesignError
+        Where a sensor has no design, a key is not one to trace, or the curves do not answer as the design does.
+    """
+    options = options or DiagnosisOptions()
+    sensors = _chosen(study, options)
+    stated = None if options.design is None else load(options.design)
+    carried = [_carried(one) for one in sensors]
+    designs = [_design(one, stated, own.design) for one, own in zip(sensors, carried, strict=True)]
+    low = min(float(one.passes.angle_deg[0]) for one in sensors) - BEYOND_DEG
+    high = max(float(one.passes.angle_deg[-1]) for one in sensors) + BEYOND_DEG
+    kinds = [(design, one.lens is not False) for one, design in zip(sensors, designs, strict=True)]
+    distinct = [kind for n, kind in enumerate(kinds) if kind not in kinds[:n]]
+    responses = [
+        _response(*kind, low, high, options.spreads, _share(progress, n, len(distinct)))
+        for n, kind in enumerate(distinct)
+    ]
+    made = {
+        sensor.label: _diagnosis(sensor, kind[0], own, responses[distinct.index(kind)], options)
+        for sensor, kind, own in zip(sensors, kinds, carried, strict=True)
+    }
+    own_warnings = [
+        f"{label}: {line}" if len(made) > 1 else line for label, one in made.items() for line in one.warnings
+    ]
+    return SensorDiagnoses(
+        made,
+        {"angle_zero_deg": options.zero_u_deg} | options.spreads,
+        study.simulated or any(one.simulated for one in carried),
+        study.sources,
+        tuple(dict.fromkeys([*study.warnings, *own_warnings])),
+    )
+
+
+def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
+    for name in options.sensor:
+        if name not in study.sensors:
+            limit = f"no such sensor; there are {', '.join(study.sensors)}"
+            raise SpecError("--sensor", value=name, limit=limit)
+    return [one for one in study.sensors.values() if not options.sensor or one.label in options.sensor]
+
+
+def _carried(sensor: SensorResponse) -> _Carried:
+    """What the first recording of a sensor carries of it."""
+    provenance = sensor.runs[0].signals.provenance
+    header = header_of(provenance)
+    name = provenance.metadata.get("sensor", sensor.label.rpartition(".")[2])
+    wires: dict[str, Any] = next((one for one in header.get("sensors", ()) if one.get("name") == name), {})
+    text = header.get("designs", {}).get(wires.get("design"))
+    design = None if text is None else loads(text, what=f"{provenance.file}: {wires['design']}")
+    drawn = {key: float(value) for key, value in wires.get("drawn", {}).items()}
+    return _Carried(design, drawn, bool(header.get("simulated", False)))
+
+
+def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
+    """The design of a sensor; `DataError` without one, or where the file's has another motion than the recording's."""
+    if stated is None:
+        if own is None:
+            remedy = "name its design file with --design"
+            raise DataError(f"recording of {sensor.label}", limit="carries no design", remedy=remedy)
+        return own
+    for key in ("kind", "pivot", "moves") if own is not None else ():
+        ours, theirs = (_text(getattr(one.motion, key)) for one in (stated, own) if one is not None)
+        if ours != theirs:
+            limit = f"the recording of {sensor.label} was made with {theirs}"
+            remedy = "state the motion of the recording, or leave --design out"
+            raise DataError(f"--design: motion.{key}", value=ours, limit=limit, remedy=remedy)
+    return stated
+
+
+def _text(value: object) -> str:
+    return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
+def _share(progress: Progress | None, done: int, count: int) -> Progress | None:
+    return None if progress is None else lambda share: progress((done + share) / count)
+
+
+def _response(
+    design: Design, lens: bool, low: float, high: float, spreads: Mapping[str, float], progress: Progress | None
+) -> Response:
+    sensor = Sensor.of(design) if lens else Sensor.of(design).without_lens
+    traced = {key: u for key, u in spreads.items() if lens or not key.startswith("lens.")}
+    return Response.of(sensor, low, high, traced, progress)
+
+
+def _diagnosis(
+    sensor: SensorResponse, design: Design, own: _Carried, response: Response, options: DiagnosisOptions
+) -> SensorDiagnosis:
+    rising = options.brighter == "higher"
+    bend = None if rising else _bend(sensor, design, own)
+    warnings = list(_motion_warnings(sensor, design))
+    if bend is None:
+        warnings.append("voltages are taken to fall in proportion to the light: the design states no [readout]")
+    found = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
+    warnings += _cautions(found)
+    return SensorDiagnosis(found, sensor.lens, design.name, dict(own.drawn) or None, tuple(warnings))
+
+
+def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
+    """Load line of the receivers, where the design states its readout or the recording is a bench run's."""
+    if own.design is None and "readout" not in design.model_fields_set:
+        return None
+    body = Sensor.of(design)
+    circuit = circuit_of(body.design, face_areas_mm2(body.design, body.body()))
+    ambient_V = sensor.runs[0].signals.ambient_V
+    room = [max(circuit.supply_V - ambient_V.get(side, circuit.supply_V), 0.0) for side in sides_of(sensor.receivers)]
+    return Bend.of(circuit, tuple(room))
+
+
+def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[str]:
+    low, high = float(sensor.passes.angle_deg[0]), float(sensor.passes.angle_deg[-1])
+    motion = design.motion
+    if low < motion.from_deg - MOST_BEYOND_DEG or high > motion.to_deg + MOST_BEYOND_DEG:
+        yield (
+            f"the recording goes from {low:.3g}° to {high:.3g}°, the design's motion from {motion.from_deg:g}° to "
+            f"{motion.to_deg:g}°: is it the same motion?"
+        )
+
+
+def _cautions(found: Diagnosis) -> Iterator[str]:
+    """What the numbers of a diagnosis cannot show."""
+    misfit = found.fitted.misfit
+    if misfit.significant:
+        rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(found.sides, misfit.rms_V, strict=True))
+        yield (
+            f"the model misses the mean curves by more than the scatter of the cycles ({rms} rms, "
+            f"{100.0 * misfit.share:.2g} % of the swing): the intervals are widened by it"
+        )
+    if len(found.cycles.volts) == 1:
+        yield "one cycle: its intervals take its noise for white, and drift and hysteresis are not in them"
+    for side, share in found.left_out.items():
+        if share > 0.0:
+            yield f"{side}: {100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are left out"
+    if len(found.sides) == 1:
+        yield f"only the {found.sides[0]} receiver is recognised: decentre and chip rest on it alone"

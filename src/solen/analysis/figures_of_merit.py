@@ -1,0 +1,338 @@
+"""Figures of merit of a response: what a sensor's maker quotes, each with its definition.
+
+The idea: everything is taken from the ways over the grid, one number per cycle wherever possible, so that the scatter
+of the cycles gives the uncertainty: standard deviation over cycles, divided by the root of their number. They describe
+one sensor; cycles are no replicates of a print. Definitions follow the vocabulary of process instruments
+(ANSI/ISA-51.1): independent linearity is the largest deviation from the straight line for which that is least;
+hysteresis the largest difference of both directions. Full scale is the range of the mean curve.
+
+The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes` and `line_fit` on their own.
+"""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.analysis.response import Curve, Passes, mean_curve
+from solen.arrays import BoolArray, FloatArray
+
+NEAR_ZERO_DEG = 0.5
+"""Angles about 0 over which the sensitivity near zero is taken."""
+_END = 0.1  # share of the range at each end whose mean is the swing's level
+_LEAST_POINTS = 3
+_ROUNDING = 1e-9  # of full scale: what is smaller is not noise
+
+
+class Estimate(NamedTuple):
+    """A value and its standard uncertainty; NaN where there is none."""
+
+    value: float
+    u: float
+
+    @property
+    def resolved(self) -> bool:
+        """Whether it differs from 0 by more than three uncertainties."""
+        return math.isfinite(self.value) and not abs(self.value) <= 3.0 * self.u
+
+
+_UNKNOWN = Estimate(math.nan, math.nan)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReceiverResponse(Curve):
+    """Response of one receiver, and its figures of merit; NaN where there is none.
+
+    Attributes
+    ----------
+    angle_deg
+        Angles of the curves, (g,).
+    rising, falling
+        Curves of one direction.
+    range_V, u_range_V
+        Largest less smallest mean: full scale. Noise makes it larger.
+    swing_V, u_swing_V
+        Mean over the upper tenth of the angles less that over the lower tenth; signed.
+    sensitivity_V_per_deg, u_sensitivity_V_per_deg
+        Slope of the least-squares line over all angles.
+    sensitivity_near_zero_V_per_deg, u_sensitivity_near_zero_V_per_deg
+        The same within `NEAR_ZERO_DEG` of 0.
+    independent_linearity_percent
+        Largest deviation of the mean curve from the line for which it is least, of full scale.
+    linearity_percent
+        Largest deviation from the least-squares line.
+    hysteresis_V, u_hysteresis_V, hysteresis_percent
+        Rising less falling: largest mean over a tenth of the range, also in per cent of full scale.
+    hysteresis_angle_deg
+        Middle of that tenth.
+    hysteresis_point_V
+        Largest difference at a single angle, which noise makes larger.
+    mean_hysteresis_V, u_mean_hysteresis_V
+        Mean over all angles; signed.
+    repeatability_V, repeatability_percent
+        Standard deviation over cycles at one angle and in one direction, pooled.
+    drift_V_per_min, u_drift_V_per_min, drift_V_per_cycle, u_drift_V_per_cycle
+        Slope of the cycles' mean levels.
+    noise_V
+        Standard deviation of a reading.
+    snr, snr_dB
+        Range over noise.
+    resolution_deg, resolution_near_zero_deg
+        Noise over sensitivity.
+    clipped_samples
+        How many samples are clipped.
+    clipped_angles_deg
+        First and last angle of each stretch without a mean.
+    """
+
+    angle_deg: FloatArray
+    rising: Curve
+    falling: Curve
+    range_V: float
+    u_range_V: float
+    swing_V: float
+    u_swing_V: float
+    sensitivity_V_per_deg: float
+    u_sensitivity_V_per_deg: float
+    sensitivity_near_zero_V_per_deg: float
+    u_sensitivity_near_zero_V_per_deg: float
+    independent_linearity_percent: float
+    linearity_percent: float
+    hysteresis_V: float
+    u_hysteresis_V: float
+    hysteresis_percent: float
+    hysteresis_angle_deg: float
+    hysteresis_point_V: float
+    mean_hysteresis_V: float
+    u_mean_hysteresis_V: float
+    repeatability_V: float
+    repeatability_percent: float
+    drift_V_per_min: float
+    u_drift_V_per_min: float
+    drift_V_per_cycle: float
+    u_drift_V_per_cycle: float
+    noise_V: float
+    snr: float
+    snr_dB: float
+    resolution_deg: float
+    resolution_near_zero_deg: float
+    clipped_samples: int
+    clipped_angles_deg: tuple[tuple[float, float], ...]
+
+
+def over_cycles(values: FloatArray) -> Estimate:
+    """Mean of one number per cycle and its uncertainty by their scatter; without one for a single cycle."""
+    held = values[np.isfinite(values)]
+    if not held.size:
+        return _UNKNOWN
+    u = float(np.std(held, ddof=1) / math.sqrt(held.size)) if held.size > 1 else math.nan
+    return Estimate(float(held.mean()), u)
+
+
+def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) -> ReceiverResponse:
+    """Curves and figures of merit of one receiver.
+
+    Parameters
+    ----------
+    passes
+        Its passes: the last axis has one entry.
+    noise_V
+        Standard deviation of a single reading.
+    clipped_samples
+        How many of its samples are clipped.
+    """
+    volts, angle = np.where(passes.clipped, np.nan, passes.volts)[..., 0], passes.angle_deg
+    whole, rising, falling = (mean_curve(passes, direction) for direction in (None, 0, 1))
+    scale, cycles = _reach(whole.mean_V), volts.mean(axis=1)  # NaN where one way lacks the angle: it would bias
+    percent = 100.0 / scale if scale > 0.0 else math.nan
+    near_zero = line_slopes(angle, cycles, np.abs(angle) <= NEAR_ZERO_DEG + 1e-9)
+    slope = line_slopes(angle, cycles, np.isfinite(whole.mean_V))
+    level = _levels(cycles)
+    independent, about_line = _linearity(angle, whole.mean_V)
+    hysteresis, place_deg, point_V, mean_hysteresis = _hysteresis(angle, volts)
+    repeatability = _repeatability(volts)
+    drift, by_cycle = line_fit(passes.middle_s / 60.0, level), line_fit(np.arange(float(level.size)), level)
+    swing_V = swing(angle, cycles)
+    noise_V = noise_V if noise_V > _ROUNDING * scale else 0.0
+    snr = scale / noise_V if noise_V > 0.0 else math.nan
+    return ReceiverResponse(
+        **vars(whole),
+        angle_deg=angle,
+        rising=rising,
+        falling=falling,
+        range_V=scale,
+        u_range_V=_u_of_range(whole),
+        swing_V=swing_V.value,
+        u_swing_V=swing_V.u,
+        sensitivity_V_per_deg=slope.value,
+        u_sensitivity_V_per_deg=slope.u,
+        sensitivity_near_zero_V_per_deg=near_zero.value,
+        u_sensitivity_near_zero_V_per_deg=near_zero.u,
+        independent_linearity_percent=percent * independent,
+        linearity_percent=percent * about_line,
+        hysteresis_V=hysteresis.value,
+        u_hysteresis_V=hysteresis.u,
+        hysteresis_percent=percent * hysteresis.value,
+        hysteresis_angle_deg=place_deg,
+        hysteresis_point_V=point_V,
+        mean_hysteresis_V=mean_hysteresis.value,
+        u_mean_hysteresis_V=mean_hysteresis.u,
+        repeatability_V=repeatability,
+        repeatability_percent=percent * repeatability,
+        drift_V_per_min=drift.value,
+        u_drift_V_per_min=drift.u,
+        drift_V_per_cycle=by_cycle.value,
+        u_drift_V_per_cycle=by_cycle.u,
+        noise_V=noise_V,
+        snr=snr,
+        snr_dB=20.0 * math.log10(snr) if snr > 0.0 else math.nan,
+        resolution_deg=_resolution(noise_V, slope),
+        resolution_near_zero_deg=_resolution(noise_V, near_zero),
+        clipped_samples=clipped_samples,
+        clipped_angles_deg=_stretches(angle, np.asarray(passes.clipped[..., 0].any(axis=(0, 1)))),
+    )
+
+
+def _stretches(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
+    """First and last angle of each stretch that is hidden."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], hidden.astype(np.int8), [0]])))
+    return tuple((float(angle_deg[a]), float(angle_deg[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True))
+
+
+def _levels(cycles: FloatArray) -> FloatArray:
+    """Mean level of each cycle over the angles that all have, (cycles,)."""
+    common = np.isfinite(cycles).all(axis=0)
+    return cycles[:, common].mean(axis=1) if common.any() else np.full(len(cycles), np.nan)
+
+
+def _reach(mean: FloatArray) -> float:
+    held = mean[np.isfinite(mean)]
+    return float(np.ptp(held)) if held.size else math.nan
+
+
+def _u_of_range(curve: Curve) -> float:
+    """Uncertainty of the largest mean less the smallest."""
+    if not np.isfinite(curve.mean_V).any():
+        return math.nan
+    places = [int(np.nanargmax(curve.mean_V)), int(np.nanargmin(curve.mean_V))]
+    return float(np.sqrt(sum(curve.sd_V[place] ** 2 / curve.ways[place] for place in places)))
+
+
+def swing(angle_deg: FloatArray, cycle_V: FloatArray) -> Estimate:
+    """Voltage at the upper end of the angles less that at the lower: means over the outer tenth of each cycle.
+
+    Unlike the range it does not grow with noise, and it has a sign.
+    """
+    reach = float(np.ptp(angle_deg))
+    upper = cycle_V[:, angle_deg >= angle_deg[-1] - _END * reach - 1e-9]
+    lower = cycle_V[:, angle_deg <= angle_deg[0] + _END * reach + 1e-9]
+    with np.errstate(invalid="ignore"):
+        return over_cycles(_held_mean(upper) - _held_mean(lower))
+
+
+def _held_mean(values: FloatArray) -> FloatArray:
+    count = np.isfinite(values).sum(axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.nansum(values, axis=1) / np.where(count > 0, count, np.nan))
+
+
+def line_slopes(angle_deg: FloatArray, cycle_V: FloatArray, where: BoolArray) -> Estimate:
+    """Slope of the least-squares line of each cycle over some angles."""
+    return over_cycles(np.array([_slope(angle_deg, row, where) for row in cycle_V]))
+
+
+def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
+    held = where & np.isfinite(row)
+    if held.sum() < _LEAST_POINTS:
+        return math.nan
+    x = angle_deg[held] - angle_deg[held].mean()
+    return float(x @ row[held] / (x @ x))
+
+
+def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
+    """Largest deviation of a curve from the line for which it is least, and from the least-squares line, in V."""
+    held = np.isfinite(mean)
+    x, y = angle_deg[held], mean[held]
+    if x.size < _LEAST_POINTS:
+        return math.nan, math.nan
+    slope = _slope(x, y, np.ones(x.size, dtype=bool))
+    residual = y - y.mean() - slope * (x - x.mean())
+    return _least_deviation(x, y), float(np.abs(residual).max())
+
+
+def _least_deviation(x: FloatArray, y: FloatArray) -> float:
+    """Half the least height of a band of straight lines about points: one of its sides lies on the convex hull."""
+    upper, lower = _chain(x, y, 1.0), _chain(x, y, -1.0)
+    heights = [
+        float(np.ptp(y - (y[b] - y[a]) / (x[b] - x[a]) * x)) for chain in (upper, lower) for a, b in pairwise(chain)
+    ]
+    return 0.5 * min(heights)
+
+
+def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
+    """Upper (1) or lower (−1) side of the convex hull, from left to right."""
+    found: list[int] = []
+    for place in range(x.size):
+        while len(found) > 1:
+            a, b = found[-2], found[-1]
+            turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])
+            if side * turn < 0.0:
+                break
+            found.pop()
+        found.append(place)
+    return found
+
+
+def _hysteresis(angle_deg: FloatArray, volts: FloatArray) -> tuple[Estimate, float, float, Estimate]:
+    """Rising less falling: largest of its means over a tenth of the range, where, at a single angle, and its mean.
+
+    At a single point of the grid the largest of many noisy differences is mostly noise; that value is given apart.
+    """
+    difference = volts[:, 0] - volts[:, 1]
+    held = np.isfinite(difference).all(axis=0)
+    if not held.any():
+        return _UNKNOWN, math.nan, math.nan, _UNKNOWN
+    angles, kept = angle_deg[held], difference[:, held]
+    width = min(max(1, round(_END * angle_deg.size)), angles.size)
+    local = _windows(kept, width)
+    place = int(np.argmax(np.abs(local.mean(axis=0))))
+    largest = Estimate(abs(float(local[:, place].mean())), _pooled_u(local))
+    middle = float(_windows(angles[None, :], width)[0, place])
+    return largest, middle, float(np.abs(kept.mean(axis=0)).max()), over_cycles(kept.mean(axis=1))
+
+
+def _pooled_u(rows: FloatArray) -> float:
+    """Uncertainty of a mean over rows, one for all columns: that of a single one is known by a few cycles only."""
+    return math.sqrt(float(rows.var(axis=0, ddof=1).mean()) / len(rows)) if len(rows) > 1 else math.nan
+
+
+def _windows(rows: FloatArray, width: int) -> FloatArray:
+    """Mean of each row over every stretch of so many columns."""
+    total = np.cumsum(np.pad(rows, ((0, 0), (1, 0))), axis=1)
+    return np.asarray((total[:, width:] - total[:, :-width]) / width)
+
+
+def _repeatability(volts: FloatArray) -> float:
+    """Standard deviation over cycles at one angle and in one direction, pooled over both."""
+    if volts.shape[0] < 2:
+        return math.nan
+    variance = volts.var(axis=0, ddof=1)
+    held = variance[np.isfinite(variance)]
+    return math.sqrt(float(held.mean())) if held.size else math.nan
+
+
+def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
+    """Slope of a straight line by least squares, with its standard uncertainty from the residuals (n − 2)."""
+    if x.size < _LEAST_POINTS or not np.isfinite(y).all():
+        return _UNKNOWN
+    away = x - x.mean()
+    slope = float(away @ y / (away @ away))
+    rest = y - y.mean() - slope * away
+    return Estimate(slope, math.sqrt(float(rest @ rest) / (x.size - 2) / float(away @ away)))
+
+
+def _resolution(noise_V: float, slope: Estimate) -> float:
+    """Angle that one standard deviation of a reading stands for; NaN where the slope is not resolved."""
+    return noise_V / abs(slope.value) if slope.resolved and slope.value else math.nan

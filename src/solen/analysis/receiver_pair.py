@@ -1,0 +1,174 @@
+"""Left and right together: their difference, what one sees of the other's light, and the sense of the angle.
+
+The idea: a sensor is read by both receivers. Brighter means a lower voltage, so V_left − V_right is positive where the
+right one is brighter, as it is at negative angles in this project's convention. A recording that does not follow the
+convention gets a warning; nothing is turned round.
+
+The interface: `pair_response` of a sensor's passes; `sign_warnings` of its receivers' responses.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.analysis.figures_of_merit import Estimate, ReceiverResponse, over_cycles, receiver_response
+from solen.analysis.response import Passes
+from solen.arrays import FloatArray
+from solen.results import Result
+
+_NOTHING_V = 1e-9  # a change below this is rounding
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Crosstalk(Result):
+    """What the far receiver does while the sensor turns from 0 to the end that brightens the near one.
+
+    Attributes
+    ----------
+    toward
+        Side of the near receiver.
+    angle_deg
+        The end.
+    change_percent, u_change_percent
+        Fall of the far voltage in per cent of that of the near one: above 0 both brighten, below 0 the far one darkens,
+        as it should.
+    light_percent, u_light_percent
+        Far light at the end in per cent of the near one; NaN unless the voltage without light is known.
+    """
+
+    toward: str
+    angle_deg: float
+    change_percent: float
+    u_change_percent: float
+    light_percent: float = math.nan
+    u_light_percent: float = math.nan
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contrast(Result):
+    """(R − L)/(R + L) of the light: its mean over the angles (g,), and at both ends with uncertainties."""
+
+    angle_deg: FloatArray
+    mean: FloatArray
+    at_low: float
+    u_at_low: float
+    at_high: float
+    u_at_high: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PairResponse(ReceiverResponse):
+    """Response of V_left − V_right.
+
+    Attributes
+    ----------
+    balance_deg, u_balance_deg
+        Angle nearest to 0 at which both receivers show one voltage.
+    crosstalk
+        Towards the right and towards the left.
+    contrast
+        None unless the voltage without light is known.
+    """
+
+    balance_deg: float
+    u_balance_deg: float
+    crosstalk: tuple[Crosstalk, ...]
+    contrast: Contrast | None
+
+
+def pair_response(
+    passes: Passes, sides: tuple[int, int], noise_V: tuple[float, float], dark_V: float | None
+) -> PairResponse:
+    """Response of V_left − V_right, and what each receiver sees while the other brightens.
+
+    Parameters
+    ----------
+    passes
+        Passes of the sensor.
+    sides
+        Places of the left and the right receiver.
+    noise_V
+        Of left and right.
+    dark_V
+        Voltage without light; shares of light need it.
+    """
+    left, right = sides
+    difference = Passes(
+        passes.angle_deg,
+        (passes.volts[..., left] - passes.volts[..., right])[..., None],
+        (passes.clipped[..., left] | passes.clipped[..., right])[..., None],
+        passes.middle_s,
+    )
+    volts = np.where(passes.clipped, np.nan, passes.volts).mean(axis=1)
+    rows = difference.volts[..., 0].mean(axis=1)
+    balance = over_cycles(np.array([_crossing(passes.angle_deg, row) for row in rows]))
+    return PairResponse(
+        **vars(receiver_response(difference, math.hypot(*noise_V))),
+        balance_deg=balance.value,
+        u_balance_deg=balance.u,
+        crosstalk=tuple(
+            _crosstalk(passes.angle_deg, volts[..., near], volts[..., far], toward, dark_V)
+            for near, far, toward in ((right, left, "right"), (left, right, "left"))
+        ),
+        contrast=None if dark_V is None else _contrast(passes.angle_deg, volts[..., left], volts[..., right], dark_V),
+    )
+
+
+def _crossing(angle_deg: FloatArray, row: FloatArray) -> float:
+    """Angle nearest to 0 at which a cycle's difference is 0, by straight lines."""
+    with np.errstate(invalid="ignore"):
+        places = np.flatnonzero(row[:-1] * row[1:] <= 0.0)
+    crossings = [
+        float(angle_deg[n] + (angle_deg[n + 1] - angle_deg[n]) * row[n] / (row[n] - row[n + 1]))
+        for n in places
+        if row[n] != row[n + 1]
+    ]
+    return min(crossings, key=abs, default=math.nan)
+
+
+def _crosstalk(
+    angle_deg: FloatArray, near: FloatArray, far: FloatArray, toward: str, dark_V: float | None
+) -> Crosstalk:
+    middle = int(np.argmin(np.abs(angle_deg)))
+    end = 0 if toward == "right" else -1  # by the convention
+    near_fall, far_fall = near[:, middle] - near[:, end], far[:, middle] - far[:, end]
+    change = over_cycles(100.0 * far_fall / np.where(near_fall == 0.0, np.nan, near_fall))
+    if not over_cycles(near_fall).resolved:
+        change = Estimate(math.nan, math.nan)
+    light = Estimate(math.nan, math.nan)
+    if dark_V is not None:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            light = over_cycles(100.0 * (dark_V - far[:, end]) / (dark_V - near[:, end]))
+    return Crosstalk(toward, float(angle_deg[end]), *change, *light)
+
+
+def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V: float) -> Contrast:
+    """Light is what a voltage is below that without light."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (left - right) / (2.0 * dark_V - left - right)
+    return Contrast(angle_deg, share.mean(axis=0), *over_cycles(share[:, 0]), *over_cycles(share[:, -1]))
+
+
+def sign_warnings(receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None) -> list[str]:
+    """Whether left and right answer as in the convention: a rising angle darkens the right and brightens the left."""
+    if sides is None:
+        return []
+    names = [list(receivers)[side] for side in sides]
+    left, right = (Estimate(receivers[name].swing_V, receivers[name].u_swing_V) for name in names)
+    if not (left.resolved and right.resolved) or min(abs(left.value), abs(right.value)) < _NOTHING_V:
+        return []
+    changes = (
+        f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} V and {names[1]} by "
+        f"{right.value:+.3g} V"
+    )
+    if left.value > 0.0 > right.value:
+        return [
+            f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
+            "brighter is a lower voltage); the angle counts the other way, the receivers are swapped, or the circuit's "
+            "voltage rises with light. Nothing was turned round: --flip-angle counts it the other way"
+        ]
+    if left.value * right.value > 0.0:
+        return [f"{changes}: both move the same way, so they do not tell one side from the other"]
+    return []

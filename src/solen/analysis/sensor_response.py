@@ -1,0 +1,356 @@
+"""A sensor's recordings to its response and figures of merit, and several sensors side by side.
+
+The idea: one recording gives its cycles, of which the first is left out as in the paper: the material and the stage
+settle in it. All recordings of one sensor lie on one grid, so that their ways are pooled. Sensors are the replicates:
+their mean and standard deviation are those of their mean curves, n is the number of prints.
+
+The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sensors gives a `SensorGroup`.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from solen.analysis.clipping import clipped
+from solen.analysis.figures_of_merit import ReceiverResponse, receiver_response
+from solen.analysis.motion import Motion, find_motion
+from solen.analysis.protocol_angle import Protocol
+from solen.analysis.receiver_pair import PairResponse, pair_response, sign_warnings
+from solen.analysis.response import Passes, common_range, grid_deg, nice_step, passes
+from solen.analysis.signals import SignalOptions, Signals
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.recording.column_roles import left_right
+from solen.results import HIDDEN, Result, reported
+from solen.spec.strict import Finite, refused
+
+_SETTLE = 0.2
+"""Share of a hold at its beginning that its noise is not taken from."""
+_LEAST_HOLD = 8
+_TENTH = 0.1
+_ROUNDING_V = 1e-9
+
+
+class AnalysisOptions(SignalOptions):
+    """How recordings of a motion are analysed."""
+
+    angle_file: tuple[Path, ...] = ()
+    """Log of the stage on a clock of its own, one for all files or one for each; --angle is then its column. The lag
+    between the clocks is found from the voltages."""
+    angle_time: str | None = None
+    """Column of the time in that log."""
+    amplitude_deg: Finite | None = Field(None, gt=0)
+    """Commanded amplitude to both sides, where no angle was recorded: the cycles are found in the voltages."""
+    speed_deg_per_s: Finite = Field(15.0, gt=0)
+    """Commanded speed, with --amplitude-deg."""
+    hold_s: Finite = Field(0.8, ge=0)
+    """Commanded hold at each end, with --amplitude-deg."""
+    pattern: str | None = None
+    """Form of the file names, as in "{sensor}_{lens}_{run}.csv"."""
+    control: tuple[str, ...] = ()
+    """Sensors without a lens, by their labels."""
+    drop: int = Field(1, ge=0)
+    """Cycles at the beginning of each recording that are not used."""
+    step_deg: Finite | None = Field(None, gt=0)
+    """Step of the grid of angles; default: one that fits the range."""
+    dark_V: Finite | None = None
+    """Voltage of a receiver without light, for cross-talk and contrast of the light itself."""
+
+    @model_validator(mode="after")
+    def _check_angle(self) -> Self:
+        if self.angle_time is not None and not self.angle_file:
+            limit = "names a column of a log"
+            raise refused("angle_time", limit, value=self.angle_time, remedy="name the log with --angle-file")
+        if self.amplitude_deg is not None and (self.angle_file or self.angle is not None):
+            limit = "is for recordings without an angle"
+            raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy="leave out the other")
+        return self
+
+    @property
+    def protocol(self) -> Protocol | None:
+        """Commanded motion, where no angle was recorded."""
+        if self.amplitude_deg is None:
+            return None
+        return Protocol(self.amplitude_deg, self.speed_deg_per_s, self.hold_s)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Result):
+    """One recording.
+
+    Attributes
+    ----------
+    signals
+        What was recorded.
+    motion
+        Its ramps, holds and cycles.
+    used
+        Places of the cycles that are used.
+    clipped
+        Which samples are clipped, (n, m).
+    warnings
+        Clipping.
+    """
+
+    signals: Signals = field(metadata=HIDDEN)
+    motion: Motion
+    used: tuple[int, ...]
+    clipped: BoolArray = field(metadata=HIDDEN)
+    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+
+    @reported
+    def file(self) -> str:
+        """Name of the recording's file."""
+        return self.signals.source
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorResponse(Result):
+    """One sensor.
+
+    Attributes
+    ----------
+    label, lens
+        As in `Signals`.
+    receivers
+        Response of each receiver by its name.
+    left_minus_right
+        Response of their difference; None where the names do not tell left from right.
+    runs
+        Its recordings.
+    passes
+        Ways of all of them on one grid.
+    warnings
+        What cannot be concluded.
+    """
+
+    label: str
+    lens: bool | None
+    receivers: dict[str, ReceiverResponse]
+    left_minus_right: PairResponse | None
+    runs: tuple[Run, ...]
+    passes: Passes = field(metadata=HIDDEN)
+    warnings: tuple[str, ...] = field(metadata=HIDDEN)
+
+    @reported
+    def cycles_used(self) -> int:
+        """Cycles of all recordings that the numbers rest on."""
+        return self.passes.cycles
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class GroupCurve(Result):
+    """Mean and standard deviation over sensors of a receiver's mean curve (g,) and of its swing; NaN for one sensor."""
+
+    mean_V: FloatArray
+    sd_V: FloatArray
+    swing_V: float
+    sd_swing_V: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SensorGroup(Result):
+    """Sensors side by side: their labels, the angles (g,) that all have, and the receivers that all have by name."""
+
+    labels: tuple[str, ...]
+    angle_deg: FloatArray
+    receivers: dict[str, GroupCurve]
+
+    @reported
+    def n(self) -> int:
+        """Number of sensors."""
+        return len(self.labels)
+
+
+def sensor_response(
+    recordings: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion] | None = None
+) -> SensorResponse:
+    """Response and figures of merit of one sensor.
+
+    ``motions`` keeps what was found in an angle, by the identity of its array, for the other sensors on the same stage.
+
+    Raises
+    ------
+    DataError
+        Where a recording holds no whole cycle, none is left, or its recordings have other receivers.
+    """
+    first = recordings[0]
+    for other in recordings[1:]:
+        if other.receivers != first.receivers:
+            limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
+            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
+    known = {} if motions is None else motions
+    runs = tuple(_run(signals, options, known) for signals in recordings)
+    ways = _pooled_passes(runs, options.step_deg, first.label)
+    noise = _noise(runs)
+    receivers = {
+        name: receiver_response(ways.of(n), noise[n], sum(int(run.clipped[:, n].sum()) for run in runs))
+        for n, name in enumerate(first.receivers)
+    }
+    sides = left_right(first.receivers)
+    pair = None
+    if sides is not None:
+        pair = pair_response(ways, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V)
+    warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
+    warnings += [] if first.lens is False else sign_warnings(receivers, sides)
+    warnings += _cautions(receivers, ways, runs)
+    return SensorResponse(first.label, first.lens, receivers, pair, runs, ways, tuple(warnings))
+
+
+def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -> Run:
+    motion = known.get(id(signals.angle_deg)) or find_motion(signals.time_s, signals.angle_deg)
+    known[id(signals.angle_deg)] = motion
+    count = len(motion.cycles)
+    if count <= options.drop:
+        limit = f"holds {count} whole cycle{'s' * (count != 1)}, and the first {options.drop} are left out"
+        raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
+    moving = np.zeros(signals.time_s.size, dtype=bool)
+    for ramp in motion.ramps:
+        moving[ramp.start + 1 : ramp.stop - 1] = True  # its ends belong to holds, which repeat a value
+    marked = np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])
+    if signals.clipped is not None:
+        marked |= signals.clipped
+    return Run(signals, motion, tuple(range(options.drop, count)), marked, tuple(_clip_warnings(signals, marked)))
+
+
+def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> Passes:
+    """Ways of all recordings on one grid."""
+    ranges = [common_range(run.signals.angle_deg, run.motion, run.used) for run in runs]
+    low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
+    if low >= high:
+        limit = f"has no angle that all its ways reach ({low:.3g}° to {high:.3g}°)"
+        raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings apart")
+    grid = grid_deg(low, high, step_deg or nice_step(high - low))
+    parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, grid, run.clipped) for run in runs]
+    return Passes.joined(parts)
+
+
+def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
+    warnings = []
+    for name, column, flags in zip(signals.receivers, signals.volts.T, marked.T, strict=True):
+        if flags.any():
+            ends = sorted({float(value) for value in (column[flags].min(), column[flags].max())})
+            at = " and ".join(f"{value:.4g} V" for value in ends)
+            share = 100.0 * flags.mean()
+            warnings.append(
+                f"{name}: {int(flags.sum())} samples ({share:.2g} %) are clipped at {at}; angles at which a "
+                "cycle is clipped have no mean, and the numbers are those of the rest"
+            )
+    return warnings
+
+
+def _noise(runs: Sequence[Run]) -> list[float]:
+    """Standard deviation of a reading of each receiver, about a straight line within each hold.
+
+    Without holds, from second differences of neighbouring samples.
+    """
+    squares, freedom = np.zeros(len(runs[0].signals.receivers)), np.zeros(len(runs[0].signals.receivers))
+    for run in runs:
+        for start, stop in run.motion.holds:
+            begin = start + math.ceil(_SETTLE * (stop - start))
+            if stop - begin >= _LEAST_HOLD:
+                part = run.signals.volts[begin:stop]
+                good = np.isfinite(part).all(axis=0) & ~run.clipped[begin:stop].any(axis=0)
+                squares += np.where(good, _about_line(run.signals.time_s[begin:stop], part), 0.0)
+                freedom += np.where(good, part.shape[0] - 2, 0)
+    second = np.vstack([np.diff(run.signals.volts, 2, axis=0) for run in runs])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        held = np.sqrt(squares / freedom)
+        other = np.sqrt(np.nanmean(second**2, axis=0) / 6.0)
+    return [float(value) for value in np.where(freedom > 0, held, other)]
+
+
+def _about_line(time_s: FloatArray, volts: FloatArray) -> FloatArray:
+    """Sum of squares of each column about its straight line over time."""
+    away = (time_s - time_s.mean())[:, None]
+    rest = volts - volts.mean(axis=0)
+    total = float((away**2).sum())
+    slope = (away * rest).sum(axis=0) / total if total > 0.0 else 0.0
+    return np.asarray(((rest - slope * away) ** 2).sum(axis=0))
+
+
+def _rest_warnings(runs: Sequence[Run]) -> list[str]:
+    """Whether the angle rests elsewhere than at 0, where numbers near zero are not what they are called."""
+    for run in runs:
+        motion = run.motion
+        if (
+            abs(motion.rest_deg) > _TENTH * (motion.high_deg - motion.low_deg)
+            and not motion.low_deg < 0 < motion.high_deg
+        ):
+            return [
+                f"the angle rests at {motion.rest_deg:.4g}° and never passes 0, so there are no numbers near zero; "
+                f"--zero-deg {motion.rest_deg:.4g} counts from there"
+            ]
+    return []
+
+
+def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[str]:
+    """Whether some ways go much farther than others, so that only part of the range is common to all."""
+    low, high = min(run.motion.low_deg for run in runs), max(run.motion.high_deg for run in runs)
+    first, last = float(ways.angle_deg[0]), float(ways.angle_deg[-1])
+    if last - first > (1.0 - _TENTH) * (high - low):
+        return []
+    return [
+        f"the angle goes from {low:.3g}° to {high:.3g}°, but every way that is used only from {first:.3g}° to "
+        f"{last:.3g}°: curves and numbers are of that part"
+    ]
+
+
+def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[str]:
+    """Whether drift alone separates both ways by half of the hysteresis: they lie up to half a cycle apart."""
+    drift = own.drift_V_per_min
+    lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
+    apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
+    if not (abs(drift) > 3.0 * own.u_drift_V_per_min and apart > 0.5 * own.hysteresis_V > 0.5 * _ROUNDING_V):
+        return []
+    return [
+        f"{name}: a drift of {drift:+.2g} V/min parts rising and falling ways by up to {apart:.2g} V, which is in the "
+        f"hysteresis of {own.hysteresis_V:.2g} V"
+    ]
+
+
+def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[str]:
+    """What the numbers of a sensor cannot show."""
+    warnings = _rest_warnings(runs) + _reach_warnings(ways, runs)
+    if ways.cycles < 3:
+        count = "one cycle is" if ways.cycles == 1 else "two cycles are"
+        warnings.append(f"{count} used: repeatability and drift cannot be judged")
+    for place, (name, own) in enumerate(receivers.items()):
+        size, u = own.hysteresis_V, own.u_hysteresis_V
+        if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
+            warnings.append(f"{name}: does not answer to the angle beyond its noise (swing {own.swing_V:.2g} V)")
+        if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
+            warnings.append(
+                f"{name}: the hysteresis of {size:.2g} V is within 3 of its uncertainties ({u:.2g} V); it is a bound"
+            )
+        warnings += _drift_warnings(name, own, runs)
+        if not np.isfinite(ways.volts[..., place]).any():
+            warnings.append(f"{name}: has no reading in the cycles that are used")
+    return warnings
+
+
+def group_of(sensors: Sequence[SensorResponse]) -> SensorGroup | None:
+    """Mean and spread over sensors; None where their receivers or angles have nothing in common."""
+    names = [name for name in sensors[0].receivers if all(name in one.receivers for one in sensors)]
+    grids = [{round(float(angle), 9) for angle in one.passes.angle_deg} for one in sensors]
+    common = np.array(sorted(set.intersection(*grids)))
+    if not names or common.size < 2:
+        return None
+    return SensorGroup(
+        tuple(one.label for one in sensors),
+        common,
+        {name: _group_curve([one.receivers[name] for one in sensors], common) for name in names},
+    )
+
+
+def _group_curve(receivers: Sequence[ReceiverResponse], angles: FloatArray) -> GroupCurve:
+    rows = np.array([one.mean_V[np.searchsorted(one.angle_deg, angles - 1e-6)] for one in receivers])
+    swings = np.array([one.swing_V for one in receivers])
+    if len(receivers) == 1:
+        return GroupCurve(rows[0], np.full(angles.size, np.nan), float(swings[0]), math.nan)
+    return GroupCurve(rows.mean(axis=0), rows.std(axis=0, ddof=1), float(swings.mean()), float(swings.std(ddof=1)))

@@ -1,0 +1,161 @@
+"""Column roles: which column of a recording is the time, the angle or a receiver, where nobody names it.
+
+The idea: a header names a quantity, states a unit that fits one, or follows the habits of recorders (``ai0``, ``PD2``).
+These are tried in that order; where several columns remain, the user is asked to name one.
+
+The interface: `column_of` a quantity, `receiver_columns` among the columns that are left, `named_column`; `side_of` and
+`left_right` tell receivers apart by their names, `by_sensor` groups them.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from solen.errors import DataError
+from solen.recording.model import Channel, Recording
+from solen.recording.words import heading, plain
+from solen.units import factor
+
+_TIMES = frozenset(
+    {"timestamp", "time stamp", "elapsed", "elapsed time", "zeitstempel", "clock", "datetime", "date time", "t"}
+    | {"x value", "sec", "second", "seconds", "sekunden", "ms", "millis", "milliseconds", "us", "micros"}
+    | {"microseconds"}
+)
+NAMED_UNITS = {"ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "microseconds": "us"}
+"""Names of times that state their unit."""
+_ANGLES = frozenset(
+    {"theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg"}
+)
+_ANGLE_WORDS = frozenset(["angle", "winkel", "drehwinkel", "rotation", "rot", "theta", "alpha", "angolo"])
+"""Words that make a longer name that of an angle."""
+_UNITS = {
+    "time": frozenset({"s", "sec", "ms", "us", "µs", "ns", "min"}),
+    "angle": frozenset({"deg", "°", "degree", "degrees", "rad", "mrad", "mdeg", "arcmin", "arcsec"}),
+}
+"""Units that identify a quantity whatever the column is called."""
+_NUMBERED = re.compile(
+    r"(?:.*[\s/._-])?(?:v|u|a|ai|ch|chan|channel|kanal|pd|pt|rx|receiver|sensor|voltage|volt|spannung|photodiode|"
+    r"phototransistor|detector|signal|amplitude)[\s_-]*\d+",
+    re.IGNORECASE,
+)
+"""Names that recorders and people give to voltages: ai0, CH1, Voltage_0, PD2."""
+_NAMES = {"time": _TIMES, "angle": _ANGLES}
+ENDS_IN_V = re.compile(r"(?:_|\b)V$")
+"""A name that ends in the unit of volts."""
+_COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
+"""Columns beside a receiver's: its uncertainty, the ambient light subtracted from it, whether it is clipped."""
+_TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
+_SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
+"""A receiver and its side in one word: VL, PDR, Vleft."""
+_SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
+_DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
+
+
+def column_of(recording: Recording, quantity: str) -> Channel | None:
+    """Column of the ``time`` or the ``angle`` by its name or unit; None without one, `DataError` with several."""
+    words = _ANGLE_WORDS if quantity == "angle" else frozenset({quantity})
+    columns = recording.channels
+    for candidates in (
+        [one for one in columns if one.quantity == quantity],
+        [one for one in columns if plain(one.name) in _NAMES[quantity]],
+        [one for one in columns if one.unit in _UNITS[quantity]],
+        [one for one in columns if plain(one.name).startswith(quantity)],
+        [one for one in columns if not one.unit and words & {word.lower() for word in _words(one.name)}],
+    ):
+        if len(candidates) > 1:
+            names = ", ".join(one.name for one in candidates)
+            limit = f"{len(candidates)} columns may be the {quantity}: {names}"
+            raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"name one with --{quantity}")
+        if candidates:
+            return candidates[0]
+    return None
+
+
+def named_column(recording: Recording, name: str, option: str) -> Channel:
+    """Column of a name, with or without its unit; `DataError` with the existing columns where there is none."""
+    last = name.rpartition(".")[2]
+    channel = recording.find(name, heading(name).name, last, heading(last).name)
+    if channel is not None:
+        return channel
+    text = recording.label(name, heading(name).name) is not None
+    limit = "the column holds words, not numbers" if text else "no such column"
+    what = f"{recording.provenance.file or 'recording'}: {option} {name}"
+    raise DataError(what, limit=limit, remedy=existing(recording))
+
+
+def existing(recording: Recording) -> str:
+    """The columns of a recording, as a refusal names them."""
+    more = len(recording.names) - 12
+    return f"its columns are {', '.join(recording.names[:12])}" + (f" and {more} more" if more > 0 else "")
+
+
+def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
+    """Receivers among columns: those in volts, else those whose names state a side, else numbered ones."""
+    columns = [one for one in columns if not is_companion(one.name)]
+    in_volts = [one for one in columns if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
+    bare = [one for one in columns if not one.unit]
+    by_name = in_volts or [one for one in bare if ENDS_IN_V.search(one.name) or side_of(one.name)]
+    return by_name or [one for one in bare if _NUMBERED.fullmatch(one.name)]
+
+
+def is_companion(name: str) -> bool:
+    """Whether a name is that of a column beside a receiver's: its uncertainty, its ambient light, its clipped marks."""
+    return bool(_COMPANION.search(name))
+
+
+def companion(recording: Recording, channel: Channel, what: str) -> Channel | None:
+    """Column beside a receiver's, ``ambient`` or ``clipped``: ``ambient_left`` or ``left_ambient``."""
+    name = ENDS_IN_V.sub("", channel.name)
+    return recording.find(f"{what}_{name}", f"{name}_{what}")
+
+
+def side_of(name: str) -> str:
+    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
+    words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
+    sides = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
+    return sides.pop() if len(sides) == 1 else ""
+
+
+def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
+    """Places of the left and the right receiver; None unless there is exactly one of each."""
+    sides = [side_of(name) for name in receivers]
+    if sides.count("left") == 1 == sides.count("right"):
+        return sides.index("left"), sides.index("right")
+    return None
+
+
+def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
+    """Receivers of each sensor with their places, by names such as ``S1.left``, or ``S1_L`` beside ``S2_L``.
+
+    ``label`` is the file's own; unless the file is ``alone`` it stands before the sensor's.
+    """
+    matches = [_DOTTED.fullmatch(name) for name in names]
+    split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]
+    if not any(matches):
+        split = _by_side(names)
+    sensors: dict[str, dict[str, int]] = {}
+    for place, (sensor, receiver) in enumerate(split):
+        full = label if not sensor else sensor if alone else f"{label}.{sensor}"
+        sensors.setdefault(full, {})[receiver] = place
+    return sensors
+
+
+def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Sensor and side of names where every sensor has both sides; else each name as a receiver of one sensor."""
+    split = [(_without_side(name), side_of(name)) for name in names]
+    counts = Counter(split)
+    sensors = {sensor for sensor, _ in split}
+    whole = all(counts[sensor, side] == 1 for sensor in sensors for side in ("left", "right"))
+    if len(sensors) > 1 and whole and len(names) == 2 * len(sensors):
+        return split
+    return [("", name) for name in names]
+
+
+def _without_side(name: str) -> str:
+    return " ".join(word for word in _words(name) if not side_of(word) and word.lower() != "v")
+
+
+def _words(name: str) -> list[str]:
+    """Words of a name, split at anything but letters and digits, at capitals, and between digits and letters."""
+    parts = re.split(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])", name)
+    return [part for part in parts if part]
