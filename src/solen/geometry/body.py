@@ -170,8 +170,7 @@ class Body:
         """Which faces cross and where."""
         where = reason
         if place is not None:
-            distances = {face.name: _distance(face.curve, place) for face in self.all_faces}
-            near = [name for name, distance_mm in distances.items() if distance_mm < NEAR_MM]
+            near = [face.name for face in self.all_faces if _distance_mm(face.curve, place) < NEAR_MM]
             where = f"at {place_text(place)}" + (f", where {' and '.join(near)} meet" if near else "")
         return DesignError(
             "body outline",
@@ -240,8 +239,7 @@ def area(outline: FloatArray) -> float:
     return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)
 
 
-def _distance(curve: Curve, point: Point) -> float:
-    offset = curve.flattened() - np.asarray(point)
-    chord, to_point = offset[1:] - offset[:-1], -offset[:-1]
-    share = np.clip(np.sum(chord * to_point, axis=1) / np.maximum(np.sum(chord**2, axis=1), 1e-300), 0, 1)
-    return float(np.min(np.hypot(*(to_point - share[:, None] * chord).T)))
+def _distance_mm(curve: Curve, point: Point) -> float:
+    import shapely
+
+    return float(shapely.LineString(curve.flattened()).distance(shapely.Point(point)))

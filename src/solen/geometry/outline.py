@@ -10,9 +10,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-import numpy as np
-
-from solen.arrays import FloatArray
 from solen.curve import check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import Bend, bend_of, bent
@@ -74,23 +71,16 @@ def _rest(design: Design, drawing: Drawing) -> Body:
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
     """Outlines with the material on their left, the largest first: of those round one, an even number or an odd one."""
+    import shapely
+
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
     found = []
     for i, (outline, ring) in enumerate(zip(outlines, rings, strict=True)):
-        around = sum(_contains(other, ring[0]) for k, other in enumerate(rings) if k != i)
+        around = sum(shapely.contains_xy(shapely.Polygon(other), *ring[0]) for k, other in enumerate(rings) if k != i)
         backwards = (area(ring) > 0.0) != (around % 2 == 0)
         found.append([replace(f, curve=f.curve.reversed()) for f in reversed(outline)] if backwards else outline)
     sizes = [abs(area(ring)) for ring in rings]
     return [found[i] for i in sorted(range(len(found)), key=lambda i: -sizes[i])]
-
-
-def _contains(ring: FloatArray, point: FloatArray) -> bool:
-    """Whether a closed polyline winds round a point: a ray to the right crosses it an odd number of times."""
-    x, z = (ring - point).T
-    rises = (z[:-1] > 0.0) != (z[1:] > 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        meets = x[:-1] - z[:-1] * (x[1:] - x[:-1]) / (z[1:] - z[:-1])
-    return bool(np.count_nonzero(rises & (meets > 0.0)) % 2)
 
 
 def _from_lens(outline: list[Face]) -> list[Face]:

@@ -1,14 +1,32 @@
-"""The scene of a sensor: its body in air, the emitter before it, its receivers, and what touches its walls."""
+"""The scene of a sensor: its body in air, its emitter and the ambient light, its receivers, what touches its walls."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from solen.errors import DesignError
 from solen.geometry import Body, Face
+from solen.geometry.body import Pose
 from solen.material import Dispersion, Optical
-from solen.parts import light_of
+from solen.parts import Light, light_of
+from solen.plane import Point
 from solen.scene.contact import pad_edges, pad_regions
 from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
-from solen.scene.sensor_light import ambient_of, emitter_of
-from solen.scene.sources import Line
+from solen.scene.sources import (
+    Ambient,
+    Chip,
+    CosinePower,
+    Emitter,
+    Fan,
+    Isotropic,
+    Line,
+    Pattern,
+    PatternTable,
+    RayFile,
+    Source,
+)
 from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
 from solen.spec import Design, Wall
 
@@ -16,6 +34,8 @@ AIR = Region("air", 1.0)
 BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
 """Of faces by the first word of their name; any other refracts."""
+ROOM = 1.1
+"""Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
 FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
 
 
@@ -38,13 +58,13 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
         *pad_edges(body, design.wall),
     ]
     light = light_of(design)
-    emitter = emitter_of(design, light, body.emitter, rays)
+    emitter = _emitter(design, light, body.emitter, rays)
     index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
     used = {name for interface in interfaces for name in (interface.left, interface.right)}
     outside = [region for region in pad_regions(design.wall) if region.name in used]
     regions = (AIR, Region(BODY, index, material.absorption_per_mm), *outside)
     emitter = emitter.with_spectrum(_spectrum(emitter.spectrum or ((light.wavelength_nm, 1.0),), regions, interfaces))
-    sources = (emitter, *ambient_of(design, body.emitter.point, interfaces, rays, emitter.spectrum))
+    sources = (emitter, *_ambient(design, body.emitter.point, interfaces, rays, emitter.spectrum))
     if design.trace.dimension == "2d":
         return Scene(regions, tuple(interfaces), sources, name=design.name)
     high_mm, extrusion = design.receivers.height_mm, Extrusion(design.body.thickness_mm)
@@ -52,6 +72,48 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
         height_mm = (-0.5 * high_mm, 0.5 * high_mm)
         interfaces = [replace(i, height_mm=height_mm) if i.behaviour == "receiver" else i for i in interfaces]
     return Scene(regions, tuple(interfaces), sources, name=design.name, extrusion=extrusion)
+
+
+def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
+    """Source of a light: a fan or a chip where the paper's evenly spaced angles will do."""
+    stated = design.emitter.rays if rays is None else rays
+    if light.ray_file is not None:
+        some = stated if rays is not None or design.emitter.states("rays") else None
+        return RayFile.of(str(light.ray_file), pose.point, pose.axis_deg, some)
+    width_mm = light.width_mm or pose.width_mm
+    if light.pattern == "fan" and width_mm == 0.0:
+        return Fan(pose.point, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+    if light.pattern == "fan":
+        return Chip(pose.point, width_mm, pose.axis_deg, light.cone_deg, stated, spectrum=light.spectrum)
+    pattern: Pattern = Isotropic()
+    if light.pattern == "lambertian":
+        pattern = CosinePower(light.exponent)
+    elif light.pattern == "table":
+        pattern = PatternTable(tuple(angle for angle, _ in light.table), tuple(value for _, value in light.table))
+    size = (light.cone_deg, width_mm, light.height_mm)
+    return Emitter(pose.point, pose.axis_deg, stated, pattern, *size, spectrum=light.spectrum)
+
+
+def _ambient(
+    design: Design, emitter: Point, interfaces: Sequence[Interface], rays: int | None, spectrum: tuple[Line, ...]
+) -> tuple[Source, ...]:
+    """Ambient light through a circle that holds all faces and the emitter, with some room.
+
+    Where more ``rays`` are asked for than the design has for its emitter, there are as many times more of these.
+    """
+    stated = design.ambient
+    if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
+        return ()
+    if design.trace.dimension == "extruded":
+        limit = "is light in the plane: in space it would also come in through top and bottom"
+        raise DesignError("ambient", limit=limit, remedy='set trace.dimension = "2d", or leave the ambient light out')
+    points = np.vstack([interface.curve.flattened() for interface in interfaces] + [[emitter]])
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, z = (0.5 * (low + high)).tolist()
+    radius_mm = ROOM * float(np.max(np.hypot(points[:, 0] - x, points[:, 1] - z)))
+    power = stated.power or stated.irradiance_per_mm * 2.0 * math.pi * radius_mm
+    many = stated.rays if rays is None else max(1, round(stated.rays * rays / design.emitter.rays))
+    return (Ambient((x, z), radius_mm, many, design.body.thickness_mm, power=power, spectrum=spectrum),)
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:

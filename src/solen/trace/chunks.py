@@ -13,8 +13,6 @@ from typing import Any, Literal
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve import check_count
-from solen.errors import DesignError
 from solen.scene import Launch, Scene, Source
 from solen.scene.sources.points import COPIES, sample
 from solen.trace.kernel import loop
@@ -30,13 +28,6 @@ DTYPES: dict[str, type[np.floating[Any]]] = {"double": np.float64, "single": np.
 Sampling = Literal["fan", "sobol"]
 Device = Literal["cpu", "cuda"]
 Digits = Literal["double", "single"]
-
-
-def check_seed(seed: object) -> None:
-    """`DesignError` where a seed is not a whole number from 0 to below 2⁶³."""
-    check_count("seed", seed, 0)
-    if isinstance(seed, int) and seed >= 2**63:
-        raise DesignError("seed", value=seed, limit="must be below 2 to the power of 63")
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,6 @@ from solen.trace.chunks import (
     Digits,
     Job,
     Sampling,
-    check_seed,
     chunks,
     rows_in_space,
     rows_of,
@@ -51,7 +50,6 @@ CARD_FEEDERS = 8
 """Threads at most that make rays for a card: what waits for it takes memory."""
 COMPARED_RAYS = 4096
 """Rays of each source by which single precision is compared with double."""
-Progress = Callable[[int], None]
 
 
 def trace(
@@ -67,7 +65,7 @@ def trace(
     legs: bool = False,
     device: Device = "cpu",
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Trace:
     """Trace every ray of every source.
 
@@ -124,7 +122,7 @@ def trace(
         raise DesignError("device", value=device, limit=limit, remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    check_seed(seed)
+    check_count("seed", seed, 0)
     for what, value in (("position_bins", position_bins), ("angle_bins", angle_bins)):
         check_count(what, value, 0)
     job = Job.of(
@@ -247,7 +245,7 @@ def _single_error(job: Job, threads: int) -> float:
     return max((abs(one.power - other.power) for one, other in pairs), default=0.0)
 
 
-def _run(job: Job, threads: int, progress: Progress | None = None) -> Trace:
+def _run(job: Job, threads: int, progress: Callable[[int], None] | None = None) -> Trace:
     """Trace all chunks of a job and add them up."""
     totals = [[empty(job) for _ in range(job.groups(source))] for source in job.scene.sources]
     rays, done = [np.zeros(len(groups), dtype=np.int64) for groups in totals], 0

@@ -18,7 +18,7 @@ from solen.arrays import IntArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.trace.chunks import DTYPES, Chunk, Digits, Job, check_seed, chunks, rows_of, rules_of
+from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
 from solen.trace.kernel import batch, loop
 from solen.trace.kernel.block import BLOCK
 from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
@@ -46,7 +46,7 @@ def trace_many(
     """
     check_mode(mode)
     check_choice("precision", precision, tuple(DTYPES))
-    check_seed(seed)
+    check_count("seed", seed, 0)
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     if not scenes:

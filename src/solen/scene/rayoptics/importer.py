@@ -31,29 +31,15 @@ WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
 """Brightness up to which a part split off is dropped, and where brightness shall be correct."""
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
 """Objects that light does not see."""
-LOOKS = frozenset(
-    (
-        *(
-            "version",
-            "name",
-            "importedFromBeta",
-            "showGrid",
-            "snapToGrid",
-            "lockObjs",
-            "gridSize",
-            "observer",
-            "origin",
-        ),
-        *("scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"),
-        *("theme", "backgroundImage", "numericalTolerances"),
-    )
+APPEARANCE = frozenset(
+    {"version", "name", "importedFromBeta", "showGrid", "snapToGrid", "lockObjs", "gridSize", "observer", "origin"}
+    | {"scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"}
+    | {"theme", "backgroundImage", "numericalTolerances"}
 )
 """Keys of a scene that say nothing about light, or only how another program computes it."""
 LIGHT = frozenset(
-    (
-        *("objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors"),
-        *("colorMode", "randomSeed", "maxRayDepth"),
-    )
+    {"objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors", "colorMode"}
+    | {"randomSeed", "maxRayDepth"}
 )
 MODES = ("rays", "extended", "images", "observer")
 MOST_MODULES_DEEP = 8
@@ -206,7 +192,7 @@ class _Scene:
         self.counts: dict[str, int] = {}
         self.named: dict[str, tuple[int, str]] = {}
         self.settings = Fields(0, "scene", data)
-        self.settings.unread -= LOOKS
+        self.settings.unread -= APPEARANCE
         try:
             self.world = self._world()
             self.lamps = self._lamps()
