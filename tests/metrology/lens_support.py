@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.metrology import Image, as_image
-from solen.metrology.ideal import Ideal
+from solen.metrology.nominal import Ideal
 from solen.pipeline.print.inspect import ideal_of
 from tests.metrology.render.micrograph import Level, Scene, reflected
 from tests.metrology.render.shape import Placing, outline_mm, shipped

@@ -12,11 +12,11 @@ import pytest
 from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
 from solen.metrology import as_image
-from solen.metrology.find import Pose, find
-from solen.metrology.ideal import Ideal
-from solen.metrology.nearest import cautions, nearest
+from solen.metrology.template_match import Pose, find
+from solen.metrology.nominal import Ideal
+from solen.metrology.comparison import cautions, nearest
 from solen.metrology.outline import measure
-from solen.metrology.register import effective_number, register
+from solen.metrology.registration import effective_number, register
 from solen.pipeline.print.inspect import ideal_of
 from solen.plane import Rigid
 from solen.sensor import Sensor

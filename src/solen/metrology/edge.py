@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from solen.arrays import BoolArray, FloatArray
-from solen.metrology.step import MOST_BLUR_PX, Steps, Usual, fit_steps
+from solen.metrology.step_fit import MOST_BLUR_PX, Steps, Usual, fit_steps
 
 REASONS = (
     "outside the picture",
@@ -94,6 +94,16 @@ class Edge:
     inside: BoolArray
     kept: BoolArray
     rejected: dict[str, int]
+
+    @property
+    def measured(self) -> tuple[FloatArray, FloatArray]:
+        """Points (M, 2) that are kept and their standard uncertainties (M,), px."""
+        return self.points_px[self.kept], self.u_px[self.kept]
+
+    @property
+    def share_kept(self) -> float:
+        """Share of the places in the picture that are kept."""
+        return float(self.kept.sum()) / max(int(self.inside.sum()), 1)
 
     @property
     def blur(self) -> float:

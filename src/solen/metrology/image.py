@@ -2,7 +2,7 @@
 
 The idea: whatever the file is (a TIFF with its microscope's metadata, a PNG, a photograph), it becomes one plane of
 grey values in [0, 1] with the size of a pixel, or it is refused with the reason: several planes, no scale, too large.
-What a file is, how large it is and how many planes it has is read from its header, before any pixel is decoded.
+The format, the size and the number of planes are read from the header, before any pixel is decoded.
 
 The interface: `read_image` gives an `Image`. TIFF needs the extra ``vision``.
 """
@@ -12,20 +12,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.metrology import picture, tiff
-from solen.metrology.planes import Plane
-from solen.metrology.scale import Scale, decided
+from solen.metrology.raster import read_bytes, read_raster
+from solen.metrology.scale import Scale, ScaleOptions, choose_scale
+from solen.metrology.tiff import MAGIC, read_tiff
 from solen.recording import Provenance
 
-LARGEST_MB = 1_000
 CLIPPED_SHARE = 1e-3
 """A level that so many pixels share, the highest of the picture, is where the camera was at its limit."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Image:
     """One plane of grey values.
 
@@ -42,10 +41,10 @@ class Image:
     provenance
         The file.
     warnings
-        What must be said of the picture.
+        What must be known of the picture.
     """
 
-    grey: NDArray[np.float64]
+    grey: FloatArray
     scale: Scale
     bits: int | None
     ceiling: float
@@ -71,82 +70,59 @@ def read_image(path: Path, um_per_px: float | None = None, u_um_per_px: float | 
     path
         The file.
     um_per_px
-        Size of a pixel in µm; it counts before what the file says.
+        Size of a pixel in µm; it takes precedence over what the file states.
     u_um_per_px
-        Its standard uncertainty, or that of what the file says.
+        Its standard uncertainty, or that of what the file states.
 
     Raises
     ------
     DataError
-        Where the file cannot be read, holds several planes, is too large or too small, or says no scale.
+        Where the file cannot be read, holds several planes, is too large or too small, or states no scale.
     SpecError
-        Where the numbers given are no size of a pixel.
+        Where a given number cannot be a size of a pixel.
     OutputError
         Where a TIFF is to be read without the extra ``vision``.
     """
-    data = _bytes(path)
-    plane = (tiff.read if data[:4] in tiff.MAGIC else picture.read)(str(path), data)
-    scale, said = decided(str(path), plane.tags, um_per_px, u_um_per_px)
-    grey = plane.grey
-    warnings = [*said, *plane.warnings]
-    ceiling = _ceiling(grey)
+    given = ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px)
+    data = read_bytes(path)
+    plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
+    scale, warnings = choose_scale(str(path), plane.tags, given)
+    ceiling = _ceiling(plane.grey)
+    warnings += plane.warnings
     if np.isfinite(ceiling):
-        share = float(np.mean(grey >= ceiling))
+        share = float(np.mean(plane.grey >= ceiling))
         warnings.append(f"{100.0 * share:.2g} % of the picture is at the camera's limit: edges there are not measured")
+    rows, columns = plane.grey.shape
     source = Provenance(
         file=path.name,
         sha256=hashlib.sha256(data).hexdigest(),
         format=plane.format,
         instrument=plane.instrument,
         date=plane.date,
-        metadata=dict(plane.metadata) | {"rows": str(grey.shape[0]), "columns": str(grey.shape[1])},
+        metadata=dict(plane.metadata) | {"rows": str(rows), "columns": str(columns)},
         simulated=plane.simulated,
     )
-    return Image(grey, scale, plane.bits, ceiling, source, tuple(warnings))
+    return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 
-def as_image(
-    grey: NDArray[np.float64], um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array"
-) -> Image:
-    """Picture of an array (rows, columns) in memory, grey values 0 to 1; `DataError` where it is none."""
+def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:
+    """Picture of an array (rows, columns) in memory, grey values 0 to 1; `DataError` where it cannot be one."""
     if grey.ndim != 2 or not np.isfinite(grey).all():
         raise DataError(name, value=grey.shape, limit="must be rows and columns of finite grey values")
-    scale, _ = decided(name, (), um_per_px, u_um_per_px)
+    scale, _ = choose_scale(name, (), ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px))
     return Image(np.asarray(grey, dtype=np.float64), scale, None, _ceiling(grey), Provenance(file=name, format="array"))
 
 
-def _bytes(path: Path) -> bytes:
-    """Bytes of a file; `DataError` where it cannot be read."""
-    try:
-        if not path.is_file():
-            limit, remedy = ("is a folder or a device", "name a file") if path.exists() else ("no such file", "")
-            raise DataError(str(path), limit=limit, remedy=remedy or "check the path")
-        size = path.stat().st_size
-        if size > LARGEST_MB * 1_000_000:
-            limit = f"has {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
-            raise DataError(str(path), limit=limit, remedy="crop it to the lens")
-        data = path.read_bytes()
-    except (OSError, ValueError) as bad:
-        reason = getattr(bad, "strerror", None) or bad
-        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
-    if not data:
-        raise DataError(str(path), limit="is empty", remedy="export it again")
-    return data
-
-
-def _ceiling(grey: NDArray[np.float64]) -> float:
+def _ceiling(grey: FloatArray) -> float:
     """Highest level where so many pixels share it that it is the camera's limit; infinite otherwise.
 
-    A picture of one level, and one of two as a mask is, has no limit: its levels are no camera's.
+    A picture of one level, or of two as a mask is, was not taken by a camera at its limit.
     """
     highest, lowest = float(grey.max()), float(grey.min())
     at_it = grey >= highest
     if highest <= lowest or not CLIPPED_SHARE < float(at_it.mean()) < 1.0:
         return float("inf")
     below = grey[~at_it]
-    step = highest - float(below.max())  # of a spread that ends by itself the last levels hold few pixels each
+    step = highest - float(below.max())  # the last levels of a spread that is not cut off hold few pixels each
     neighbours = float(np.mean((grey >= highest - 3.0 * step) & ~at_it))
     return highest if float(at_it.mean()) > 3.0 * neighbours and float(below.max()) > lowest else float("inf")
-
-
-__all__ = ["Image", "Plane", "Scale", "as_image", "read_image"]

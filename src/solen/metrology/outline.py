@@ -5,46 +5,50 @@ values alone say. A thick transparent part shows the rim of its upper face and t
 along the front, both are measured: `outer` and `inner` by their place, and where one is clearly sharper than the other,
 that is the face on which the microscope was focused, usually the upper one, and it is taken for the outline.
 
-The interface: `measure` gives an `Outline`: the edges, their points in the order of the front, the chosen one first.
+The interface: `measure_outline` gives an `Outline`: its edges in the order of the front, the chosen one first.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
-from solen.errors import DataError, SpecError
-from solen.metrology.along import SHARPER, by_focus, edges_along, share, why_rejected
+from solen.arrays import FloatArray
+from solen.errors import DataError
 from solen.metrology.edge import Edge
-from solen.metrology.find import Found, Pose, find
-from solen.metrology.ideal import Ideal
+from solen.metrology.edge_tracing import Band, TracedEdge, trace_edges
+from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
 from solen.metrology.image import Image
-from solen.metrology.likeness import (
+from solen.metrology.nominal import NominalFront
+from solen.metrology.plausibility import (
     check_scale,
     check_seen,
     check_shape,
     cropped,
-    merged,
+    merged_edges,
     missing_ends,
     no_lens,
     odd_width,
     part_width_mm,
+    wall_edges,
 )
-from solen.metrology.register import Registration, register
-from solen.metrology.strip import Line, Strip, lines
+from solen.metrology.pose import Pose
+from solen.metrology.registration import Registration, register
+from solen.metrology.template_match import Match, match_template
 
-NAMES = ("outer", "inner")
-CHOICES = ("auto", "outer", "inner", "sharper")
+EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
-"""How far to each side of the design an edge is looked for, as a fraction of the lens's width."""
+"""How far to each side of the design an edge is searched, as a fraction of the lens's width."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
 """Share of the places in the picture that must have an edge."""
 RIVAL = 0.9
 SIDES = 0.8
-"""Ratio of rms distances above which it is not clear from which side a picture was taken."""
+"""Ratio of rms deviations above which it is not clear from which side a picture was taken."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NamedEdge:
     """One edge along the front.
 
@@ -65,8 +69,14 @@ class NamedEdge:
     registration: Registration
     sharpest: bool = False
 
+    def outside_um(self, other: "NamedEdge") -> FloatArray:
+        """How far this edge lies outside another, where both are measured (M,)."""
+        both = self.edge.kept & other.edge.kept
+        px = np.sum((self.edge.points_px - other.edge.points_px) * other.edge.normals, axis=1)[both]
+        return np.asarray(px * other.registration.pose.um_per_px)
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Outline:
     """What a picture shows of a front.
 
@@ -77,9 +87,9 @@ class Outline:
     seen
         Share of the front that the picture shows.
     ends_x_mm
-        From where to where the chosen edge was measured, lens coordinates.
+        Lateral range over which the chosen edge was measured, lens coordinates.
     score
-        Of the search (`solen.metrology.find`).
+        Of the template match.
     width_mm
         Of the part right behind the front, from wall to wall; None where the picture or the design does not show both.
     warnings
@@ -99,14 +109,14 @@ class Outline:
         return self.edges[0]
 
 
-def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
+def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "auto") -> Outline:
     """Measure the front of a lens in a picture.
 
     Parameters
     ----------
     image
         The picture.
-    ideal
+    nominal
         The design that the part was made from, or one near it.
     choice
         Which edge of two to take: ``outer``, ``inner``, ``sharper``, or ``auto``: the sharper one, and where neither
@@ -117,128 +127,111 @@ def measure(image: Image, ideal: Ideal, choice: str = "auto") -> Outline:
     DataError
         Where no such lens is found, too little of it is in the picture, or too little of its edge can be measured.
     """
-    if choice not in CHOICES:
-        raise SpecError("--edge", value=choice, limit=f"must be one of {', '.join(CHOICES)}")
-    check_scale(image, ideal)
-    found, warnings = _found(image, ideal)
-    pose, strip, along = _lines(image, found.pose, ideal)
-    seen = float(np.mean(strip.seen[:, len(strip.off_mm) // 2]))
-    check_seen(image, seen)
-    width = part_width_mm(image, pose, ideal)
-    if not along:
-        raise no_lens(image, ideal, "no edge runs along where its front would be")
-    edges = edges_along(image, pose, ideal, strip, along)
-    pose, more = _side(edges, pose, ideal)
-    named = _named(edges, image, pose, ideal)
+    check_scale(image, nominal)
+    match, warnings = _match(image, nominal)
+    pose, band, traced = _traced(image, match.pose, nominal)
+    check_seen(image, band.share_seen)
+    if not traced:
+        raise no_lens(image, nominal, "no edge runs along where its front would be")
+    walls = wall_edges(image, pose, nominal)
+    width = part_width_mm(walls, nominal)
+    edges = edges_along(image, pose, nominal, band, traced)
+    pose, side_warnings = _side(edges, pose, nominal)
+    named = _named(edges, image, pose, nominal)
     if not named:
-        raise no_lens(image, ideal, f"less than {LEAST_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})")
-    ordered, said = _ordered(named, choice)
-    check_shape(image, ideal, ordered[0].edge, ordered[0].registration, width)
-    x = ordered[0].registration.points_mm[:, 0]
+        why = f"less than {LEAST_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})"
+        raise no_lens(image, nominal, why)
+    ordered, choice_warnings = _ordered(named, choice)
+    chosen = ordered[0]
+    check_shape(image, nominal, chosen.edge, chosen.registration, width)
+    x = chosen.registration.points_mm[:, 0]
     ends = (float(x.min()), float(x.max()))
-    said += [*cropped(seen, ends), *missing_ends(ordered[0].edge), *odd_width(width, ideal)]
+    warnings += [*side_warnings, *choice_warnings, *cropped(band.share_seen, ends)]
+    warnings += [*missing_ends(chosen.edge), *odd_width(width, nominal)]
     if len(named) == 1:
-        said += merged(image, pose, ideal, named[0].edge)
-    return Outline(tuple(ordered), seen, ends, found.score, width, (*warnings, *more, *said))
+        warnings += merged_edges(image, walls, chosen.edge)
+    return Outline(tuple(ordered), band.share_seen, ends, match.score, width, tuple(warnings))
 
 
-def _found(image: Image, ideal: Ideal) -> tuple[Found, list[str]]:
-    """Where the lens is, and what else may be one; both sides are tried where they differ."""
-    sides = (False,) if ideal.is_symmetric else (False, True)
-    found = sorted(
-        (one for mirrored in sides for one in find(image.grey, image.um_per_px, ideal, mirrored=mirrored)),
-        key=lambda one: -one.score,
+def _match(image: Image, nominal: NominalFront) -> tuple[Match, list[str]]:
+    """Where the lens is, and a warning of what else may be one; both sides are tried where they differ."""
+    sides = (False,) if nominal.is_symmetric else (False, True)
+    matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
+    matches.sort(key=lambda one: -one.score)
+    if not matches or matches[0].score < LEAST_SCORE:
+        raise no_lens(image, nominal, "nothing in it has its shape at this scale")
+    best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
+    x, y = best.pose.origin_px
+    rivals = sum(
+        one.score > RIVAL * best.score and np.hypot(*np.subtract(one.pose.origin_px, (x, y))) > far for one in matches
     )
-    if not found or found[0].score < LEAST_SCORE:
-        raise no_lens(image, ideal, "nothing in it has its shape at this scale")
-    far = 0.5 * ideal.width_mm * 1e3 / image.um_per_px
-    rivals = [
-        one
-        for one in found[1:]
-        if one.score > RIVAL * found[0].score
-        and np.hypot(*np.subtract(one.pose.vertex_px, found[0].pose.vertex_px)) > far
-    ]
-    x, y = found[0].pose.vertex_px
-    said = f"{len(rivals) + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
-    return found[0], [said] if rivals else []
+    warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
+    return best, [warning] if rivals else []
 
 
-def _lines(image: Image, pose: Pose, ideal: Ideal) -> tuple[Pose, Strip, list[Line]]:
-    """The edges along the front, after the strongest one has set the pose right."""
-    strip = Strip.of(image.grey, pose, ideal, REACH * ideal.width_mm)
+def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
+    """The edges along the front, after the strongest one has corrected the pose."""
+    band = Band.of(image.grey, pose, nominal, REACH * nominal.width_mm)
     for _ in range(2):
-        first = lines(strip, most=1)
+        first = trace_edges(band, most=1)
         if not first:
-            return pose, strip, []
-        points, normals = ideal.at(strip.arc_mm)
-        there = pose.to_px(points + normals * first[0].off_mm[:, None])[first[0].shown]
-        pose = register(there, np.full(len(there), 1.0), pose, ideal).pose
-        strip = Strip.of(image.grey, pose, ideal, REACH * ideal.width_mm)
-    return pose, strip, lines(strip)
+            return pose, band, []
+        points, normals = nominal.at(band.arc_mm)
+        places = pose.to_px(points + normals * first[0].offset_mm[:, None])[first[0].shown]
+        pose = register(places, np.ones(len(places)), pose, nominal).pose
+        band = Band.of(image.grey, pose, nominal, REACH * nominal.width_mm)
+    return pose, band, trace_edges(band)
 
 
-def _named(edges: list[Edge], image: Image, pose: Pose, ideal: Ideal) -> list[NamedEdge]:
+def _named(edges: list[Edge], image: Image, pose: Pose, nominal: NominalFront) -> list[NamedEdge]:
     """Edges of which enough can be measured, with names."""
-    kept = [edge for edge in edges if share(edge) >= LEAST_KEPT]
-    scale = image.scale.u_um_per_px
-    u_scale = 0.0 if scale is None else scale / image.um_per_px
-    names: tuple[str, ...]
+    kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
+    names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
     if len(kept) == 2 and (crossed := by_focus(*kept)) is not None:
         kept, names = list(crossed), ("sharper", "softer")
     elif len(kept) == 1:
         names = ("single",)
-    else:
-        names = (NAMES[0], *(f"middle {i}" for i in range(1, len(kept) - 1)), NAMES[1])
     sharpest = min((edge.blur for edge in kept), default=0.0)
     return [
         NamedEdge(
             name,
             edge,
-            register(edge.points_px[edge.kept], edge.u_px[edge.kept], pose, ideal, u_scale),
+            register(*edge.measured, pose, nominal, image.scale.u_relative),
             len(kept) > 1 and edge.blur == sharpest and all(e is edge or e.blur > SHARPER * edge.blur for e in kept),
         )
         for name, edge in zip(names, kept, strict=False)
     ]
 
 
-def _side(edges: list[Edge], pose: Pose, ideal: Ideal) -> tuple[Pose, list[str]]:
-    """Pose from the side on which the edge lies best, where the design has two, and what is to be said of it."""
-    edge = max(edges, key=share)
-    if ideal.is_symmetric or share(edge) < LEAST_KEPT:
+def _side(edges: list[Edge], pose: Pose, nominal: NominalFront) -> tuple[Pose, list[str]]:
+    """Pose from the side on which the edge lies best, where the design has two, and a warning where it is not clear."""
+    edge = max(edges, key=lambda one: one.share_kept)
+    if nominal.is_symmetric or edge.share_kept < LEAST_KEPT:
         return pose, []
-    ways = [pose, replace(pose, mirrored=not pose.mirrored)]
-    laid = [register(edge.points_px[edge.kept], edge.u_px[edge.kept], way, ideal) for way in ways]
-    laid.sort(key=lambda one: one.rms_um)
-    said = f"the front lies as well on the design's mirror image ({laid[1].rms_um:.3g} and {laid[0].rms_um:.3g} µm rms)"
-    return laid[0].pose, [said] if laid[0].rms_um > SIDES * laid[1].rms_um else []
+    sides = [pose, replace(pose, mirrored=not pose.mirrored)]
+    best, other = sorted((register(*edge.measured, side, nominal) for side in sides), key=lambda fit: fit.rms_um)
+    if best.rms_um <= SIDES * other.rms_um:
+        return best.pose, []
+    return best.pose, [
+        f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} µm rms): "
+        "the picture may show it from either side"
+    ]
 
 
-def _ordered(named: list[NamedEdge], choice: str) -> tuple[list[NamedEdge], list[str]]:
-    """The chosen edge first, and what is to be said of the choice."""
+def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge], list[str]]:
+    """The chosen edge first, and warnings of the choice."""
     if len(named) == 1:
-        wanted = choice in ("inner", "sharper")
-        return named, [f"one edge alone is seen, so --edge {choice} has nothing to choose from"] if wanted else []
+        without_choice = choice in {"inner", "sharper"}
+        return named, [f"only one edge is seen: --edge {choice} has no effect"] if without_choice else []
     by_name = {one.name: one for one in named}
     sharp = next((one for one in named if one.sharpest or one.name == "sharper"), None)
-    if choice in by_name:
-        chosen = by_name[choice]
-    elif choice == "sharper" and sharp is None:
+    if choice == "sharper" and sharp is None:
         raise DataError("--edge", value=choice, limit="no edge is clearly sharper", remedy="name outer or inner")
-    else:
-        chosen = sharp or named[0]
+    chosen = by_name.get(choice) or sharp or named[0]
     others = [one for one in named if one is not chosen]
-    gaps = ", ".join(f"{_apart_um(chosen, one):.0f} µm" for one in others)
+    gaps = ", ".join(f"{np.median(np.abs(one.outside_um(chosen))):.0f} µm" for one in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
-    said = f"{len(named)} edges are seen ({', '.join(one.name for one in named)}; {gaps} apart): {why} is taken"
+    warning = f"{len(named)} edges are seen ({', '.join(one.name for one in named)}; {gaps} apart): {why} is taken"
     if chosen is not sharp and choice == "auto":
-        said += ", as none is sharper: which face it belongs to cannot be told (--edge)"
-    return [chosen, *others], [said]
-
-
-def _apart_um(one: NamedEdge, other: NamedEdge) -> float:
-    """Median distance of two edges along the normals."""
-    both = one.edge.kept & other.edge.kept
-    if not both.any():
-        return float("nan")
-    px = np.sum((one.edge.points_px - other.edge.points_px) * one.edge.normals, axis=1)[both]
-    return float(np.median(np.abs(px))) * one.registration.pose.um_per_px
+        warning += ", as none is sharper: the picture does not show which face it belongs to (--edge)"
+    return [chosen, *others], [warning]

@@ -1,18 +1,21 @@
-"""How large a pixel is: taken from what the file says of itself or from the user, and never guessed.
+"""The size of a pixel: from what a file states of itself or from the user, and never guessed.
 
 The idea: a wrong scale makes every length wrong without a trace, so a number that was not written by a measuring
 program is not believed. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag;
-office and photo programs write 72 or 300 dpi into every file, which says how large to print it.
+office and photo programs write 72 or 300 dpi into every file, which is the size to print it at.
 
-The interface: `Scale`; `Tag`, what a file says; `decided`, what follows from the tags and the user's own number.
+The interface: `Scale`; `Tag`, what a file states; `choose_scale` between the tags and the user's own `ScaleOptions`.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
 
 from solen.errors import DataError, SpecError
+from solen.spec.strict import Finite, Options
 
 SAME = 0.01
 """Relative: scales that differ by no more agree."""
@@ -26,6 +29,15 @@ UM |= {"in": 25_400.0, "micron": 1.0, "microns": 1.0, "micrometer": 1.0, "millim
 UM |= {"\\u00b5m": 1.0, "\\u00B5m": 1.0}
 
 
+class ScaleOptions(Options):
+    """The size of a pixel as the user states it."""
+
+    um_per_px: Annotated[Finite, Field(ge=1e-4, le=1e4)] | None = None
+    """Size of a pixel in µm; it takes precedence over what the file states."""
+    u_um_per_px: Annotated[Finite, Field(ge=0)] | None = None
+    """Standard uncertainty of the size of a pixel, µm."""
+
+
 @dataclass(frozen=True)
 class Scale:
     """Size of a pixel.
@@ -35,7 +47,7 @@ class Scale:
     um_per_px
         Side of a square pixel in the object, µm.
     u_um_per_px
-        Its standard uncertainty; None where nobody states one.
+        Its standard uncertainty; None where none is stated.
     origin
         Where it comes from: ``given``, ``OME-XML PhysicalSizeX``, ``ImageJ``, ``TIFF XResolution``, …
     """
@@ -44,9 +56,10 @@ class Scale:
     u_um_per_px: float | None = None
     origin: str = "given"
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same as plain data, for JSON."""
-        return {"um_per_px": self.um_per_px, "u_um_per_px": self.u_um_per_px, "origin": self.origin}
+    @property
+    def u_relative(self) -> float:
+        """Relative standard uncertainty; 0 where none is stated."""
+        return (self.u_um_per_px or 0.0) / self.um_per_px
 
 
 @dataclass(frozen=True)
@@ -67,47 +80,62 @@ class Tag:
     x_um: float
     y_um: float
     calibrated: bool = False
-    doubt: str = field(default="", init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "doubt", self._doubt())
-
-    def _doubt(self) -> str:
-        """Why the tag is no scale; empty where it is one."""
+    @property
+    def doubt(self) -> str:
+        """Why the tag is not a scale; empty where it is one."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
-            return f"{self.origin} holds no size of a pixel"
+            return f"{self.origin} is not a size of a pixel"
         if abs(self.x_um / self.y_um - 1.0) > SQUARE:
             return f"{self.origin} says that pixels are {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
         if not self.calibrated and self.x_um > COARSEST_TAG_UM:
             return (
-                f"{self.origin} says {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm per pixel: how large to "
-                "print it, as office programs write into every file, and not how large the object is"
+                f"{self.origin} says {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm per pixel: the "
+                "size to print it at, which office programs write into every file, and not the object's"
             )
         return ""
 
 
-def decided(
-    file: str, tags: Sequence[Tag], um_per_px: float | None, u_um_per_px: float | None
-) -> tuple[Scale, list[str]]:
-    """Scale of a picture, and what must be said of it.
+def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[str]]:
+    """Scale of a picture, and warnings.
 
-    The user's number counts where there is one, with a warning where a usable tag differs by more than `SAME`: a wrong
-    tag must not lock a picture up, and an outline of a known size shows a wrong number at once.
+    The user's number takes precedence, with a warning where a usable tag differs by more than `SAME`: a wrong tag must
+    not lock a picture up, and an outline of a known size shows a wrong number at once.
 
     Raises
     ------
     DataError
-        Where the picture has no scale, or only one that is none.
+        Where the picture has no scale, or only one that cannot be it.
     SpecError
-        Where the user's number is no size of a pixel.
+        Where the given uncertainty is half the scale or more.
     """
     usable = sorted((tag for tag in tags if not tag.doubt), key=lambda tag: not tag.calibrated)
-    if um_per_px is not None:
-        return _given(um_per_px, u_um_per_px, usable)
-    if not usable:
+    if given.um_per_px is not None:
+        scale, warnings = Scale(given.um_per_px, given.u_um_per_px), _contradictions(given.um_per_px, usable)
+    elif usable:
+        first, warnings = usable[0], _ambiguities(usable)
+        scale = Scale(0.5 * (first.x_um + first.y_um), given.u_um_per_px, first.origin)
+    else:
         doubts = [tag.doubt for tag in tags]
-        raise DataError(file, limit=doubts[0] if doubts else "says nowhere how large a pixel is", remedy=REMEDY)
+        raise DataError(file, limit=doubts[0] if doubts else "does not state the size of a pixel", remedy=REMEDY)
+    if scale.u_relative >= 0.5:
+        limit = f"must be below half of {scale.um_per_px:g} µm per pixel"
+        raise SpecError("--u-um-per-px", value=scale.u_um_per_px, limit=limit)
+    return scale, warnings
+
+
+def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[str]:
+    return [
+        f"--um-per-px {um_per_px:g} is taken although {tag.origin} says {tag.x_um:.6g} "
+        f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
+        for tag in usable
+        if abs(um_per_px / tag.x_um - 1.0) > SAME
+    ]
+
+
+def _ambiguities(usable: Sequence[Tag]) -> list[str]:
+    """Warnings of the first tag, which is taken."""
     first = usable[0]
     warnings = [
         f"{other.origin} says {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: the latter is taken"
@@ -119,29 +147,10 @@ def decided(
             f"{first.x_um:.6g} µm per pixel is taken from {first.origin}, which any program may have written: "
             "check it against a scale bar, or give --um-per-px"
         )
-    return Scale(0.5 * (first.x_um + first.y_um), _uncertainty(u_um_per_px, first.x_um), first.origin), warnings
-
-
-def _given(um_per_px: float, u_um_per_px: float | None, usable: Sequence[Tag]) -> tuple[Scale, list[str]]:
-    if not (math.isfinite(um_per_px) and 1e-4 <= um_per_px <= 1e4):
-        raise SpecError("--um-per-px", value=um_per_px, limit="must be from 0.0001 to 10000 µm")
-    warnings = [
-        f"--um-per-px {um_per_px:g} is taken although {tag.origin} says {tag.x_um:.6g} "
-        f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
-        for tag in usable
-        if abs(um_per_px / tag.x_um - 1.0) > SAME
-    ]
-    return Scale(um_per_px, _uncertainty(u_um_per_px, um_per_px)), warnings
-
-
-def _uncertainty(u_um_per_px: float | None, um_per_px: float) -> float | None:
-    if u_um_per_px is not None and not 0.0 <= u_um_per_px < 0.5 * um_per_px:
-        limit = f"must be from 0 to below half of {um_per_px:g} µm per pixel"
-        raise SpecError("--u-um-per-px", value=u_um_per_px, limit=limit)
-    return u_um_per_px
+    return warnings
 
 
 def in_um(size: float, unit: str) -> float | None:
-    """Size in µm; None where the unit is none of length, as ``pixel``."""
+    """Size in µm; None where the unit is not one of length, as ``pixel``."""
     factor = UM.get(unit.strip()) or UM.get(unit.strip().casefold())
     return None if factor is None else size * factor

@@ -2,7 +2,6 @@
 
 import io
 import logging
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -10,9 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.errors import DataError, SolenError
-from solen.metrology.picture import float_levels
-from solen.metrology.planes import Plane, brightness, check_size, check_vision, is_simulated, upright
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.metrology.raster import (
+    Plane,
+    brightness,
+    check_size,
+    check_vision,
+    float_levels,
+    is_simulated,
+    readable,
+    upright,
+)
 from solen.metrology.scale import Tag, in_um
 
 if TYPE_CHECKING:
@@ -24,61 +32,54 @@ UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
 AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
 WHITE_IS_ZERO, PALETTE = 0, 3
 MOST_SAMPLES = 4
-"""Red, green, blue and one more; of more channels the axes tell."""
-
-
-def read(file: str, data: bytes) -> Plane:
-    """Plane of a TIFF; `DataError` where it is damaged or holds several; `OutputError` without the extra ``vision``."""
-    check_vision(file)
-    import tifffile
-
-    try:
-        with warnings.catch_warnings(), _silent():
-            warnings.simplefilter("ignore")
-            with tifffile.TiffFile(io.BytesIO(data)) as opened:
-                return _plane(file, data, opened)
-    except SolenError:
-        raise
-    except Exception as bad:  # a damaged file makes tifffile and its decoders raise nearly anything
-        raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
+"""Red, green, blue and one more."""
 
 
 @contextmanager
-def _silent() -> Iterator[None]:
-    """Keep what tifffile logs of a damaged file off the terminal: what matters of it is raised."""
-    logger = logging.getLogger("tifffile")
+def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
+    """Open a TIFF; `DataError` where it is damaged, `OutputError` without the extra ``vision``."""
+    check_vision(file)
+    import tifffile
+
+    logger = logging.getLogger("tifffile")  # what it logs of a damaged file is raised as well
     before, logger.disabled = logger.disabled, True
     try:
-        yield
+        with readable(file), tifffile.TiffFile(io.BytesIO(data)) as opened:
+            check_size(file, opened.pages.first.imagewidth, opened.pages.first.imagelength)
+            yield opened
     finally:
         logger.disabled = before
 
 
-def _plane(file: str, data: bytes, opened: "tifffile.TiffFile") -> Plane:
-    if not opened.series:
-        raise DataError(file, limit="holds no picture", remedy="export it again")
-    series, page = opened.series[0], opened.pages.first
-    check_size(file, page.imagewidth, page.imagelength)
-    if page.samplesperpixel > MOST_SAMPLES:
-        raise DataError(file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane")
-    _check_planes(file, opened, series)
-    grey, bits, said = _grey(file, page, _decoded(file, data, page))
-    tags, kind, instrument, date = _ome(opened) if opened.is_ome else ((), "tiff", "", "")
-    if opened.is_imagej:
-        kind = "imagej-tiff"
-    tags = (*tags, *_imagej(opened), *_resolution(opened))
-    description, software = f"{page.description} {opened.imagej_metadata or ''}", str(page.software or "")
-    return Plane(
-        upright(grey, int(_value(page, "Orientation", 1))),
-        bits,
-        tags,
-        kind,
-        instrument or " ".join(str(_value(page, name, "")).strip() for name in ("Make", "Model")).strip(),
-        date or str(_value(page, "DateTime", "")),
-        {"software": software} if software else {},
-        is_simulated(description, software),
-        said,
-    )
+def read_tiff(file: str, data: bytes) -> Plane:
+    """Plane of a TIFF; `DataError` where it is damaged or holds several; `OutputError` without the extra ``vision``."""
+    with opened_tiff(file, data) as opened:
+        if not opened.series:
+            raise DataError(file, limit="holds no picture", remedy="export it again")
+        page: Any = opened.pages.first
+        if page.samplesperpixel > MOST_SAMPLES:
+            raise DataError(file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane")
+        _check_planes(file, opened, opened.series[0])
+        grey, bits, warned = _grey(file, page, _decoded(file, data, page))
+        tags, instrument, date = stated(opened)
+        software = str(page.software or "")
+        return Plane(
+            upright(grey, int(_value(page, "Orientation", 1))),
+            bits,
+            tags,
+            "imagej-tiff" if opened.is_imagej else "ome-tiff" if opened.is_ome else "tiff",
+            instrument or " ".join(str(_value(page, name, "")).strip() for name in ("Make", "Model")).strip(),
+            date or str(_value(page, "DateTime", "")),
+            {"software": software} if software else {},
+            is_simulated(page.description, str(opened.imagej_metadata or ""), software),
+            warned,
+        )
+
+
+def stated(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
+    """Sizes of a pixel that a TIFF states, and the instrument and date of its OME-XML, empty where it has none."""
+    tags, instrument, date = _ome(opened.ome_metadata or "") if opened.is_ome else ((), "", "")
+    return (*tags, *_imagej(opened), *_resolution(opened)), instrument, date
 
 
 def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
@@ -111,7 +112,7 @@ def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     return values
 
 
-def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[NDArray[np.float64], int | None, tuple[str, ...]]:
+def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int | None, tuple[str, ...]]:
     values = np.squeeze(values)
     if page.photometric == PALETTE:
         values = np.moveaxis(np.asarray(page.colormap)[:, values], 0, -1)
@@ -127,9 +128,9 @@ def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[NDArray[np.float6
         bits = 1 if values.dtype.kind == "b" else int(values.dtype.itemsize * 8)
         levels = values.astype(np.float64) / (2.0**bits - 1.0)
     else:
-        raise DataError(file, value=str(values.dtype), limit="is a kind of pixel that is not read")
-    grey, said = brightness(levels) if levels.ndim == 3 else (levels, ())
-    return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, said
+        raise DataError(file, value=str(values.dtype), limit="is an unsupported kind of pixel")
+    grey, warned = brightness(levels) if levels.ndim == 3 else (levels, ())
+    return (1.0 - grey if page.photometric == WHITE_IS_ZERO else grey), bits, warned
 
 
 def _value(page: Any, name: str, otherwise: Any) -> Any:
@@ -138,26 +139,23 @@ def _value(page: Any, name: str, otherwise: Any) -> Any:
     return otherwise if tag is None else tag.value
 
 
-def _ome(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str, str]:
-    """What OME-XML says: size of a pixel, instrument, date."""
+def _ome(xml: str) -> tuple[tuple[Tag, ...], str, str]:
     import ome_types
 
-    found = ome_types.from_xml(opened.ome_metadata or "", validate=False)
-    image = found.images[0]
-    pixels = image.pixels
+    model = ome_types.from_xml(xml, validate=False)
+    image, scope = model.images[0], model.instruments[0].microscope if model.instruments else None
     sizes = [
         in_um(float(size), getattr(unit, "value", str(unit)))
         for size, unit in (
-            (pixels.physical_size_x, pixels.physical_size_x_unit),
-            (pixels.physical_size_y, pixels.physical_size_y_unit),
+            (image.pixels.physical_size_x, image.pixels.physical_size_x_unit),
+            (image.pixels.physical_size_y, image.pixels.physical_size_y_unit),
         )
         if size is not None
     ]
-    tags = [Tag("OME-XML PhysicalSizeX", size, sizes[-1] or size, calibrated=True) for size in sizes[:1] if size]
-    scope = found.instruments[0].microscope if found.instruments else None
+    tags = (Tag("OME-XML PhysicalSizeX", size, sizes[-1] or size, calibrated=True) for size in sizes[:1] if size)
     words = (getattr(scope, "manufacturer", None), getattr(scope, "model", None))
     date = "" if image.acquisition_date is None else image.acquisition_date.isoformat()
-    return tuple(tags), "ome-tiff", " ".join(word for word in words if word), date
+    return tuple(tags), " ".join(word for word in words if word), date
 
 
 def _per_unit(page: Any) -> tuple[float, float] | None:
@@ -189,8 +187,3 @@ def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
     if per_unit is None or unit_um is None or opened.is_imagej:
         return ()
     return (Tag("TIFF XResolution", unit_um / per_unit[0], unit_um / per_unit[1]),)
-
-
-def tags_of(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Sizes of a pixel that a TIFF states."""
-    return (*(_ome(opened)[0] if opened.is_ome else ()), *_imagej(opened), *_resolution(opened))

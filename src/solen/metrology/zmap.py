@@ -1,31 +1,31 @@
 """A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a table of text.
 
-What a level of such a file means is not in it in any common way, so it is asked for (`z_um`, µm for one level or unit)
-and never guessed; the size of a pixel comes from the file's own tags or from the user, as with a picture. What holds no
-height (NaN, an empty cell) stays without one.
+The height of one level is not stated in such a file in any common way, so it is asked for (`z_um`, µm for one level or
+unit) and never guessed; the size of a pixel comes from the file's own tags or from the user, as with a picture. Pixels
+without a height (NaN, an empty cell) stay without one.
 
 The interface: `read_z_map` gives a `ZMap`.
 """
 
 import hashlib
-import io
 import math
 import re
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from solen.arrays import FloatArray
-from solen.errors import DataError, SolenError, SpecError
-from solen.metrology import tiff
-from solen.metrology.image import LARGEST_MB
-from solen.metrology.planes import check_size, check_vision, is_simulated
-from solen.metrology.scale import Scale, Tag, decided
+from solen.errors import DataError
+from solen.metrology.raster import check_size, is_simulated, read_bytes
+from solen.metrology.scale import Scale, ScaleOptions, Tag, choose_scale
+from solen.metrology.tiff import MAGIC, opened_tiff, stated
 from solen.recording import Provenance
+from solen.spec.strict import Finite
 
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
@@ -35,7 +35,14 @@ LEAST_VALID = 0.2
 """Share of the pixels that must hold a height."""
 
 
-@dataclass(frozen=True)
+class ZMapOptions(ScaleOptions):
+    """The scales of a z map."""
+
+    z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
+    """Height of one level or unit of a z map, µm; without it the file is a picture."""
+
+
+@dataclass(frozen=True, eq=False)
 class ZMap:
     """Heights.
 
@@ -48,7 +55,7 @@ class ZMap:
     provenance
         The file.
     warnings
-        What must be said of it.
+        What must be known of it.
     """
 
     z_mm: FloatArray
@@ -85,84 +92,60 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
     z_um
         Height of one level or unit of the file, µm.
     um_per_px, u_um_per_px
-        Size of a pixel and its standard uncertainty; they count before what the file says.
+        Size of a pixel and its standard uncertainty; they take precedence over what the file states.
 
     Raises
     ------
     DataError
-        Where the file cannot be read, is no grid of heights, is too large, or says no scale.
+        Where the file cannot be read, is not a grid of heights, is too large, or states no scale.
     SpecError
-        Where a number given is none that it can be.
+        Where a given number cannot be a height or a size of a pixel.
     OutputError
         Where a TIFF is to be read without the extra ``vision``.
     """
-    if not (math.isfinite(z_um) and 0.0 < z_um <= 1e4):
-        raise SpecError("--z-um", value=z_um, limit="must be above 0 and at most 10000 µm")
-    data = _bytes(path)
-    if data[:4] in tiff.MAGIC:
-        levels, tags, kind, simulated = _of_tiff(str(path), data)
+    given = ZMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px)
+    data, file = read_bytes(path), str(path)
+    if data[:4] in MAGIC:
+        levels, tags, kind, simulated = _of_tiff(file, data)
     elif is_text(path):
-        levels, tags, kind = _of_text(str(path), data), (), "z-map-text"
+        levels, tags, kind = _of_text(file, data), (), "z-map-text"
         simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
     else:
-        raise DataError(str(path), limit="is no z map: a TIFF or a table of numbers", remedy="export the heights")
+        raise DataError(file, limit="is not a z map: a TIFF or a table of numbers", remedy="export the heights")
     valid = np.isfinite(levels)
     if valid.mean() < LEAST_VALID:
-        limit = f"holds heights in {100 * valid.mean():.0f} % of its pixels only"
-        raise DataError(str(path), limit=limit, remedy="measure it again with more light, or crop it to the coupon")
+        limit = f"holds heights in only {100 * valid.mean():.0f} % of its pixels"
+        raise DataError(file, limit=limit, remedy="measure it again with more light, or crop it to the coupon")
     if float(np.nanmax(levels)) == float(np.nanmin(levels)):
-        raise DataError(str(path), limit="holds one height everywhere", remedy="export the heights, not a mask")
-    scale, said = decided(str(path), tags, um_per_px, u_um_per_px)
+        raise DataError(file, limit="holds one height everywhere", remedy="export the heights, not a mask")
+    scale, warnings = choose_scale(file, tags, given)
     if not valid.all():
-        said.append(f"{100.0 * (1.0 - valid.mean()):.2g} % of the z map holds no height")
+        warnings.append(f"{100.0 * (1.0 - valid.mean()):.2g} % of the z map holds no height")
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)
-    return ZMap(levels * z_um * 1e-3, scale, source, tuple(said))
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        if not path.is_file():
-            raise DataError(str(path), limit="no such file", remedy="check the path")
-        if path.stat().st_size > LARGEST_MB * 1_000_000:
-            raise DataError(str(path), limit=f"is larger than {LARGEST_MB} MB", remedy="crop it to the coupon")
-        return path.read_bytes()
-    except (OSError, ValueError) as bad:
-        reason = getattr(bad, "strerror", None) or bad
-        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its permissions") from None
+    return ZMap(levels * z_um * 1e-3, scale, source, tuple(warnings))
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:
-    """Levels as the file holds them, the sizes of a pixel that it states, and whether it says that it is simulated."""
-    check_vision(file)
-    import tifffile
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with tifffile.TiffFile(io.BytesIO(data)) as opened:
-                page: Any = opened.pages.first
-                check_size(file, page.imagewidth, page.imagelength)
-                if len(opened.pages) > 1:
-                    limit = f"holds {len(opened.pages)} planes"
-                    raise DataError(file, limit=limit, remedy="export the map of heights alone, not the stack")
-                values = np.squeeze(np.asarray(page.asarray()))
-                said = is_simulated(str(page.description), str(page.software or ""))
-                return _levels(file, values), tiff.tags_of(opened), "z-map-tiff", said
-    except SolenError:
-        raise
-    except Exception as bad:  # a damaged file makes tifffile and its decoders raise nearly anything
-        raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
+    """Levels of the file, the sizes of a pixel that it states, its format, and whether it says that it is simulated."""
+    with opened_tiff(file, data) as opened:
+        page: Any = opened.pages.first
+        if len(opened.pages) > 1:
+            limit = f"holds {len(opened.pages)} planes"
+            raise DataError(file, limit=limit, remedy="export the map of heights alone, not the stack")
+        levels = _levels(file, np.squeeze(np.asarray(page.asarray())))
+        simulated = is_simulated(str(page.description), str(page.software or ""))
+        return levels, stated(opened)[0], "z-map-tiff", simulated
 
 
 def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.ndim != 2:
-        raise DataError(file, value=values.shape, limit="is no grid of heights: one number for each pixel is needed")
+        raise DataError(file, value=values.shape, limit="is not a grid of heights: one number for each pixel is needed")
     if values.dtype.kind not in "uif":
-        raise DataError(file, value=str(values.dtype), limit="is a kind of pixel that is not read")
+        raise DataError(file, value=str(values.dtype), limit="is an unsupported kind of pixel")
     if values.dtype.itemsize == 1:
-        limit = "has 8 bits, which tell 256 heights at most and are a picture of a z map"
+        limit = "has 8 bits, at most 256 heights: it is a picture of a z map"
         raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as numbers with a point")
     levels = values.astype(np.float64)
     levels[~np.isfinite(levels)] = np.nan
@@ -189,18 +172,18 @@ def _of_text(file: str, data: bytes) -> FloatArray:
         return np.array([[_height(cell) for cell in row] for row in rows])
     except ValueError as bad:
         raise DataError(
-            file, limit=f"{bad}, which is no height", remedy="remove headers, or begin them with #"
+            file, limit=f"{bad}, which is not a height", remedy="remove headers, or begin them with #"
         ) from None
 
 
-def _splitter(line: str) -> Any:
+def _splitter(line: str) -> Callable[[str], list[str]]:
     """How lines are divided: by semicolons or tabs, where a comma is a point; by commas; or by blanks."""
     for sign in ";\t":
         if sign in line:
-            return lambda one: one.replace(",", ".").strip("\r\n").split(sign)
+            return lambda row: row.replace(",", ".").strip("\r\n").split(sign)
     if "," in line:
-        return lambda one: one.split(",")
-    return lambda one: re.split(r"\s+", one.strip())
+        return lambda row: row.split(",")
+    return lambda row: re.split(r"\s+", row.strip())
 
 
 def _height(cell: str) -> float:

@@ -9,8 +9,8 @@ from solen.metrology.coupons.fidelity import Fidelity, limits_of, measure
 from solen.metrology.coupons.gap import GapFit, fit_gap
 from solen.metrology.coupons.heights import Height
 from solen.metrology.coupons.limits import Limit, Measured
-from solen.metrology.coupons.placement import Placement
-from solen.metrology.coupons.registration import Registration, register
+from solen.metrology.pose import Placement
+from solen.metrology.coupons.locate import Registration, register
 
 __all__ = [
     "Disc",

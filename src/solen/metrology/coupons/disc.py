@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.special import chndtr, ndtr
 
 from solen.arrays import BoolArray, FloatArray
-from solen.metrology.coupons.squares import Fit, least_squares
+from solen.metrology.coupons.least_squares import Fit, least_squares
 
 SECTORS = 24
 MOST_FITTED = 3000

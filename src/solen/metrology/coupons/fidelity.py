@@ -13,8 +13,8 @@ from solen.metrology.coupons.disc import LEAST_RADIUS_PX, Disc, fit_disc
 from solen.metrology.coupons.gap import GapFit, fit_gap
 from solen.metrology.coupons.heights import Height, height_of, steps_of
 from solen.metrology.coupons.limits import OUTSIDE, Limit, Measured, hole_variation, smallest, z_step
-from solen.metrology.coupons.placement import Placement, fitted, places
-from solen.metrology.coupons.registration import Registration, register
+from solen.metrology.pose import Placement, fitted, places
+from solen.metrology.coupons.locate import Registration, register
 from solen.metrology.coupons.slab import register_slab
 from solen.metrology.scale import Scale
 

@@ -17,7 +17,7 @@ from scipy.special import ndtr
 
 from solen.arrays import FloatArray
 from solen.metrology.coupons.disc import FLOOR_PX, Disc
-from solen.metrology.coupons.squares import least_squares
+from solen.metrology.coupons.least_squares import least_squares
 
 STRIP = 0.15
 """Half the width of the strip that is looked at, in radii."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.limits import LEVEL, OUTSIDE, Measured, rise_by_chance
-from solen.metrology.coupons.placement import Placement
+from solen.metrology.pose import Placement
 
 TOP = 0.65
 """Share of a column's radius that is taken as its top."""

@@ -8,8 +8,8 @@ from scipy import ndimage
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Slab
-from solen.metrology.coupons.placement import Placement
-from solen.metrology.coupons.registration import Registration
+from solen.metrology.pose import Placement
+from solen.metrology.coupons.locate import Registration
 
 AREA = 0.15
 """Relative: how much the slab's area may differ from the layout's."""

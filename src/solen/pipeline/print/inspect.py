@@ -14,12 +14,12 @@ from solen.errors import DataError
 from solen.geometry import Body
 from solen.lens import OvalLens
 from solen.metrology import Image, read_image
-from solen.metrology.ideal import Ideal
-from solen.metrology.nearest import Rival, cautions, nearest
+from solen.metrology.nominal import Ideal
+from solen.metrology.comparison import Rival, cautions, nearest
 from solen.metrology.outline import NamedEdge, Outline, measure
-from solen.metrology.planes import check_vision
+from solen.metrology.raster import check_vision
 from solen.metrology.profile import front_profile
-from solen.metrology.register import Registration
+from solen.metrology.registration import Registration
 from solen.pipeline.design.commands import open_design
 from solen.pipeline.outputs import check_figure, check_out
 from solen.plane import Rigid

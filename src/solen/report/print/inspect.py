@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solen.metrology import Image
-from solen.metrology.ideal import Ideal
-from solen.metrology.nearest import Rival
+from solen.metrology.nominal import NominalFront
+from solen.metrology.comparison import ComparedDesign
 from solen.metrology.outline import Outline
 from solen.report.canvas import INK, LOST, SERIES, STYLE
 
@@ -24,30 +24,30 @@ PICTURE, BELOW = 5.2, 2.4
 """Width of the picture and height of what is below it, in inches."""
 
 
-def inspect_figure(image: Image, outline: Outline, ideal: Ideal, rivals: Sequence[Rival]) -> Figure:
+def inspect_figure(image: Image, outline: Outline, nominal: NominalFront, rivals: Sequence[ComparedDesign]) -> Figure:
     """Picture with the measured edge (coloured by its deviation) and the design's front; deviations along x below."""
     laid = outline.chosen.registration
-    most = max(float(np.abs(laid.off_um).max()), 1e-3)
+    most = max(float(np.abs(laid.deviation_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
     with mpl.rc_context(STYLE):
-        x0, x1, y0, y1 = _window(laid.pose.to_px(ideal.front_mm), image.shape)
+        x0, x1, y0, y1 = _window(laid.pose.to_px(nominal.front_mm), image.shape)
         tall = float(np.clip(PICTURE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
         figure = Figure(figsize=(6.4, tall + BELOW), layout="constrained")
         above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
-        _picture(above, image, outline, ideal)
+        _picture(above, image, outline, nominal)
         edge = _coloured(above, outline, norm)
         figure.colorbar(edge, ax=above, label="out of the design (µm)", shrink=0.95)
         _deviations(below, outline, rivals, norm)
         said = "simulated: " if image.provenance.simulated else ""
         title = f"{said}{image.provenance.file}, {image.um_per_px:.4g} µm per pixel"
-        above.set_title(f"{title}: {laid.rms_um:.3g} µm (rms) from {ideal.name}", fontsize=9)
+        above.set_title(f"{title}: {laid.rms_um:.3g} µm (rms) from {nominal.name}", fontsize=9)
     return figure
 
 
-def _picture(axes: Axes, image: Image, outline: Outline, ideal: Ideal) -> None:
+def _picture(axes: Axes, image: Image, outline: Outline, nominal: NominalFront) -> None:
     """The part of the picture around the lens, in grey, with the design's front and the edges not taken."""
     pose = outline.chosen.registration.pose
-    front = pose.to_px(ideal.front_mm)
+    front = pose.to_px(nominal.front_mm)
     x0, x1, y0, y1 = _window(front, image.shape)
     step = max(1, int(np.ceil(max(x1 - x0, y1 - y0) / MOST_PX)))
     part = image.grey[y0:y1:step, x0:x1:step]
@@ -58,7 +58,7 @@ def _picture(axes: Axes, image: Image, outline: Outline, ideal: Ideal) -> None:
     for one in outline.edges[1:]:
         kept = one.edge.points_px[one.edge.kept]
         axes.plot(*kept.T, ".", ms=1.2, color=SERIES[5], label=f"{one.name} edge")
-    axes.plot(*front.T, "--", lw=1.1, color=SERIES[2], label=f"design: {ideal.name}")
+    axes.plot(*front.T, "--", lw=1.1, color=SERIES[2], label=f"design: {nominal.name}")
     bad = outline.chosen.edge.points_px[~outline.chosen.edge.kept]
     if len(bad):
         axes.plot(*bad.T, "x", ms=2.5, mew=0.6, color=SERIES[3], label="set aside")
@@ -98,22 +98,22 @@ def _coloured(axes: Axes, outline: Outline, norm: TwoSlopeNorm) -> LineCollectio
     pieces = np.stack([points[:-1], points[1:]], axis=1)
     near = np.hypot(*(points[1:] - points[:-1]).T) < 10.0 * np.median(np.hypot(*(points[1:] - points[:-1]).T))
     lines = LineCollection(list(pieces[near]), cmap=MAP, norm=norm, linewidths=2.2)
-    lines.set_array(laid.off_um[:-1][near])
+    lines.set_array(laid.deviation_um[:-1][near])
     axes.add_collection(lines)
     return lines
 
 
-def _deviations(axes: Axes, outline: Outline, rivals: Sequence[Rival], norm: TwoSlopeNorm) -> None:
+def _deviations(axes: Axes, outline: Outline, rivals: Sequence[ComparedDesign], norm: TwoSlopeNorm) -> None:
     """Deviation along x, its 95 % band, and that from the designs it was compared with."""
     laid = outline.chosen.registration
-    x, off = laid.points_mm[:, 0], laid.off_um
+    x, off = laid.points_mm[:, 0], laid.deviation_um
     for number, rival in enumerate(rivals):
         other = rival.registration
         if abs(other.rms_um - laid.rms_um) < 1e-6 * laid.rms_um:  # the design itself
             continue
         axes.plot(
             other.points_mm[:, 0],
-            other.off_um,
+            other.deviation_um,
             "-",
             lw=0.9,
             color=(*SERIES[4:6], LOST)[number % 3],

@@ -1,10 +1,10 @@
-"""Laying a measured outline on its design: the rotation and the shift that leave the least, and what is left.
+"""Registration of a measured outline to its design: the rotation and the shift that leave the smallest deviations.
 
 The idea: a picture says nothing about where the part was put, so rotation and shift are free; its scale is not, or an
-error of size could never be seen. The distances of the points from the front, along its normal, are made small by
-Gauss and Newton's method with Huber's weights (P. J. Huber, Ann. Math. Statist. 35, 73, 1964), so that a speck that
-passed for an edge counts little. What a print's distances are is form, not noise: neighbours agree. Uncertainties
-therefore count as many independent values as the distances' own correlation leaves, not as many as there are pixels.
+error of size could never be seen. The distances of the points from the front, along its normal, are minimised by
+Gauss and Newton's method with Huber's weights (P. J. Huber, Ann. Math. Statist. 35, 73, 1964), so that an outlier such
+as a speck counts little. A print's deviations are form, not noise: neighbours agree. Uncertainties therefore count as
+many independent values as the deviations' own correlation leaves, not as many as there are pixels.
 
 The interface: `register` gives a `Registration`; `effective_number` the number of independent values.
 """
@@ -13,54 +13,52 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import BoolArray, FloatArray
-from solen.metrology.find import Pose
-from solen.metrology.ideal import Ideal
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.metrology.nominal import NominalFront
+from solen.metrology.pose import Pose
 
 ROUNDS = 60
 HUBER = 2.5
-"""Distances beyond so many robust standard deviations count less."""
-SETTLED_MM = 1e-8
+"""Deviations beyond so many robust standard deviations count less."""
+CONVERGED_MM = 1e-8
 END_MM = 0.03
-"""The front's ends are corners, which no step along a normal fits: they are left out on this length."""
+"""The front's ends are corners, which no step along a normal fits: they are left out over this length."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Registration:
-    """A measured outline laid on a design.
+    """A measured outline registered to a design.
 
     Attributes
     ----------
     pose
-        Where the design lies in the picture.
+        Of the design in the picture.
     points_mm
         Shape (N, 2): the measured points in lens coordinates, in their order along the front.
-    off_um
+    deviation_um
         Shape (N,): how far they stand out of the design, µm.
     u_um
         Shape (N,): standard uncertainty of that: edge, registration and scale.
-    arc_mm
-        Shape (N,): where along the front.
     used
-        Which of the points that were given these are.
+        Which of the given points these are.
     u_rotation_deg, u_shift_um
         Standard uncertainties of the pose, shift along x and z.
     by_scale_um
-        Shape (N,): by how much ``off_um`` grows where the true scale is greater by the factor e, after registration.
+        Shape (N,): growth of ``deviation_um``, after registration, where the true scale is greater by the factor e.
     scale_factor, u_scale_factor
-        By what factor the outline would have to grow to lie best on the design, and its standard uncertainty.
+        Factor by which the outline would have to grow to fit the design best, and its standard uncertainty.
     independent
-        Number of independent values among the distances.
+        Number of independent values among the deviations.
+    weights
+        Shape (N,): Huber's weights.
     """
 
     pose: Pose
     points_mm: FloatArray
-    off_um: FloatArray
+    deviation_um: FloatArray
     u_um: FloatArray
-    arc_mm: FloatArray
-    used: NDArray[np.intp]
+    used: IndexArray
     u_rotation_deg: float
     u_shift_um: tuple[float, float]
     by_scale_um: FloatArray
@@ -71,24 +69,24 @@ class Registration:
 
     @property
     def rms_um(self) -> float:
-        """Root of the mean square of the distances."""
-        return float(np.sqrt(np.mean(self.off_um**2)))
+        """Root of the mean square of the deviations."""
+        return float(np.sqrt(np.mean(self.deviation_um**2)))
 
     @property
-    def robust_um(self) -> float:
-        """Standard deviation of the distances by their median, which few points far out do not change."""
-        return 1.4826 * float(np.median(np.abs(self.off_um)))
+    def um_per_percent_of_scale(self) -> float:
+        """Change (rms) of the deviations where the scale changes by 1 %."""
+        return 0.01 * float(np.sqrt(np.mean(self.by_scale_um**2)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Fit:
-    """Motion of the points in lens coordinates p -> (1 + e) R(turn) p + shift, and where they come to lie."""
+    """Motion of the points in lens coordinates p -> (1 + e) R(turn) p + shift, and where it takes them."""
 
     turn: float
     shift: FloatArray
     grown: float
     points: FloatArray
-    off: FloatArray
+    deviation: FloatArray
     arc: FloatArray
     jacobian: FloatArray
     weights: FloatArray
@@ -96,9 +94,15 @@ class _Fit:
 
 
 def register(
-    points_px: FloatArray, u_px: FloatArray, pose: Pose, ideal: Ideal, u_scale: float = 0.0, *, scaled: bool = False
+    points_px: FloatArray,
+    u_px: FloatArray,
+    pose: Pose,
+    nominal: NominalFront,
+    u_scale: float = 0.0,
+    *,
+    scaled: bool = False,
 ) -> Registration:
-    """Lay points of a picture on a design.
+    """Register points of a picture to a design.
 
     Parameters
     ----------
@@ -107,8 +111,8 @@ def register(
     u_px
         Shape (N,): standard uncertainties along the normal.
     pose
-        A first one, within about a tenth of the lens's width.
-    ideal
+        First guess, within about a tenth of the lens's width.
+    nominal
         The design.
     u_scale
         Relative standard uncertainty of the scale.
@@ -116,31 +120,31 @@ def register(
         Whether the scale is fitted as well, and the points grown by it.
     """
     start = pose.to_mm(points_px)
-    rigid = _fit(start, ideal, scaled=False)
-    free = _fit(start, ideal, scaled=True, begin=rigid)
+    rigid = _fit(start, nominal, scaled=False)
+    free = _fit(start, nominal, scaled=True, begin=rigid)
     fit = free if scaled else rigid
     order = np.flatnonzero(fit.inside)
     order = order[np.argsort(fit.arc[order], kind="stable")]
-    off, weights = fit.off[order], fit.weights[order]
-    jacobian = fit.jacobian[order]
-    independent = effective_number(off)
-    spread = _covariance(jacobian[:, :3], off, weights, independent)
-    spread_free = _covariance(free.jacobian[free.inside], free.off[free.inside], free.weights[free.inside], independent)
-    by_scale = _left(jacobian[:, 3], jacobian[:, :3], weights)
+    deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]
+    independent = effective_number(deviation)
+    covariance = _covariance(jacobian[:, :3], deviation, weights, independent)
+    covariance_free = _covariance(
+        free.jacobian[free.inside], free.deviation[free.inside], free.weights[free.inside], independent
+    )
+    by_scale = _residual(jacobian[:, 3], jacobian[:, :3], weights)
     u_edge = u_px[order] * pose.um_per_px / 1e3
-    u = np.sqrt(u_edge**2 + _of_pose(jacobian[:, :3], u_edge, weights) ** 2 + (by_scale * u_scale) ** 2)
+    u = np.sqrt(u_edge**2 + _u_of_pose(jacobian[:, :3], u_edge, weights) ** 2 + (by_scale * u_scale) ** 2)
     return Registration(
         pose=_moved(pose, fit),
         points_mm=fit.points[order],
-        off_um=1e3 * off,
+        deviation_um=1e3 * deviation,
         u_um=1e3 * u,
-        arc_mm=fit.arc[order],
         used=order,
-        u_rotation_deg=math.degrees(math.sqrt(spread[0, 0])),
-        u_shift_um=(1e3 * math.sqrt(spread[1, 1]), 1e3 * math.sqrt(spread[2, 2])),
+        u_rotation_deg=math.degrees(math.sqrt(covariance[0, 0])),
+        u_shift_um=(1e3 * math.sqrt(covariance[1, 1]), 1e3 * math.sqrt(covariance[2, 2])),
         by_scale_um=1e3 * by_scale,
         scale_factor=1.0 + free.grown,
-        u_scale_factor=math.sqrt(spread_free[3, 3]),
+        u_scale_factor=math.sqrt(covariance_free[3, 3]),
         independent=independent,
         weights=weights,
     )
@@ -166,50 +170,51 @@ def effective_number(values: FloatArray) -> float:
     return float(max(count / (1.0 + 2.0 * np.sum(rho[1:stop] ** 2)), 1.0))
 
 
-def _fit(start: FloatArray, ideal: Ideal, *, scaled: bool, begin: _Fit | None = None) -> _Fit:
-    """The motion that makes the points' distances least."""
+def _fit(start: FloatArray, nominal: NominalFront, *, scaled: bool, begin: _Fit | None = None) -> _Fit:
+    """The motion that makes the points' deviations least."""
     turn, shift, grown = (0.0, np.zeros(2), 0.0) if begin is None else (begin.turn, begin.shift, begin.grown)
     count = 4 if scaled else 3
-    fit = _placed(start, ideal, turn, shift, grown)
+    fit = _placed(start, nominal, turn, shift, grown)
     for _ in range(ROUNDS):
         use = fit.inside
         jacobian, weights = fit.jacobian[use][:, :count], fit.weights[use]
         normal = jacobian.T @ (weights[:, None] * jacobian)
-        step = -np.linalg.solve(normal + 1e-12 * np.eye(count), jacobian.T @ (weights * fit.off[use]))
+        step = -np.linalg.solve(normal + 1e-12 * np.eye(count), jacobian.T @ (weights * fit.deviation[use]))
         c, s = math.cos(step[0]), math.sin(step[0])
         factor = 1.0 + (float(step[3]) if scaled else 0.0)
         turn, grown = turn + float(step[0]), (1.0 + grown) * factor - 1.0
         shift = factor * np.array([c * shift[0] - s * shift[1], s * shift[0] + c * shift[1]]) + step[1:3]
-        fit = _placed(start, ideal, turn, shift, grown)
-        if np.abs(step).max() < SETTLED_MM:
+        fit = _placed(start, nominal, turn, shift, grown)
+        if np.abs(step).max() < CONVERGED_MM:
             break
     return fit
 
 
-def _placed(start: FloatArray, ideal: Ideal, turn: float, shift: FloatArray, grown: float) -> _Fit:
-    """Points after a motion: their distances, derivatives by turn, shift and growth, and Huber's weights."""
+def _placed(start: FloatArray, nominal: NominalFront, turn: float, shift: FloatArray, grown: float) -> _Fit:
+    """Points after a motion: their deviations, derivatives by turn, shift and growth, and Huber's weights."""
     c, s = math.cos(turn), math.sin(turn)
     points = (1.0 + grown) * start @ np.array([[c, s], [-s, c]]) + shift
-    feet = ideal.feet(points)
-    n = feet.normals
+    nearest = nominal.nearest(points)
+    n = nearest.normals
     by_turn = -n[:, 0] * points[:, 1] + n[:, 1] * points[:, 0]
     jacobian = np.stack([by_turn, n[:, 0], n[:, 1], np.sum(n * points, axis=1)], axis=1)
-    inside = ~feet.beyond & (feet.arc_mm > END_MM) & (feet.arc_mm < float(ideal.arc_mm[-1]) - END_MM)
-    sigma = 1.4826 * float(np.median(np.abs(feet.off_mm[inside]))) if inside.any() else 1.0
-    weights = np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(np.abs(feet.off_mm), 1e-12))
-    return _Fit(turn, shift, grown, points, feet.off_mm, feet.arc_mm, jacobian, weights, inside)
+    inside = ~nearest.beyond & (nearest.arc_mm > END_MM) & (nearest.arc_mm < float(nominal.arc_mm[-1]) - END_MM)
+    size = np.abs(nearest.deviation_mm)
+    sigma = 1.4826 * float(np.median(size[inside])) if inside.any() else 1.0
+    weights = np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(size, 1e-12))
+    return _Fit(turn, shift, grown, points, nearest.deviation_mm, nearest.arc_mm, jacobian, weights, inside)
 
 
-def _covariance(jacobian: FloatArray, off: FloatArray, weights: FloatArray, independent: float) -> FloatArray:
-    """Covariance of the parameters with as many independent distances as there are."""
+def _covariance(jacobian: FloatArray, deviation: FloatArray, weights: FloatArray, independent: float) -> FloatArray:
+    """Covariance of the parameters with as many independent deviations as there are."""
     count, parameters = jacobian.shape
     freedom = max(independent - parameters, 1.0)
-    variance = float(np.sum(weights * off**2)) / count * independent / freedom
+    variance = float(np.sum(weights * deviation**2)) / count * independent / freedom
     normal = jacobian.T @ (weights[:, None] * jacobian)
     return np.asarray(np.linalg.pinv(normal) * variance * count / independent)
 
 
-def _of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatArray:
+def _u_of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatArray:
     """Standard uncertainty at each point that the edges' own uncertainties give the pose."""
     inverse = np.linalg.pinv(jacobian.T @ (weights[:, None] * jacobian))
     noise = jacobian.T @ ((weights * u)[:, None] ** 2 * jacobian)
@@ -217,8 +222,8 @@ def _of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatA
     return np.asarray(np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", jacobian, spread, jacobian), 0.0)))
 
 
-def _left(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> FloatArray:
-    """What of a change of all distances no turn and no shift can take away."""
+def _residual(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> FloatArray:
+    """The part of a change of all deviations that no rotation and no shift can take away."""
     normal = jacobian.T @ (weights[:, None] * jacobian)
     return np.asarray(column - jacobian @ (np.linalg.pinv(normal) @ (jacobian.T @ (weights * column))))
 
@@ -230,5 +235,5 @@ def _moved(pose: Pose, fit: _Fit) -> Pose:
     vertex = (-fit.shift / (1.0 + fit.grown))[None, :] @ back
     axis = pose.direction_px(np.array([[0.0, 1.0]]) @ back)[0]
     angle = math.degrees(math.atan2(-axis[0], -axis[1])) % 360.0
-    x, y = pose.to_px(vertex)[0]
-    return Pose(angle, (float(x), float(y)), pose.um_per_px * (1.0 + fit.grown), pose.mirrored)
+    x, y = pose.to_px(vertex)[0].tolist()
+    return Pose(angle, (x, y), pose.um_per_px * (1.0 + fit.grown), pose.mirrored)

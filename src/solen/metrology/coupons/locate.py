@@ -17,7 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.blobs import Blobs, blobs
-from solen.metrology.coupons.placement import Placement, fitted, flat, places
+from solen.metrology.pose import Placement, fitted, flat, places
 
 WINDOW = 1.0
 """Window of the top hat, in diameters of the largest feature: a disc holds no square as wide as 0.71 of them."""

@@ -1,0 +1,171 @@
+"""Edges that run all along a front, traced in the band around it.
+
+The idea: the band around the front is straightened, along the front one way and across it the other. An edge of the
+lens is then a line from one end of the band to the other; dust and reflections are short. The path that gathers the
+most change of one sign, without jumping, is found exactly by dynamic programming, then the next one beside it: the two
+rims of a thick transparent part, or both sides of a dark band.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.metrology.nominal import NominalFront
+from solen.metrology.pose import Pose
+from solen.metrology.template_match import binned
+
+ALONG, ACROSS = 500, 160
+"""Places along the front, and pixels from its middle to a side of the band, about."""
+SMOOTH_ALONG, SMOOTH_ACROSS = 1.5, 2.0
+JUMP = 2
+"""Pixels by which a path may move aside from one place to the next."""
+JUMP_COST = 0.08
+APART, APART_OTHER = 3.5, 1.0
+"""Smoothing widths between two paths, at least: of one sign, and of two, as on both sides of a narrow dark band."""
+FLANK = 3
+"""Pixels to each side at which the change must be less than on the path."""
+MOST_EDGES = 4
+LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
+"""Share of the places at which the first edge, and a further one, must stand out; two edges may cross."""
+LEAST_SNR = 5.0
+FAINTEST = 0.15
+"""Change across a further edge over that of the first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """The straightened surroundings of a front.
+
+    Attributes
+    ----------
+    arc_mm
+        Shape (N,), along the front.
+    offset_mm
+        Shape (M,), across it, positive outwards.
+    change
+        Shape (N, M), smoothed derivative of the grey value across.
+    seen
+        Shape (N, M), whether the place is in the picture.
+    """
+
+    arc_mm: FloatArray
+    offset_mm: FloatArray
+    change: FloatArray
+    seen: BoolArray
+
+    @classmethod
+    def of(cls, grey: FloatArray, pose: Pose, nominal: NominalFront, reach_mm: float) -> "Band":
+        """Band of a picture, ``reach_mm`` to each side of the front."""
+        arc = np.linspace(0.0, float(nominal.arc_mm[-1]), ALONG)
+        return cls.along(grey, pose, arc, *nominal.at(arc), reach_mm)
+
+    @classmethod
+    def along(
+        cls, grey: FloatArray, pose: Pose, arc: FloatArray, points: FloatArray, normals: FloatArray, reach_mm: float
+    ) -> "Band":
+        """Band along any points (N, 2) in lens coordinates, with unit normals (N, 2) and lengths ``arc`` (N,)."""
+        reach_px = reach_mm * pose.px_per_mm
+        factor = max(1, int(reach_px / ACROSS))
+        coarse = binned(grey, factor)
+        offset_px = np.arange(-np.ceil(reach_px / factor), np.ceil(reach_px / factor) + 0.5) * factor
+        places, ways = pose.to_px(points), pose.direction_px(normals)
+        x, y = ((places[:, i : i + 1] + ways[:, i : i + 1] * offset_px - 0.5 * (factor - 1)) / factor for i in (0, 1))
+        seen = (x >= 0.0) & (x <= coarse.shape[1] - 1.0) & (y >= 0.0) & (y <= coarse.shape[0] - 1.0)
+        values = ndimage.map_coordinates(coarse, [y, x], order=1, mode="nearest")
+        smooth = ndimage.gaussian_filter1d(values, SMOOTH_ALONG, axis=0)
+        change = ndimage.gaussian_filter1d(smooth, SMOOTH_ACROSS, axis=1, order=1)
+        return cls(arc, offset_px * pose.um_per_px / 1e3, np.where(seen, change, 0.0), seen)
+
+    @property
+    def share_seen(self) -> float:
+        """Share of the front itself that is in the picture."""
+        return float(np.mean(self.seen[:, len(self.offset_mm) // 2]))
+
+
+@dataclass(frozen=True, eq=False)
+class TracedEdge:
+    """An edge along the whole front, to about a pixel of the band.
+
+    Attributes
+    ----------
+    offset_mm
+        Shape (N,): where it is across, at the band's places along.
+    rising
+        Whether the grey value rises outwards.
+    strength
+        Median change across it.
+    covered
+        Share of the places in the picture where it stands out.
+    shown
+        Shape (N,): whether it stands out there.
+    """
+
+    offset_mm: FloatArray
+    rising: bool
+    strength: float
+    covered: float
+    shown: BoolArray
+
+
+def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
+    """Edges that run along the front, the strongest first; none where nothing stands out of the noise."""
+    if not band.seen.any():
+        return []
+    noise = 1.4826 * float(np.median(np.abs(band.change[band.seen])))
+    scale = float(np.median(np.abs(band.change).max(axis=1))) + 1e-12
+    step_mm = float(band.offset_mm[1] - band.offset_mm[0])
+    free = {rising: band.seen.copy() for rising in (True, False)}
+    edges: list[TracedEdge] = []
+    while len(edges) < most:
+        least = max(LEAST_SNR * noise, FAINTEST * edges[0].strength if edges else 0.0)
+        both = [_traced(band, rising, free[rising], scale, least) for rising in (True, False)]
+        best = max(both, key=lambda edge: edge.covered * edge.strength)
+        if best.covered < (LEAST_COVERED_FURTHER if edges else LEAST_COVERED):
+            break
+        edges.append(best)
+        away = np.abs(band.offset_mm[None, :] - best.offset_mm[:, None])
+        for rising, places in free.items():
+            places &= away > (APART if rising == best.rising else APART_OTHER) * SMOOTH_ACROSS * step_mm
+    return edges
+
+
+def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
+    """The edge of one sign that gathers the most change where it is free to go; it is shown above ``least``."""
+    change = band.change if rising else -band.change
+    allowed = np.where(free, change, 0.0)
+    gain = np.maximum(allowed, 0.0)
+    path = best_path(gain / (gain + scale))
+    along = np.arange(len(path))
+    shown = _on_maximum(np.maximum(change, 0.0), path) & (allowed[along, path] > least)
+    covered = float(shown.sum()) / max(int(band.seen[along, path].sum()), 1)
+    strength = float(np.median(allowed[along, path][shown])) if shown.any() else 0.0
+    return TracedEdge(band.offset_mm[path], rising, strength, covered, shown)
+
+
+def _on_maximum(gain: FloatArray, path: IndexArray) -> BoolArray:
+    """Where a path stands on a maximum across, and not on the flank of the broader edge beside it."""
+    along, last = np.arange(len(path)), gain.shape[1] - 1
+    before, behind = (gain[along, np.clip(path + side * FLANK, 0, last)] for side in (-1, 1))
+    return np.asarray((gain[along, path] >= before) & (gain[along, path] >= behind))
+
+
+def best_path(gain: FloatArray) -> IndexArray:
+    """Column for each row of (N, M) such that the sum of gains less the cost of moving aside is greatest."""
+    rows, columns = gain.shape
+    cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
+    came = np.zeros((rows, columns), dtype=np.intp)
+    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; nothing comes from beyond the band
+    total, near = padded[JUMP:-JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * JUMP + 1)
+    total[:] = gain[0]
+    every = np.arange(columns)
+    for row in range(1, rows):
+        reached = near - cost
+        came[row] = reached.argmax(axis=1)
+        total[:] = reached[every, came[row]] + gain[row]
+    path = np.zeros(rows, dtype=np.intp)
+    path[-1] = int(np.argmax(total))
+    for row in range(rows - 1, 0, -1):
+        path[row - 1] = path[row] + came[row, path[row]] - JUMP
+    return path

@@ -1,0 +1,99 @@
+"""Edges along a front, fitted where they were traced, and which of two is in focus."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+from scipy import ndimage
+
+from solen.arrays import BoolArray, FloatArray
+from solen.metrology.edge import Edge, fit_edge, fit_two_edges
+from solen.metrology.edge_tracing import Band, TracedEdge
+from solen.metrology.image import Image
+from solen.metrology.nominal import NominalFront
+from solen.metrology.pose import Pose
+
+MOST_PLACES = 2500
+SPACING_PX = 3.0
+USUAL_BLUR_PX = (0.5, 2.0, 8.0)
+OVERLAP = 12.0
+"""Blurs; edges nearer each other than these are fitted together."""
+SHARPER = 1.25
+"""Ratio of blurs from which on one of two edges is in focus and the other is not."""
+
+
+def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, traced: list[TracedEdge]) -> list[Edge]:
+    """Fits of the traced edges, from the outermost inwards; two near each other are fitted together."""
+    length = float(nominal.arc_mm[-1])
+    count = int(min(MOST_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
+    arc = np.linspace(0.0, length, count)
+    points, normals = nominal.at(arc)
+    ways = pose.direction_px(normals)
+    ordered = sorted(traced, key=lambda edge: -float(np.median(edge.offset_mm)))
+    offset = np.stack([_smooth(np.interp(arc, band.arc_mm, edge.offset_mm)) for edge in ordered])
+    strongest = int(np.argmax([edge.strength for edge in ordered]))
+    spaces = _spaces(offset, pose.px_per_mm)
+
+    def single(index: int) -> Edge:
+        contour = pose.to_px(points + normals * offset[index][:, None])
+        half = max(0.5 * spaces[index], 3.0)
+        rising = ordered[index].rising
+        return fit_edge(image.grey, contour, ways, half_px=half, ceiling=image.ceiling, rising=rising)
+
+    if len(ordered) == 2:
+        blur = single(strongest).blur
+        blur = blur if USUAL_BLUR_PX[0] < blur < USUAL_BLUR_PX[2] else USUAL_BLUR_PX[1]  # a lone fit fails on overlaps
+        if spaces[0] < OVERLAP * blur:
+            middle = offset.mean(axis=0)
+            contour = pose.to_px(points + normals * middle[:, None])
+            at = ((offset - middle) * pose.px_per_mm).T
+            return list(fit_two_edges(image.grey, contour, ways, at, blur_px=blur, ceiling=image.ceiling))
+    return [single(index) for index in range(len(ordered))]
+
+
+def _smooth(offset: FloatArray) -> FloatArray:
+    return np.asarray(ndimage.gaussian_filter1d(offset, 3.0, mode="nearest"))
+
+
+def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:
+    """For each edge the median distance in px to the nearest other one; infinite for one alone."""
+    apart = np.median(np.abs(offset[:, None] - offset[None, :]), axis=2) * px_per_mm
+    np.fill_diagonal(apart, np.inf)
+    return [float(space) for space in apart.min(axis=1)]
+
+
+def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
+    """The sharper and the softer edge where these change sides along the front, as in a tilted part; None otherwise."""
+    both = outer.kept & inner.kept
+    if both.sum() < 50:
+        return None
+    ratio = np.where(both, np.log(outer.blur_px / np.maximum(inner.blur_px, 1e-6)), 0.0)
+    smooth = ndimage.uniform_filter1d(ratio, 41) / np.maximum(ndimage.uniform_filter1d(both.astype(float), 41), 1e-3)
+    limit = np.log(SHARPER)
+    outer_softer, outer_sharper = np.mean(smooth > limit), np.mean(smooth < -limit)
+    if min(outer_softer, outer_sharper) < 0.15:
+        return None
+    swap = smooth > 0.0
+    return _mixed(outer, inner, swap), _mixed(inner, outer, swap)
+
+
+def _mixed(first: Edge, second: Edge, swap: BoolArray) -> Edge:
+    """Places of the second edge where ``swap``, of the first elsewhere."""
+    return replace(
+        first,
+        points_px=np.where(swap[:, None], second.points_px, first.points_px),
+        u_px=np.where(swap, second.u_px, first.u_px),
+        blur_px=np.where(swap, second.blur_px, first.blur_px),
+        rise=np.where(swap, second.rise, first.rise),
+        inside=np.where(swap, second.inside, first.inside),
+        kept=np.where(swap, second.kept, first.kept),
+        rejected={reason: max(count, second.rejected.get(reason, 0)) for reason, count in first.rejected.items()},
+    )
+
+
+def why_rejected(edges: list[Edge]) -> str:
+    """The most frequent reasons for which places were rejected."""
+    counts: Counter[str] = Counter()
+    for edge in edges:
+        counts.update(edge.rejected)
+    return ", ".join(f"{reason}: {count}" for reason, count in counts.most_common(2) if count) or "no reason"

@@ -1,0 +1,219 @@
+"""The nominal front of a lens: what its design asks for, as dense points, and how far other points are from it.
+
+Lens coordinates as everywhere: the vertex is the origin, x to the right, z into the material, mm. The front runs from
+left to right, so the material lies on its left: deviations are positive outwards.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.curve import Curve
+from solen.errors import DataError
+from solen.geometry import Body
+from solen.plane import Rigid
+from solen.sensor import Sensor
+from solen.spec import Design
+
+TOLERANCE_MM = 1e-6
+"""Distance of the dense points' chords from the exact curve, at most: a nanometre."""
+SPACING_MM = 2e-3
+WALL = 0.35
+"""Length of wall beside the front that helps to find the lens, as a fraction of its width."""
+SYMMETRIC_MM = 1e-4
+FLATTEST = 0.01
+"""Sag over chord below which a front cannot be registered."""
+LOWEST_OF = 2001
+"""Points among which the vertex of a drawn front is sought."""
+
+
+@dataclass(frozen=True, eq=False)
+class NearestPoints:
+    """The nearest place on a front to each of N points.
+
+    Attributes
+    ----------
+    arc_mm
+        Shape (N,): length of the front up to that place.
+    deviation_mm
+        Shape (N,): distance, positive outwards.
+    normals
+        Shape (N, 2): outward unit normals there.
+    beyond
+        Shape (N,): whether the place is an end of the front.
+    """
+
+    arc_mm: FloatArray
+    deviation_mm: FloatArray
+    normals: FloatArray
+    beyond: BoolArray
+
+
+@dataclass(frozen=True, eq=False)
+class NominalFront:
+    """A lens's front as designed, and the walls that begin at its ends.
+
+    Attributes
+    ----------
+    name
+        Of the design.
+    front_mm
+        Shape (N, 2): points of the front from left to right, within `TOLERANCE_MM` of the curve.
+    left_mm, right_mm
+        Shape (M, 2): walls from the front's ends on; empty where the design has none.
+    """
+
+    name: str
+    front_mm: FloatArray
+    left_mm: FloatArray
+    right_mm: FloatArray
+
+    @classmethod
+    def of(cls, name: str, front: Curve, left: Curve | None = None, right: Curve | None = None) -> "NominalFront":
+        """Outline of curves: the front from left to right, and walls that start at its ends.
+
+        `DataError` for a front that is nearly straight.
+        """
+        points = _dense(front)
+        chord = points[-1] - points[0]
+        offset = points - points[0]
+        sag = np.abs(chord[0] * offset[:, 1] - chord[1] * offset[:, 0]).max() / np.hypot(*chord)
+        if sag < FLATTEST * np.hypot(*chord):
+            limit = "its front is nearly flat, so a picture of it cannot be registered to the design"
+            raise DataError(name, limit=limit, remedy="inspect a design with a lens")
+        reach = WALL * float(np.hypot(*chord))
+        return cls(name, points, _cut(left, reach), _cut(right, reach))
+
+    @property
+    def width_mm(self) -> float:
+        """From one end of the front to the other."""
+        return float(np.hypot(*(self.front_mm[-1] - self.front_mm[0])))
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Outward unit normals (N, 2) at the points of the front."""
+        return outward(self.front_mm)
+
+    @cached_property
+    def arc_mm(self) -> FloatArray:
+        """Length of the front up to each of its points."""
+        return arc_lengths(self.front_mm)
+
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether the front is its own mirror image, so that no picture of it shows from which side it was taken."""
+        mirrored = self.front_mm[::-1] * np.array([-1.0, 1.0])
+        return bool(np.abs(self.nearest(mirrored).deviation_mm).max() < SYMMETRIC_MM)
+
+    def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Points (N, 2) and outward unit normals (N, 2) at lengths along the front."""
+        normals = interpolated(arc_mm, self.arc_mm, self.normals)
+        return interpolated(arc_mm, self.arc_mm, self.front_mm), normals / np.hypot(*normals.T)[:, None]
+
+    def nearest(self, points_mm: FloatArray) -> NearestPoints:
+        """Nearest places of the front to points (N, 2) in lens coordinates."""
+        _, vertex = self._tree.query(points_mm)
+        last = len(self.front_mm) - 2
+        before, after = np.clip(vertex - 1, 0, last), np.clip(vertex, 0, last)
+        (share_before, square_before), (share_after, square_after) = (
+            self._foot(points_mm, segment) for segment in (before, after)
+        )
+        later = square_after < square_before
+        segment, share = np.where(later, after, before), np.where(later, share_after, share_before)
+        start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
+        on_segment, length = np.clip(share, 0.0, 1.0), np.hypot(*way.T)
+        arc = self.arc_mm[segment] + on_segment * length
+        away = points_mm - start - on_segment[:, None] * way
+        right = np.stack([way[:, 1], -way[:, 0]], axis=1) / length[:, None]
+        beyond = ((segment == 0) & (share < 0.0)) | ((segment == last) & (share > 1.0))
+        deviation = np.where(np.sum(away * right, axis=1) < 0.0, -1.0, 1.0) * np.hypot(*away.T)
+        return NearestPoints(arc, deviation, self.at(arc)[1], beyond)
+
+    @cached_property
+    def _tree(self) -> "cKDTree[None]":
+        return cKDTree(self.front_mm)
+
+    def _foot(self, points: FloatArray, segment: IndexArray) -> tuple[FloatArray, FloatArray]:
+        """Feet of the perpendiculars on segments, as a fraction of their length, and the squared distances."""
+        start, way = self.front_mm[segment], self.front_mm[segment + 1] - self.front_mm[segment]
+        share = np.sum((points - start) * way, axis=1) / np.sum(way * way, axis=1)
+        away = points - start - np.clip(share, 0.0, 1.0)[:, None] * way
+        return share, np.sum(away * away, axis=1)
+
+
+def nominal_front(design: Design, name: str = "") -> NominalFront:
+    """Front that a design asks for, with the walls beside it.
+
+    Raises
+    ------
+    DataError
+        Where the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
+    """
+    sensor = Sensor.of(design)
+    name = name or design.name
+    if design.body.kind == "outline":
+        return _drawn_front(name, sensor.body())
+    if not sensor.has_lens:
+        raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")
+    walls = {face.name: face.curve for face in sensor.body().all_faces}
+    front = sensor.lens.front
+    beside = [
+        None if (wall := walls.get(f"stem-{side}")) is None else _starting_near(wall, end)
+        for side, end in (("left", front.start), ("right", front.end))
+    ]
+    return NominalFront.of(name, front, *beside)
+
+
+def _starting_near(wall: Curve, point: tuple[float, float]) -> Curve:
+    return wall if math.dist(wall.start, point) <= math.dist(wall.end, point) else wall.reversed()
+
+
+def _drawn_front(name: str, body: Body) -> NominalFront:
+    """Front of a drawn body: its one face called lens, levelled, with its lowest point as the vertex."""
+    fronts = [face for face in body.all_faces if face.part == "lens"]
+    if len(fronts) != 1:
+        limit = f"has {len(fronts)} faces called lens; exactly one is needed"
+        raise DataError(name, limit=limit, remedy="draw the front as one path on a layer called lens")
+    curve = fronts[0].curve
+    (x0, z0), (x1, z1) = curve.start, curve.end
+    level = curve.moved(Rigid.about((x0, z0), -math.degrees(math.atan2(z1 - z0, x1 - x0))))
+    lowest = float(level.points(np.linspace(0.0, 1.0, LOWEST_OF))[:, 1].min())
+    middle = 0.5 * (level.start[0] + level.end[0])
+    return NominalFront.of(name, level.moved(Rigid(shift=(-middle, -lowest))))
+
+
+def arc_lengths(points: FloatArray) -> FloatArray:
+    """Length (N,) of a polyline (N, 2) up to each of its points."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def interpolated(at: FloatArray, arc: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (M, 2) at lengths (M,) along a polyline whose vectors (N, 2) stand at lengths ``arc`` (N,)."""
+    return np.stack([np.interp(at, arc, vectors[:, i]) for i in (0, 1)], axis=1)
+
+
+def outward(points: FloatArray) -> FloatArray:
+    """Unit normals (N, 2) to the right of the way along points."""
+    way = np.gradient(points, axis=0)
+    return np.asarray(np.stack([way[:, 1], -way[:, 0]], axis=1) / np.hypot(*way.T)[:, None])
+
+
+def _dense(curve: Curve) -> FloatArray:
+    """Points of a curve: near enough for the tolerance, and for normals between them."""
+    points = curve.flattened(TOLERANCE_MM)
+    count = max(int(np.ceil(arc_lengths(points)[-1] / SPACING_MM)), 64)
+    if len(points) < count:
+        points = curve.points(np.linspace(0.0, 1.0, count))
+    return np.asarray(points, dtype=np.float64)
+
+
+def _cut(curve: Curve | None, reach: float) -> FloatArray:
+    """Points of a wall up to a length from its start."""
+    if curve is None:
+        return np.zeros((0, 2))
+    points = curve.points(np.linspace(0.0, 1.0, 400))
+    return np.asarray(points[arc_lengths(points) <= reach])

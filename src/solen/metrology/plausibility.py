@@ -1,0 +1,164 @@
+"""Plausibility: whether what a picture shows can be a print of the design at the picture's scale.
+
+A lens of another size or shape, or at a wrong scale, has edges as well. What gives it away are the ends of the front,
+the width of the part behind it, and the residual of the registration: each is refused beyond one limit, and warned of
+before. The functions that warn return sentences, none where nothing is wrong.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.metrology.edge import Edge, fit_edge
+from solen.metrology.edge_tracing import Band, trace_edges
+from solen.metrology.image import Image
+from solen.metrology.nominal import NominalFront, arc_lengths, outward
+from solen.metrology.pose import Pose
+from solen.metrology.registration import Registration
+
+WALL_FROM, WALL_REACH = 0.25, 0.3
+"""Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
+MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
+"""Factor of width from which on it is no print of the design, and the relative difference that is warned of."""
+MOST_RMS = 0.015
+"""Rms deviation over the lens's width from which on it is no print of the design."""
+MOST_MISSING = 0.1
+"""Share of the front without an edge at an end of it that is warned of, and at both ends refused."""
+COARSEST_PX = 60
+"""Pixels across the lens, at least."""
+WIDER, LEAST_PLACES = 1.3, 20
+"""Blur over a wall's from which on an edge may be two, and places along that wall that are needed to say so."""
+LEAST_SEEN = 0.5
+"""Share of the front that a picture must show."""
+
+
+def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
+    """The error for a picture that shows no such lens, with the reason and the remedy."""
+    limit = f"shows no lens like that of {nominal.name}: {why}"
+    remedy = "check --um-per-px, the design, and that the whole front is in the picture and in focus"
+    return DataError(image.provenance.file, limit=limit, remedy=remedy)
+
+
+def check_scale(image: Image, nominal: NominalFront) -> None:
+    """`DataError` where the lens would be too small in the picture or far larger than it."""
+    across = nominal.width_mm * 1e3 / image.um_per_px
+    size = f"at {image.um_per_px:.4g} µm per pixel the lens of {nominal.width_mm:g} mm is {across:.0f} pixels wide"
+    limit, change = "", ""
+    if across < COARSEST_PX:
+        limit, change = f"{size}; at least {COARSEST_PX} are needed", "magnify more"
+    elif across * LEAST_SEEN > np.hypot(*image.shape):
+        limit, change = f"{size}, and the picture {image.shape[1]} x {image.shape[0]}", "magnify less"
+    if limit:
+        raise DataError(image.provenance.file, limit=limit, remedy=f"check the scale, or {change}")
+
+
+def check_seen(image: Image, seen: float) -> None:
+    """`DataError` where too little of the front is in the picture."""
+    if seen < LEAST_SEEN:
+        limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
+        raise DataError(image.provenance.file, limit=limit, remedy="take a picture of the whole lens")
+
+
+def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registration, width: float | None) -> None:
+    """`DataError` where the outline is too unlike the design to be a print of it at this scale."""
+    missing = _missing(edge)
+    if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MOST_WIDTH):
+        why = f"the part is {width:.3g} mm wide behind the front, and the design {nominal.width_mm:.3g} mm"
+    elif fit.rms_um > MOST_RMS * 1e3 * nominal.width_mm:
+        why = f"the best registration leaves {fit.rms_um:.3g} µm (rms)"
+    elif min(missing) > MOST_MISSING:
+        why = f"its edge ends {missing[0]:.0%} and {missing[1]:.0%} before the ends of the front"
+    else:
+        return
+    raise no_lens(image, nominal, why)
+
+
+@dataclass(frozen=True, eq=False)
+class WallEdge:
+    """The edge of a wall behind the front, where it stands out.
+
+    Attributes
+    ----------
+    contour_px, normals
+        Shape (N, 2): places in the picture, and unit normals outwards.
+    offset_mm
+        Shape (N,): how far outside the design they lie.
+    """
+
+    contour_px: FloatArray
+    normals: FloatArray
+    offset_mm: FloatArray
+
+
+def wall_edges(image: Image, pose: Pose, nominal: NominalFront) -> list[WallEdge]:
+    """Edges of those of the two walls that the design has and the picture shows."""
+    edges = []
+    for wall, side in ((nominal.left_mm, -1.0), (nominal.right_mm, 1.0)):
+        if len(wall) < 2:
+            continue
+        arc = arc_lengths(wall)
+        far = arc > WALL_FROM * arc[-1]  # past the corner
+        points, normals = wall[far], side * outward(wall)[far]
+        band = Band.along(image.grey, pose, arc[far], points, normals, WALL_REACH * nominal.width_mm)
+        if band.share_seen >= LEAST_SEEN and (traced := trace_edges(band, most=1)):
+            shown, offset = traced[0].shown, traced[0].offset_mm
+            contour = pose.to_px(points + normals * offset[:, None])
+            edges.append(WallEdge(contour[shown], pose.direction_px(normals)[shown], offset[shown]))
+    return edges
+
+
+def part_width_mm(walls: list[WallEdge], nominal: NominalFront) -> float | None:
+    """Width of the part from wall to wall, a witness of the scale that the front is not; None without both walls."""
+    if len(walls) < 2:
+        return None
+    return nominal.width_mm + sum(float(np.median(wall.offset_mm)) for wall in walls)
+
+
+def merged_edges(image: Image, walls: list[WallEdge], edge: Edge) -> list[str]:
+    """Warning of a single edge that is clearly more blurred than the walls beside it: it may be two in one."""
+    beside = [fit_edge(image.grey, wall.contour_px, wall.normals, ceiling=image.ceiling) for wall in walls]
+    blurs = [fit.blur for fit in beside if fit.kept.sum() > LEAST_PLACES]
+    if not blurs or edge.blur < WIDER * min(blurs):
+        return []
+    return [
+        f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
+        f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges closer than about two blurs were "
+        "measured as one, which lies between them"
+    ]
+
+
+def missing_ends(edge: Edge) -> list[str]:
+    """Warnings of ends of the front that are in the picture and have no edge."""
+    return [
+        f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
+        for share, side in zip(_missing(edge), ("left", "right"), strict=True)
+        if share > MOST_MISSING
+    ]
+
+
+def odd_width(width: float | None, nominal: NominalFront) -> list[str]:
+    """Warning of a part that is wider or narrower than the design."""
+    if width is None or abs(width / nominal.width_mm - 1.0) < ODD_WIDTH:
+        return []
+    return [
+        f"the part is {width:.3f} mm wide right behind the front where the design has {nominal.width_mm:.3f} mm "
+        f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale is off, or the print is"
+    ]
+
+
+def cropped(seen: float, ends: tuple[float, float]) -> list[str]:
+    """Warning of a front that is only partly in the picture."""
+    if seen > 0.99:
+        return []
+    return [
+        f"the picture shows {seen:.0%} of the front: it is measured from x = {ends[0]:.2f} to {ends[1]:.2f} mm alone"
+    ]
+
+
+def _missing(edge: Edge) -> tuple[float, float]:
+    """Shares of the front at its left and right end that the picture shows and that have no edge."""
+    at = np.flatnonzero(edge.kept)
+    shown = np.flatnonzero(edge.inside)
+    return (max(float(at[0] - shown[0]), 0.0) / len(edge.kept), max(float(shown[-1] - at[-1]), 0.0) / len(edge.kept))

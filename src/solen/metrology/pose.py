@@ -1,0 +1,65 @@
+"""Where a part lies in a picture: from its own coordinates in mm to pixels and back."""
+
+import cmath
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Position, rotation and scale of a part in a picture.
+
+    Attributes
+    ----------
+    rotation_deg
+        Counter-clockwise as seen in the picture; at 0 the part's second axis (a lens's z, a layout's y) points up.
+    origin_px
+        (x, y) = (column, row) of the part's origin: a lens's vertex, the middle of a layout.
+    um_per_px
+        Size of a pixel.
+    mirrored
+        Whether the picture shows the part from its other side, left and right exchanged before it is rotated.
+    """
+
+    rotation_deg: float
+    origin_px: tuple[float, float]
+    um_per_px: float
+    mirrored: bool = False
+
+    @classmethod
+    def fitted(cls, points_mm: FloatArray, points_px: FloatArray, *, mirrored: bool) -> "Pose":
+        """Pose of least squares for matched points (N, 2) and (N, 2), at least two; the scale is fitted as well."""
+        p = (-1.0 if mirrored else 1.0) * points_mm[:, 0] - 1j * points_mm[:, 1]
+        q = points_px[:, 0] + 1j * points_px[:, 1]
+        p0, q0 = p.mean(), q.mean()
+        factor = complex(np.sum((q - q0) * np.conj(p - p0)) / np.sum(np.abs(p - p0) ** 2))
+        origin = complex(q0 - factor * p0)
+        return cls(-math.degrees(cmath.phase(factor)), (origin.real, origin.imag), 1e3 / abs(factor), mirrored)
+
+    @property
+    def px_per_mm(self) -> float:
+        """Pixels to a millimetre of the part."""
+        return 1e3 / self.um_per_px
+
+    def to_px(self, points_mm: FloatArray) -> FloatArray:
+        """Places (..., 2) in the picture of points (..., 2) of the part."""
+        return np.asarray(points_mm @ self._matrix.T * self.px_per_mm + np.asarray(self.origin_px))
+
+    def to_mm(self, points_px: FloatArray) -> FloatArray:
+        """Points (..., 2) of the part at places (..., 2) in the picture."""
+        return np.asarray((points_px - np.asarray(self.origin_px)) @ self._matrix * (self.um_per_px / 1e3))
+
+    def direction_px(self, directions: FloatArray) -> FloatArray:
+        """Directions (..., 2) in the picture of those (..., 2) of the part, of the same length."""
+        return np.asarray(directions @ self._matrix.T)
+
+    @property
+    def _matrix(self) -> FloatArray:
+        """From the part's axes to the picture's, x to the right and y downwards."""
+        c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
+        flip = -1.0 if self.mirrored else 1.0
+        return np.array([[flip * c, -s], [-flip * s, -c]])

@@ -1,0 +1,196 @@
+"""A picture as one plane of grey values, with the checks of every format; PNG, JPEG, BMP and others, by Pillow."""
+
+import io
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import ExifTags, UnidentifiedImageError
+from PIL import Image as Pillow
+
+from solen.arrays import FloatArray
+from solen.errors import DataError, SolenError
+from solen.extras import need
+from solen.metrology.scale import Tag
+
+LARGEST_MB = 1_000
+LARGEST_PIXELS = 100_000_000
+SMALLEST = 32
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of red, green and blue in brightness (ITU-R BT.709)."""
+COLOURED = 0.02
+"""Channels that differ by less are those of a grey picture."""
+BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr": 8, "I;16": 16, "I;16B": 16, "I": 16}
+PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
+EXIF_UM = {2: 25_400.0, 3: 10_000.0}
+LOSSY = {"JPEG", "MPO", "WEBP"}
+TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
+    2: np.fliplr,
+    3: lambda a: np.rot90(a, 2),
+    4: np.flipud,
+    5: np.transpose,
+    6: lambda a: np.rot90(a, -1),
+    7: lambda a: np.rot90(a, 2).T,
+    8: np.rot90,
+}
+"""What puts a picture upright, by its orientation tag (TIFF 6.0)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """Grey values, shape (rows, columns), 0 to 1 of the file's range, and what the file says of them."""
+
+    grey: FloatArray
+    bits: int | None
+    tags: tuple[Tag, ...]
+    format: str
+    instrument: str = ""
+    date: str = ""
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    simulated: bool = False
+    warnings: tuple[str, ...] = ()
+
+
+def read_bytes(path: Path) -> bytes:
+    """Bytes of a file; `DataError` where it cannot be read, is empty or larger than `LARGEST_MB`."""
+    try:
+        if path.exists() and not path.is_file():
+            raise DataError(str(path), limit="is a folder or a device", remedy="name a file")
+        if not path.exists():
+            raise DataError(str(path), limit="no such file", remedy="check the path")
+        size = path.stat().st_size
+        if size > LARGEST_MB * 1_000_000:
+            limit = f"has {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
+            raise DataError(str(path), limit=limit, remedy="crop it to the part")
+        data = path.read_bytes()
+    except (OSError, ValueError) as bad:
+        reason = getattr(bad, "strerror", None) or bad
+        raise DataError(str(path), limit=f"cannot be read: {reason}", remedy="check its name and permissions") from None
+    if not data:
+        raise DataError(str(path), limit="is empty", remedy="export it again")
+    return data
+
+
+def check_size(file: str, columns: int, rows: int) -> None:
+    """`DataError` where a picture is too large to be decoded or too small to show anything."""
+    if columns * rows >= LARGEST_PIXELS:
+        limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
+        raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
+    if min(columns, rows) < SMALLEST:
+        raise DataError(file, limit=f"has {columns} x {rows} pixels; at least {SMALLEST} each way are needed")
+
+
+def check_vision(what: str) -> None:
+    """`OutputError` where the extra ``vision`` is not installed."""
+    need("skimage", "tifffile", "ome_types", what=what)
+
+
+@contextmanager
+def readable(file: str) -> Iterator[None]:
+    """Turn what a decoder raises for a damaged file, which is nearly anything, into one line; keep it from warning."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except SolenError:
+        raise
+    except Pillow.DecompressionBombError:
+        raise DataError(file, limit="has far more than 100 megapixels", remedy="crop it to the part") from None
+    except UnidentifiedImageError:
+        raise DataError(file, limit="is not a picture that can be read", remedy="save it as TIFF or PNG") from None
+    except Exception as bad:
+        raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
+
+
+def brightness(values: FloatArray) -> tuple[FloatArray, tuple[str, ...]]:
+    """Brightness of (rows, columns, 3), and a warning where the picture is coloured."""
+    spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
+    warning = "the picture is coloured: its luminance is measured, which a lens's colour fringes can shift"
+    return values @ LUMINANCE, (warning,) if spread > COLOURED else ()
+
+
+def upright(grey: FloatArray, orientation: int) -> FloatArray:
+    """Picture as its orientation tag (1 to 8) asks for it to be shown."""
+    return np.ascontiguousarray(TURNED[orientation](grey)) if orientation in TURNED else grey
+
+
+def is_simulated(*texts: str) -> bool:
+    """Whether a file says of itself that it was computed."""
+    return any("simulated" in text.casefold() or "synthetic" in text.casefold() for text in texts)
+
+
+def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
+    """Numbers with a point as levels from 0 to 1: as they are where they lie there, else from least to greatest."""
+    levels = values.astype(np.float64)
+    if not np.isfinite(levels).all():
+        raise DataError(file, limit="holds pixels that are not finite", remedy="export it again")
+    low, high = float(levels.min()), float(levels.max())
+    return levels if low >= 0.0 and high <= 1.0 else (levels - low) / max(high - low, 1e-300)
+
+
+def read_raster(file: str, data: bytes) -> Plane:
+    """Plane of a picture that Pillow reads; `DataError` where it has several frames or is damaged."""
+    with readable(file), Pillow.open(io.BytesIO(data)) as opened:
+        check_size(file, *opened.size)
+        frames = getattr(opened, "n_frames", 1)
+        if frames > 1 and opened.format != "MPO":  # of a phone's MPO the first is the picture
+            raise DataError(file, limit=f"holds {frames} frames", remedy="export the one to measure as TIFF or PNG")
+        kind, exif = opened.format or "picture", opened.getexif()
+        tags = _tags(opened, kind)
+        grey, bits, warned = _grey(file, opened)
+        texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
+        words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
+        if kind in LOSSY:
+            warned = (*warned, f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not")
+        return Plane(
+            upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
+            bits,
+            tags,
+            kind.lower(),
+            " ".join(word for word in words if word),
+            str(exif.get(ExifTags.Base.DateTime, "")),
+            texts,
+            is_simulated(*texts.values()),
+            warned,
+        )
+
+
+def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tuple[str, ...]]:
+    mode = opened.mode
+    plain = opened.convert(PLAIN[mode]) if mode in PLAIN else opened
+    values = np.asarray(plain)
+    if mode == "F":
+        return float_levels(file, values), None, ()
+    bits = BITS.get(mode)
+    if bits is None:
+        raise DataError(file, value=mode, limit="is an unsupported kind of pixel", remedy="save it as 8 or 16 bits")
+    top = 65_535.0 if bits == 16 else 255.0
+    levels = values.astype(np.float64) / top
+    if levels.ndim == 2:
+        return levels, bits, ()
+    if levels.shape[2] == 4:
+        if float(levels[..., 3].min()) < 1.0:
+            raise DataError(file, limit="is transparent in places", remedy="save it without an alpha channel")
+        levels = levels[..., :3]
+    grey, warned = brightness(levels)
+    return grey, bits, warned
+
+
+def _tags(opened: Pillow.Image, kind: str) -> tuple[Tag, ...]:
+    """Resolutions that the file states: PNG pHYs and JFIF density as dpi, Exif's own."""
+    found = []
+    dpi = opened.info.get("dpi")
+    if dpi is not None and min(dpi) > 0.0:
+        name = {"PNG": "PNG pHYs", "JPEG": "JPEG density"}.get(kind, f"{kind} resolution")
+        found.append(Tag(name, 25_400.0 / float(dpi[0]), 25_400.0 / float(dpi[1])))
+    exif = opened.getexif()
+    x, y = (exif.get(tag) for tag in (ExifTags.Base.XResolution, ExifTags.Base.YResolution))
+    per_unit = EXIF_UM.get(exif.get(ExifTags.Base.ResolutionUnit, 2))
+    if x and y and per_unit is not None and not math.isnan(float(x)) and float(x) > 0.0 and float(y) > 0.0:
+        found.append(Tag("Exif XResolution", per_unit / float(x), per_unit / float(y)))
+    return tuple(found)
