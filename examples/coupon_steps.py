@@ -3,8 +3,10 @@
 import numpy as np
 
 from solen.geometry.coupons import group_c
-from solen.metrology.coupons import measure
-from solen.metrology.scale import Scale
+from solen.metrology import Scale
+from solen.metrology.coupons import measure_coupon
+from solen.metrology.zmap import ZMap
+from solen.recording import Provenance
 
 UM_PER_PX, LAYER_MM, ROUGH_MM = 15.0, 0.05, 0.002
 
@@ -27,8 +29,8 @@ def z_map_mm() -> np.ndarray:
 
 def main() -> dict[str, float | None]:
     """The smallest step, what came out at that nominal size, and the one that is not reproduced."""
-    z = z_map_mm()
-    found = measure(z / z.max(), Scale(UM_PER_PX), group_c(), z_mm=z)
+    source = Provenance(file="simulated z map", simulated=True)
+    found = measure_coupon(ZMap(z_map_mm(), Scale(UM_PER_PX), source), group_c())
     (step,) = [one for one in found.limits if one.kind == "z_step"]
     fine = [one for one in found.measured if one.kind == "step" and one.nominal_mm == step.next_mm]
     rises = sum(bool(one.resolved) for one in fine)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
+from solen.metrology import InspectOptions
 from solen.pipeline.print.inspect import inspect
 from solen.spec import template
 from tests.metrology.render.camera import Camera, png
@@ -75,7 +76,8 @@ def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860",
     """What `solen print inspect` finds in the picture, against a shipped design, the scale being given."""
     picture = folder / "picture.png"
     picture.write_bytes(png(shot.taken(seed)))
-    return inspect(picture, design_file(folder, design), **{"um_per_px": shot.um_per_px, **options})
+    scale = InspectOptions(**{"um_per_px": shot.um_per_px, **options})
+    return inspect(picture, design_file(folder, design), scale).to_dict()
 
 
 def lens(name: str = "solen-860", **values: Any) -> FloatArray:

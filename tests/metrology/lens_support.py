@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.metrology import Image, as_image
-from solen.metrology.nominal import Ideal
-from solen.pipeline.print.inspect import ideal_of
+from solen.metrology.nominal import NominalFront, nominal_front
 from tests.metrology.render.micrograph import Level, Scene, reflected
 from tests.metrology.render.shape import Placing, outline_mm, shipped
 
 UM_PER_PX = 5.0
 SHAPE = (900, 1200)
 PLACING = Placing(UM_PER_PX, (600.0, 650.0), angle_deg=7.0)
-IDEAL: Ideal = ideal_of(shipped())
+NOMINAL: NominalFront = nominal_front(shipped())
 OUTLINE = outline_mm(shipped())
 
 

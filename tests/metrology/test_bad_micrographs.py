@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from solen.errors import SolenError
+from solen.metrology import InspectOptions
 from solen.pipeline.print.inspect import inspect
 from tests.metrology.damaged_support import png_claiming
 from tests.metrology.inspect_support import Shot, design_file, inspected, lens
@@ -43,10 +44,10 @@ MEASURED = {
 @pytest.mark.parametrize("name", [*map(quick_or_evidence, MEASURED)])
 def test_a_perfect_print_in_a_poor_picture_is_no_deviation(name: str, tmp_path: Path) -> None:
     found = inspected(tmp_path, MEASURED[name], 3)
-    off = found["deviation_um"]
-    assert off["rms"] < 3.0 * off["u_rms"]
+    off = found["deviation"]
+    assert off["rms_um"] < 3.0 * off["u_rms_um"]
     slack_um = 0.5 * 8.0 if "dust" in name else 0.0  # what lies on an edge and moves it by less than 0.5 px is not seen
-    assert off["max_interval95"][0] - slack_um <= 0.0 <= off["max_interval95"][1] + slack_um
+    assert off["interval95_max_um"][0] - slack_um <= 0.0 <= off["interval95_max_um"][1] + slack_um
     assert found["nearest"] == "n = 1.44"
     assert (found["seen"] < 0.99) == (name == "half of the lens")
     assert any("56%" in warning for warning in found["warnings"]) or name != "half of the lens"
@@ -60,7 +61,7 @@ REFUSED: dict[str, tuple[Shot, dict[str, Any], str]] = {
     "a scale ten times too large": (SHOT, {"um_per_px": 80.0}, "pixels wide; at least"),
     "a scale ten times too small": (SHOT, {"um_per_px": 0.8}, "magnify less"),
     "a scale twice too large": (SHOT, {"um_per_px": 16.0}, "check --um-per-px"),
-    "no scale": (SHOT, {"um_per_px": None}, "how large a pixel is.*--um-per-px"),
+    "no scale": (SHOT, {"um_per_px": None}, "size of a pixel.*--um-per-px"),
 }
 
 
@@ -89,7 +90,7 @@ def test_what_cannot_be_concluded_is_said(name: str, tmp_path: Path) -> None:
 def test_another_design_is_told_by_its_name_and_its_distance(tmp_path: Path) -> None:
     found = inspected(tmp_path, replace(SHOT, outline=lens("solen-450")), 3, design="solen-860")
     assert found["nearest"] == "n = 1.54"
-    assert found["deviation_um"]["rms"] > 40.0  # µm; the two curves, each laid best on the other, are 53 µm apart
+    assert found["deviation"]["rms_um"] > 40.0  # µm; the two curves, each laid best on the other, are 53 µm apart
 
 
 FORMS: dict[str, tuple[str, Callable[[Any], bytes]]] = {
@@ -104,11 +105,11 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
     picture = tmp_path / name
     picture.write_bytes(written(SHOT.taken(4)))
     design = design_file(tmp_path)
-    with pytest.raises(SolenError, match="how large a pixel is"):
+    with pytest.raises(SolenError, match="does not state the size of a pixel"):
         inspect(picture, design)
-    found = inspect(picture, design, um_per_px=8.0)
-    off = found["deviation_um"]
-    assert off["rms"] < 3.0 * off["u_rms"]
+    found = inspect(picture, design, InspectOptions(um_per_px=8.0)).to_dict()
+    off = found["deviation"]
+    assert off["rms_um"] < 3.0 * off["u_rms_um"]
     words = "compressed with loss" if form == "compressed" else "coloured"
     assert any(words in warning for warning in found["warnings"])
 

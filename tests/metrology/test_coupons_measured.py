@@ -10,8 +10,11 @@ import pytest
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Choices, Coupon, Feature, layout
-from solen.metrology.coupons import Fidelity, Measured, fit_disc, measure
+from solen.metrology import Image, as_image
+from solen.metrology.coupons import CouponMeasurement, MeasuredFeature, fit_disc, measure_coupon
 from solen.metrology.scale import Scale
+from solen.metrology.zmap import ZMap
+from solen.recording import Provenance
 from tests.metrology.coupon_support import Camera, Print, circle
 from tests.metrology.render.coverage import coverage
 from tests.metrology.render.optics import gaussian
@@ -31,21 +34,25 @@ def printed(coupon: Coupon, grown_mm: float = 0.02, **values: Any) -> tuple[Prin
     return Print(coupon, size_mm=lambda one: chosen[one.name], **values), chosen
 
 
-def by_name(found: Fidelity) -> dict[str, Measured]:
+def pictured(grey: FloatArray, um_per_px: float, u_um_per_px: float | None = None) -> Image:
+    return as_image(grey, um_per_px, u_um_per_px=u_um_per_px, name="picture.png")
+
+
+def by_name(found: CouponMeasurement) -> dict[str, MeasuredFeature]:
     return {one.name: one for one in found.measured}
 
 
-def limit(found: Fidelity, kind: str) -> Any:
+def limit(found: CouponMeasurement, kind: str) -> Any:
     (one,) = [one for one in found.limits if one.kind == kind]
     return one
 
 
-def check_sizes(found: Fidelity, true: dict[str, float], most: float = 4.0) -> None:
+def check_sizes(found: CouponMeasurement, true: dict[str, float], most: float = 4.0) -> None:
     """Every diameter within so many uncertainties, two thirds of them within one and a half."""
     off = [
-        abs(one.measured_mm - true[one.name]) / one.u_mm
+        abs(one.measured_mm - true[one.name]) / one.u_measured_mm
         for one in found.measured
-        if one.kind in {"pillar", "hole"} and one.measured_mm is not None and one.u_mm is not None
+        if one.kind in {"pillar", "hole"} and one.measured_mm is not None and one.u_measured_mm is not None
     ]
     assert max(off) < most, off
     assert np.mean(np.array(off) < 1.5) > 0.66, off
@@ -117,7 +124,7 @@ def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored:
     coupon = layout("group-a")
     part, true = printed(coupon, missing=frozenset({"d-0.06", "d-0.08", "d-0.1", "d-0.12", "d-0.18"}))
     image = Camera(UM, angle_deg, mirrored, blur_px=1.5).picture(part)
-    found = measure(image, Scale(UM, 0.0), coupon)
+    found = measure_coupon(pictured(image, UM, 0.0), coupon)
     check_sizes(found, true)
     told = by_name(found)
     assert [name for name, one in told.items() if one.resolved is False] == [
@@ -131,11 +138,11 @@ def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored:
     assert (smallest.nominal_mm, smallest.next_mm, smallest.bound) == (0.2, 0.18, False), (
         "0.16 stands and does not count"
     )
-    assert smallest.measured_mm == pytest.approx(true["d-0.2"], abs=4 * smallest.u_mm)
-    placement = found.registration.placement
-    assert math.remainder(placement.angle_deg - angle_deg, 360) == pytest.approx(0.0, abs=0.02)
-    assert found.registration.oriented
-    assert placement.mirrored is mirrored
+    assert smallest.measured_mm == pytest.approx(true["d-0.2"], abs=4 * smallest.u_measured_mm)
+    pose = found.location.pose
+    assert math.remainder(pose.rotation_deg - angle_deg, 360) == pytest.approx(0.0, abs=0.02)
+    assert found.location.oriented
+    assert pose.mirrored is mirrored
     assert found.pitch_ratio == pytest.approx(1.0, abs=1e-4)
 
 
@@ -146,7 +153,7 @@ def test_dust_and_a_shrunk_print() -> None:
     rng = np.random.default_rng(7)
     for dirt in (dust(25, 6.0, 0.1), dust(15, 8.0, 0.9), fibres(2, 200.0, 3.0, 0.8)):
         image = dirt(image, rng)
-    found = measure(image, Scale(UM), coupon)
+    found = measure_coupon(pictured(image, UM), coupon)
     assert found.pitch_ratio == pytest.approx(0.97, abs=5e-4)
     assert any("-3.0 % off" in line for line in found.warnings)
     near = [one for one in found.measured if one.measured_mm and abs(one.measured_mm - true[one.name]) < 0.004]
@@ -159,23 +166,23 @@ def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
     merged = ("g-0.08", "g-0.06", "g-0.05", "g-0.04", "g-0.03", "g-0.02")
     part, true = printed(coupon, 0.01, merged=frozenset(merged))
     image = Camera(7.0, -8.0).picture(part)
-    found = measure(image, Scale(7.0, 0.0), coupon)
+    found = measure_coupon(pictured(image, 7.0, 0.0), coupon)
     told = by_name(found)
     for gap in coupon.gaps:
         one = told[gap.name]
         assert one.resolved is (gap.name not in merged), gap.name
-        if one.resolved and one.measured_mm is not None and one.u_mm is not None:
+        if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None:
             left, right = (coupon.feature(name) for name in gap.between)
             free = math.dist((left.x_mm, left.y_mm), (right.x_mm, right.y_mm))
             free -= 0.5 * (true[left.name] + true[right.name])
-            assert one.measured_mm == pytest.approx(free, abs=4 * one.u_mm), gap.name
+            assert one.measured_mm == pytest.approx(free, abs=4 * one.u_measured_mm), gap.name
     assert (limit(found, "gap").nominal_mm, limit(found, "gap").next_mm) == (0.1, 0.08)
 
 
 def test_a_gap_whose_pillar_is_missing_is_not_told() -> None:
     coupon = layout("group-b")
     part, _ = printed(coupon, missing=frozenset({"g-0.15-left"}))
-    found = measure(Camera(UM, blur_px=1.2).picture(part), Scale(UM), coupon)
+    found = measure_coupon(pictured(Camera(UM, blur_px=1.2).picture(part), UM), coupon)
     assert by_name(found)["g-0.15"].resolved is None
     assert "g-0.15-left" in by_name(found)["g-0.15"].reason
     assert limit(found, "gap").next_mm == 0.15
@@ -186,9 +193,9 @@ def test_holes_and_their_smallest_variation(bright: bool) -> None:
     coupon = layout("holes")
     part, true = printed(coupon, -0.04)
     levels = {"outside": 0.8, "slab": 0.3, "raised": 0.3} if bright else {"outside": 0.1, "slab": 0.6, "raised": 0.6}
-    found = measure(Camera(UM, 185.0, levels=levels).picture(part), Scale(UM, 0.0), coupon)
+    found = measure_coupon(pictured(Camera(UM, 185.0, levels=levels).picture(part), UM, 0.0), coupon)
     check_sizes(found, true)
-    assert found.registration.bright is bright
+    assert found.location.bright is bright
     assert (limit(found, "hole").nominal_mm, limit(found, "hole").bound) == (1.4, True)
     variation = limit(found, "hole_variation")
     assert variation.nominal_mm == 0.05
@@ -199,27 +206,25 @@ def test_closed_holes() -> None:
     coupon = layout("holes", Choices(hole_reading="tenths"))
     part, _ = printed(coupon, -0.04, missing=frozenset({"hole-1.4", "hole-1.5"}))
     levels = {"outside": 0.8, "slab": 0.3, "raised": 0.3}
-    found = measure(Camera(UM, levels=levels).picture(part), Scale(UM), coupon)
+    found = measure_coupon(pictured(Camera(UM, levels=levels).picture(part), UM), coupon)
     assert (limit(found, "hole").nominal_mm, limit(found, "hole").next_mm) == (1.6, 1.5)
 
 
-def z_measured(camera: Camera, part: Print) -> Fidelity:
+def z_measured(camera: Camera, part: Print) -> CouponMeasurement:
     z = camera.z_map(part)
     z[np.random.default_rng(1).random(z.shape) < 0.02] = np.nan
-    low, high = np.nanmin(z), np.nanmax(z)
-    grey = (np.nan_to_num(z, nan=float(low)) - low) / (high - low)
-    return measure(grey, Scale(camera.um_per_px, 0.0), part.coupon, z_mm=z)
+    return measure_coupon(ZMap(z, Scale(camera.um_per_px, 0.0), Provenance()), part.coupon)
 
 
 def test_steps_of_a_layer_are_resolved() -> None:
     coupon = layout("group-c")
     found = z_measured(Camera(16.0, 8.0), Print(coupon, height_mm=lambda one: 0.98 * one.height_mm))
-    for name, one in found.heights.items():
-        true = 0.98 * coupon.feature(name).height_mm
-        assert one.height_mm == pytest.approx(true, abs=5 * one.u_mm + 2e-4), "2e-4: the median of the top"
+    for one in found.heights:
+        true = 0.98 * coupon.feature(one.name).height_mm
+        assert one.measured_mm == pytest.approx(true, abs=5 * one.u_measured_mm + 2e-4), "2e-4: the median of the top"
     step = limit(found, "z_step")
     assert (step.nominal_mm, step.bound) == (0.025, True)
-    assert step.measured_mm == pytest.approx(0.0245, abs=4 * step.u_mm)
+    assert step.measured_mm == pytest.approx(0.0245, abs=4 * step.u_measured_mm)
 
 
 def test_steps_below_the_layer_are_not() -> None:
@@ -236,15 +241,15 @@ def test_steps_below_the_layer_are_not() -> None:
 def test_the_reference_of_height(reading: str, angle_deg: float) -> None:
     coupon = layout("z-reference", Choices(reference_reading=reading))  # type: ignore[arg-type]
     found = z_measured(Camera(16.0, angle_deg), Print(coupon))
-    for name, one in found.heights.items():
-        assert one.height_mm == pytest.approx(coupon.feature(name).height_mm, abs=5 * one.u_mm + 2e-4)
+    for one in found.heights:
+        assert one.measured_mm == pytest.approx(coupon.feature(one.name).height_mm, abs=5 * one.u_measured_mm + 2e-4)
     assert limit(found, "z_step").nominal_mm == pytest.approx(0.025)
 
 
 def test_what_lies_outside_is_said() -> None:
     coupon = layout("group-a")
     image = Camera(UM, blur_px=1.5).picture(printed(coupon)[0])
-    found = measure(image[:, : image.shape[1] // 2], Scale(UM), coupon)
+    found = measure_coupon(pictured(image[:, : image.shape[1] // 2], UM), coupon)
     told = by_name(found)
     assert told["d-1"].resolved is True
     assert told["mark-3"].reason == told["d-0.06"].reason == "not in the picture"
@@ -256,7 +261,7 @@ def test_what_lies_outside_is_said() -> None:
 def test_pillars_too_small_for_the_pixels_are_not_told() -> None:
     coupon = layout("group-a")
     image = Camera(40.0, blur_px=1.0, noise=0.01).picture(printed(coupon)[0])
-    found = measure(image, Scale(40.0), coupon)
+    found = measure_coupon(pictured(image, 40.0), coupon)
     told = by_name(found)
     assert told["d-0.06"].resolved is None
     assert told["d-0.06"].reason == "too small for this picture"
@@ -288,28 +293,30 @@ def test_what_is_no_such_coupon_is_refused(kind: str) -> None:
     if kind == "wrong scale":
         image, scale = Camera(UM).picture(Print(layout("group-a"))), 5.0
     with pytest.raises(DataError) as told:
-        measure(image, Scale(scale), layout("group-a"), what="picture.png")
+        measure_coupon(pictured(image, scale), layout("group-a"))
     assert "picture.png; shows no group-a" in str(told.value)
 
 
 @pytest.mark.parametrize("name", ["cubes", "guides", "cure-discs", "film-layer"])
 def test_what_no_picture_shows_is_refused(name: str) -> None:
     with pytest.raises(DataError, match="has no features that a picture shows"):
-        measure(np.zeros((99, 99)), Scale(UM), layout(name))
+        measure_coupon(pictured(np.zeros((99, 99)), UM), layout(name))
 
 
 @pytest.mark.parametrize("name", ["group-c", "z-reference"])
 def test_heights_want_a_z_map(name: str) -> None:
     with pytest.raises(DataError, match="--z-um"):
-        measure(np.zeros((99, 99)), Scale(UM), layout(name))
+        measure_coupon(pictured(np.zeros((99, 99)), UM), layout(name))
 
 
 def test_the_scale_s_uncertainty_goes_along() -> None:
     coupon = layout("group-a")
     image = Camera(UM, blur_px=1.5).picture(Print(coupon))
-    sure, unsure = (by_name(measure(image, Scale(UM, u), coupon))["d-1"] for u in (0.0, 0.1))
-    assert sure.u_mm is not None
-    assert unsure.u_mm == pytest.approx(math.hypot(sure.u_mm, 0.1 / UM * float(sure.measured_mm or 0)), rel=1e-6)
+    sure, unsure = (by_name(measure_coupon(pictured(image, UM, u), coupon))["d-1"] for u in (0.0, 0.1))
+    assert sure.u_measured_mm is not None
+    assert unsure.u_measured_mm == pytest.approx(
+        math.hypot(sure.u_measured_mm, 0.1 / UM * float(sure.measured_mm or 0)), rel=1e-6
+    )
 
 
 def feature(name: str) -> Feature:
@@ -328,5 +335,5 @@ def test_a_ring_of_light_is_no_pillar() -> None:
     import shapely
 
     image = image + 0.3 * camera.cover(shapely.Polygon(np.vstack([outer, inner[::-1]])), coupon)
-    found = measure(image, Scale(UM), coupon)
+    found = measure_coupon(pictured(image, UM), coupon)
     assert by_name(found)["d-0.4"].resolved is False

@@ -96,7 +96,7 @@ def test_given_scale_counts_and_a_different_tag_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf"), 1e9])
 def test_given_scale_must_be_one(tmp_path: Path, bad: float) -> None:
-    assert "--um-per-px" in line(save(tmp_path / "a.tif"), bad, SpecError)
+    assert "um_per_px" in line(save(tmp_path / "a.tif"), bad, SpecError)
 
 
 def test_pixels_that_are_not_square_are_refused(tmp_path: Path) -> None:

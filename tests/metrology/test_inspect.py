@@ -10,6 +10,7 @@ import pytest
 from solen.cli import run_command
 from solen.errors import SolenError
 from solen.lens.measured import read_profile
+from solen.metrology import InspectOptions
 from solen.pipeline.print.inspect import inspect
 from solen.spec import dumps
 from tests.metrology.lens_support import OUTLINE, PLACING, SHAPE, UM_PER_PX, printed
@@ -50,18 +51,18 @@ def test_everything_that_is_asked_for_is_told_and_written(
 ) -> None:
     figure, out = tmp_path / "f.png", tmp_path / "lens.json"
     found = asked(folder, capsys, "--u-um-per-px", "0.01", "--figure", str(figure), "--out", str(out))
-    assert found["um_per_px"] == UM_PER_PX
+    assert found["scale"]["um_per_px"] == UM_PER_PX
     assert found["scale"]["origin"] == "OME-XML PhysicalSizeX"
     assert found["nearest"] == "n = 1.44"
-    assert found["likelihood"]["n = 1.44"]["probability"] > 0.99
-    off = found["deviation_um"]
-    assert off["max"] == pytest.approx(25.0, abs=5.0)
-    assert off["max_at_x_mm"] == pytest.approx(0.8, abs=0.05)
-    assert off["rms"] == pytest.approx(float(np.sqrt(np.mean(np.square(found["outline_deviation_um"])))), rel=1e-3)
-    assert 0.0 < off["u_rms"] < 1.0
+    assert found["designs"]["n = 1.44"]["probability"] > 0.99
+    off = found["deviation"]
+    assert off["max_um"] == pytest.approx(25.0, abs=5.0)
+    assert off["max_x_mm"] == pytest.approx(0.8, abs=0.05)
+    assert off["rms_um"] == pytest.approx(float(np.sqrt(np.mean(np.square(found["outline_deviation_um"])))), rel=1e-3)
+    assert 0.0 < off["u_rms_um"] < 1.0
     assert found["rotation_deg"] == pytest.approx(PLACING.angle_deg, abs=0.5)
     assert found["width_mm"] == pytest.approx(4.0, abs=0.02)
-    assert found["points_used"] == len(found["outline_mm"]) == len(found["outline_u_um"])
+    assert found["edge"]["points_used"] == len(found["outline_mm"]) == len(found["u_outline_deviation_um"])
     assert [edge["name"] for edge in found["edges"]] == ["single"]
     assert found["sources"][0]["file"] == "lens.ome.tif"
     assert figure.read_bytes().startswith(b"\x89PNG")
@@ -81,13 +82,13 @@ def test_lines_for_a_reader(folder: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_designs_of_ones_own_are_compared(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = asked(folder, capsys, "--against", str(folder / "other.toml"))
-    assert set(found["likelihood"]) == {shipped().name, "other"}
+    assert set(found["designs"]) == {shipped().name, "other"}
     assert found["nearest"] == shipped().name
 
 
 def test_a_wrong_scale_is_told_by_the_width(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = asked(folder, capsys, "--um-per-px", "5.3")
-    assert found["um_per_px"] == 5.3
+    assert found["scale"]["um_per_px"] == 5.3
     assert found["width_mm"] == pytest.approx(4.24, abs=0.03)
     said = " ".join(found["warnings"])
     assert "--um-per-px 5.3 is taken although OME-XML PhysicalSizeX says 5 (+6.0 %)" in said
@@ -96,7 +97,7 @@ def test_a_wrong_scale_is_told_by_the_width(folder: Path, capsys: pytest.Capture
 
 def test_an_index_between_the_papers_joins_the_comparison(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = asked(folder, capsys, "--set", "lens.design_index=1.46")
-    assert set(found["likelihood"]) == {"n = 1.46", "n = 1.44", "n = 1.49", "n = 1.54"}
+    assert set(found["designs"]) == {"n = 1.46", "n = 1.44", "n = 1.49", "n = 1.54"}
     assert found["nearest"] == "n = 1.44"
 
 
@@ -107,7 +108,7 @@ BAD = {
     "no such design": (["lens.ome.tif", "--design", "none.toml"], "no such file"),
     "other width": (["lens.ome.tif", "--um-per-px", "8"], "shows no lens"),
     "too coarse": (["lens.ome.tif", "--um-per-px", "100"], "pixels wide"),
-    "edge": (["lens.ome.tif", "--edge", "upper"], "must be one of"),
+    "edge": (["lens.ome.tif", "--edge", "upper"], "outer"),
     "figure": (["lens.ome.tif", "--figure", "a.txt"], "figure ends in"),
     "out": (["lens.ome.tif", "--out", "a.csv"], ".json"),
     "u": (["lens.ome.tif", "--u-um-per-px", "-1"], "--u-um-per-px"),
@@ -140,12 +141,12 @@ def test_a_simulated_picture_is_called_so(tmp_path: Path, folder: Path) -> None:
     about.add_text("Description", "simulated micrograph")
     Pillow.fromarray(levels).save(tmp_path / "a.png", pnginfo=about)
     out = tmp_path / "lens.json"
-    found = inspect(tmp_path / "a.png", folder / "design.toml", um_per_px=UM_PER_PX, out=out)
-    assert found["simulated"]
+    found = inspect(tmp_path / "a.png", folder / "design.toml", InspectOptions(um_per_px=UM_PER_PX), out=out).result
+    assert found.simulated
     assert read_profile(out).simulated
 
 
 def test_a_missing_extra_is_one_line(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "tifffile", None)
-    with pytest.raises(SolenError, match=r'pip install "solen\[vision\]"'):
+    with pytest.raises(SolenError, match=r'pip install "\.\[vision\]"'):
         inspect(folder / "lens.ome.tif", folder / "design.toml")

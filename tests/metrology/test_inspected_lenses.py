@@ -1,10 +1,9 @@
-"""`solen print inspect` on rendered micrographs: the design is told, the pose comes back, deviations have size and sign.
+"""`solen print inspect` on rendered micrographs: the design is recognised, pose and deviations come back.
 
 Each assertion here holds on a few pictures in CI; ``make evidence`` takes the whole number that is stated in the
 documentation.
 """
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from solen.arrays import FloatArray
-from solen.cli.app import app
+from tests.command_support import answered
 from tests.metrology.edge_support import along, off_px
 from tests.metrology.inspect_support import INDICES, Shot, design_file, inspected, lens, true_pose, turned
 from tests.metrology.render.camera import Camera, png
@@ -54,8 +53,8 @@ def random_shot(name: str, seed: int, um_per_px: float) -> Shot:
 def test_the_design_is_told_from_the_other_two(name: str, seed: int, tmp_path: Path) -> None:
     found = inspected(tmp_path, random_shot(name, seed, 5.0), seed, design=name)
     assert found["nearest"] == INDICES[name]
-    assert found["likelihood"][INDICES[name]]["probability"] > 0.95
-    assert found["deviation_um"]["rms_beyond_noise"] < 3.0 * found["deviation_um"]["u_rms"]
+    assert found["designs"][INDICES[name]]["probability"] > 0.95
+    assert found["deviation"]["rms_beyond_noise_um"] < 3.0 * found["deviation"]["u_rms_um"]
 
 
 @pytest.mark.evidence
@@ -66,8 +65,8 @@ def test_the_three_designs_are_told_apart_in_every_picture(tmp_path: Path) -> No
         for seed in range(34):
             found = inspected(tmp_path, random_shot(name, seed, 2.0), seed, design="solen-860")
             told += found["nearest"] == INDICES[name]
-            least = min(least, found["likelihood"][INDICES[name]]["probability"])
-            rms.append(found["likelihood"][INDICES[name]]["rms_um"])
+            least = min(least, found["designs"][INDICES[name]]["probability"])
+            rms.append(found["designs"][INDICES[name]]["rms_um"])
     print(f"{told} of 102 told, least probability {least:.4f}, rms from the own design {np.median(rms):.3f} µm")
     assert told == 102
 
@@ -100,13 +99,13 @@ def test_stated_uncertainties_hold_over_many_pictures(tmp_path: Path) -> None:
     for seed in range(60):
         shot = random_shot("solen-860", seed, 5.0)
         found = inspected(tmp_path, shot, seed)
-        z.append(np.array(found["outline_deviation_um"]) / np.array(found["outline_u_um"]))
+        z.append(np.array(found["outline_deviation_um"]) / np.array(found["u_outline_deviation_um"]))
         rotation, shift = pose_errors(found, shot)
         rotations.append(rotation)
         shifts.append(shift)
-        off = found["deviation_um"]
-        rms.append(off["rms"] / off["u_rms"])
-        inside += off["max_interval95"][0] <= 0.0 <= off["max_interval95"][1]
+        off = found["deviation"]
+        rms.append(off["rms_um"] / off["u_rms_um"])
+        inside += off["interval95_max_um"][0] <= 0.0 <= off["interval95_max_um"][1]
     over = np.abs(np.concatenate(z))
     pose = np.abs(np.concatenate([rotations, np.ravel(shifts)]))
     shares = {
@@ -156,14 +155,14 @@ def test_a_print_that_grew_is_told_by_its_factor(tmp_path: Path) -> None:
     """The factor is what the outline would have to grow by: below 1 for a print that is too large."""
     found = inspected(tmp_path, replace(PLAIN, magnification=1.02), 7)
     assert found["scale_check"]["factor"] == pytest.approx(1.0 / 1.02, abs=5e-3)
-    assert any("larger" in warning for warning in found["warnings"])
+    assert any("% smaller" in warning for warning in found["warnings"])
 
 
 def test_a_lens_of_another_focus_lies_off_its_design_as_their_curves_do(tmp_path: Path) -> None:
     design = shipped(lens__focus_mm=16.0)
     found = inspected(tmp_path, Shot(outline_mm(design)), 8)
     rms_um = np.sqrt(np.mean(laid_off_um(along(front_mm(design), 5e-3)[8:-8]) ** 2))
-    assert found["deviation_um"]["rms"] == pytest.approx(rms_um, rel=0.04)  # the robust fit weighs the ends less
+    assert found["deviation"]["rms_um"] == pytest.approx(rms_um, rel=0.04)  # the robust fit weighs the ends less
 
 
 @pytest.mark.parametrize(("light", "taper_um"), [("transmitted", 50.0), ("dark-field", -60.0)])
@@ -171,20 +170,19 @@ def test_both_edges_are_found_and_named(light: str, taper_um: float, tmp_path: P
     found = inspected(tmp_path, replace(PLAIN, light=light, taper_um=taper_um), 9)
     edges = {edge["name"]: edge for edge in found["edges"]}
     assert set(edges) == {"outer", "inner"}
-    assert found["edge"] == ("inner" if taper_um > 0 else "outer")  # the one in focus
+    assert found["edge"]["name"] == ("inner" if taper_um > 0 else "outer")  # the one in focus
     other = edges["outer" if taper_um > 0 else "inner"]
-    assert other["outwards_of_chosen_um"] == pytest.approx(taper_um, abs=1.5)  # a third of a pixel
-    assert found["deviation_um"]["rms_beyond_noise"] < 3.0 * found["deviation_um"]["u_rms"]
+    assert other["outside_chosen_um"] == pytest.approx(taper_um, abs=1.5)  # a third of a pixel
+    assert found["deviation"]["rms_beyond_noise_um"] < 3.0 * found["deviation"]["u_rms_um"]
 
 
-def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     picture = tmp_path / "picture.png"
     picture.write_bytes(png(PLAIN.taken(1)))
     design = design_file(tmp_path)
-    app(["inspect", str(picture), "--design", str(design), "--um-per-px", "5", "--json"], result_action="return_none")
-    found = json.loads(capsys.readouterr().out)
-    assert found["um_per_px"] == 5.0
-    assert {"rms", "max"} <= found["deviation_um"].keys()
+    found = answered(capfd, "print", "inspect", str(picture), "--design", str(design), "--um-per-px", "5")
+    assert found["scale"]["um_per_px"] == 5.0
+    assert {"rms_um", "max_um"} <= found["deviation"].keys()
     assert found["nearest"] == "n = 1.44"
     outline = np.array(found["outline_mm"])
     assert outline.shape[1] == 2
@@ -197,6 +195,6 @@ def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capsys
 @pytest.mark.evidence
 def test_a_sharp_picture_of_much_noise_and_many_bits_is_measured_as_well(tmp_path: Path) -> None:
     shot = replace(PLAIN, optics=sharp(), camera=Camera(noise=0.08, bits=16))
-    off = inspected(tmp_path, shot, 10)["deviation_um"]
-    assert off["rms"] < 3.0 * off["u_rms"]
-    assert off["max_interval95"][0] <= 0.0 <= off["max_interval95"][1]
+    off = inspected(tmp_path, shot, 10)["deviation"]
+    assert off["rms_um"] < 3.0 * off["u_rms_um"]
+    assert off["interval95_max_um"][0] <= 0.0 <= off["interval95_max_um"][1]

@@ -12,17 +12,17 @@ import pytest
 from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
 from solen.metrology import as_image
-from solen.metrology.template_match import Pose, find
-from solen.metrology.nominal import Ideal
-from solen.metrology.comparison import cautions, nearest
-from solen.metrology.outline import measure
+from solen.metrology.comparison import compare, doubts
+from solen.metrology.nominal import NominalFront, nominal_front
+from solen.metrology.outline import measure_outline
+from solen.metrology.pose import Pose
 from solen.metrology.registration import effective_number, register
-from solen.pipeline.print.inspect import ideal_of
+from solen.metrology.template_match import match_template
 from solen.plane import Rigid
 from solen.sensor import Sensor
 from solen.spec import loads
 from solen.spec.objects import CURVES
-from tests.metrology.lens_support import IDEAL, OUTLINE, PLACING, SHAPE, UM_PER_PX, plain, printed, taken
+from tests.metrology.lens_support import NOMINAL, OUTLINE, PLACING, SHAPE, UM_PER_PX, plain, printed, taken
 from tests.metrology.render.micrograph import Level, dark_field, reflected, transmitted
 from tests.metrology.render.optics import gaussian
 from tests.metrology.render.scenery import dust, fibres, glare, gradient
@@ -31,19 +31,19 @@ from tests.metrology.render.shape import Placing, bump, grown, shipped
 INDICES = (1.44, 1.49, 1.54)
 
 
-def ideals() -> list[Ideal]:
-    return [ideal_of(shipped(lens__design_index=index), f"n = {index}") for index in INDICES]
+def nominal_fronts() -> list[NominalFront]:
+    return [nominal_front(shipped(lens__design_index=index), f"n = {index}") for index in INDICES]
 
 
 def test_feet_of_points_beside_the_front_have_their_distances() -> None:
-    arc = np.linspace(0.2, float(IDEAL.arc_mm[-1]) - 0.2, 300)
-    points, normals = IDEAL.at(arc)
+    arc = np.linspace(0.2, float(NOMINAL.arc_mm[-1]) - 0.2, 300)
+    points, normals = NOMINAL.at(arc)
     off = 0.05 * np.sin(7.0 * arc)
-    feet = IDEAL.feet(points + off[:, None] * normals)
+    nearest = NOMINAL.nearest(points + off[:, None] * normals)
     # normals are interpolated between points 2 µm apart: 50 µm along one that is off by 1e-4 rad is 3e-7 mm
-    np.testing.assert_allclose(feet.off_mm, off, atol=1e-6)
-    np.testing.assert_allclose(feet.arc_mm, arc, atol=1e-4)
-    assert not feet.beyond.any()
+    np.testing.assert_allclose(nearest.deviation_mm, off, atol=1e-6)
+    np.testing.assert_allclose(nearest.arc_mm, arc, atol=1e-4)
+    assert not nearest.beyond.any()
     assert np.all(normals[:, 1] < 0.0), "outwards is towards the emitter"
 
 
@@ -60,30 +60,30 @@ def test_a_pose_goes_to_the_picture_and_back() -> None:
 )
 def test_the_lens_is_found_at_any_rotation(rotation_deg: float) -> None:
     placing = replace(PLACING, origin_px=(500.0, 420.0), angle_deg=rotation_deg)
-    found = find(plain(OUTLINE, placing).grey, UM_PER_PX, IDEAL)[0]
+    found = match_template(plain(OUTLINE, placing).grey, UM_PER_PX, NOMINAL)[0]
     assert (found.pose.rotation_deg - rotation_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=2.5)
-    assert np.hypot(*np.subtract(found.pose.vertex_px, (500.0, 420.0))) < 25.0
+    assert np.hypot(*np.subtract(found.pose.origin_px, (500.0, 420.0))) < 25.0
 
 
 def test_a_perfect_print_lies_on_its_design() -> None:
-    found = measure(plain(), IDEAL)
+    found = measure_outline(plain(), NOMINAL)
     laid = found.chosen.registration
     assert found.chosen.name == "single"
     assert found.seen == 1.0
     assert laid.rms_um < 0.1 * UM_PER_PX
-    assert abs(laid.off_um.mean()) < 0.05 * UM_PER_PX
+    assert abs(laid.deviation_um.mean()) < 0.05 * UM_PER_PX
     assert laid.pose.rotation_deg == pytest.approx(PLACING.angle_deg, abs=4.0 * laid.u_rotation_deg + 0.01)
     # the renderer counts from a pixel's corner, places are counted from its middle
-    np.testing.assert_allclose(np.add(laid.pose.vertex_px, 0.5), PLACING.origin_px, atol=0.3)
+    np.testing.assert_allclose(np.add(laid.pose.origin_px, 0.5), PLACING.origin_px, atol=0.3)
     assert laid.scale_factor == pytest.approx(1.0, abs=4.0 * laid.u_scale_factor + 2e-3)
 
 
 def test_a_bump_is_seen_where_it_is_with_its_sign_and_height() -> None:
     up, down = bump(0.8, 30.0, 0.12), bump(-0.9, -25.0, 0.12)
-    laid = measure(plain(printed(lambda points: up(down(points)))), IDEAL).chosen.registration
+    laid = measure_outline(plain(printed(lambda points: up(down(points)))), NOMINAL).chosen.registration
     # the best pose takes up some 6 µm of them: bumps of opposite sign on both sides look like a rotation
-    for worst, height, x_mm in ((np.argmax(laid.off_um), 30.0, 0.8), (np.argmin(laid.off_um), -25.0, -0.9)):
-        assert laid.off_um[worst] == pytest.approx(height, abs=7.0)
+    for worst, height, x_mm in ((np.argmax(laid.deviation_um), 30.0, 0.8), (np.argmin(laid.deviation_um), -25.0, -0.9)):
+        assert laid.deviation_um[worst] == pytest.approx(height, abs=7.0)
         assert laid.points_mm[worst, 0] == pytest.approx(x_mm, abs=0.05)
 
 
@@ -96,9 +96,9 @@ LIT = {
 @pytest.mark.parametrize("lit", LIT)
 def test_the_lens_is_measured_in_any_light(lit: str) -> None:
     levels, ground = LIT[lit]
-    laid = measure(taken(levels, ground=ground), IDEAL).chosen.registration
+    laid = measure_outline(taken(levels, ground=ground), NOMINAL).chosen.registration
     assert laid.rms_um < 0.3 * UM_PER_PX
-    assert abs(laid.off_um.mean()) < 0.05 * UM_PER_PX
+    assert abs(laid.deviation_um.mean()) < 0.05 * UM_PER_PX
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -108,7 +108,7 @@ def test_both_edges_of_a_thick_part_are_found_and_named(dark: bool) -> None:
         image = taken(dark_field((OUTLINE, PLACING, 2.0), (inner, PLACING, 4.0)), ground=0.1)
     else:
         image = taken(transmitted((OUTLINE, PLACING, 2.0), (inner, PLACING, 4.0)), ground=0.8)
-    found = measure(image, IDEAL)
+    found = measure_outline(image, NOMINAL)
     by_name = {one.name: one for one in found.edges}
     assert set(by_name) == {"outer", "inner"}
     assert found.chosen is by_name["outer"]
@@ -116,7 +116,7 @@ def test_both_edges_of_a_thick_part_are_found_and_named(dark: bool) -> None:
     assert found.chosen.registration.rms_um < 0.2 * UM_PER_PX
     assert any("80 µm apart" in warning for warning in found.warnings)
     if not dark:
-        assert measure(image, IDEAL, "inner").chosen.name == "inner"
+        assert measure_outline(image, NOMINAL, "inner").chosen.name == "inner"
 
 
 def test_of_two_faces_that_are_shifted_the_one_in_focus_is_taken() -> None:
@@ -124,7 +124,7 @@ def test_of_two_faces_that_are_shifted_the_one_in_focus_is_taken() -> None:
         Level([OUTLINE], PLACING, -0.3, gaussian(2.0)),
         Level([OUTLINE], PLACING.moved(25.0, 5.0), -0.2, gaussian(4.0)),
     ]
-    found = measure(taken(levels, ground=0.8), IDEAL)
+    found = measure_outline(taken(levels, ground=0.8), NOMINAL)
     assert len(found.edges) == 2
     assert found.chosen.sharpest
     assert found.chosen.registration.rms_um < 0.3 * UM_PER_PX
@@ -132,13 +132,13 @@ def test_of_two_faces_that_are_shifted_the_one_in_focus_is_taken() -> None:
 
 def test_dust_glare_and_uneven_light_do_not_change_the_outline() -> None:
     dirt = [gradient(0.5, 30.0), dust(25, 12.0, 0.9), fibres(4, 150.0, 6.0, 0.9), glare(4, 25.0, 1.0)]
-    found = measure(plain(scenery=dirt), IDEAL)
+    found = measure_outline(plain(scenery=dirt), NOMINAL)
     assert found.chosen.registration.rms_um < 0.25 * UM_PER_PX
     assert sum(found.chosen.edge.rejected.values()) > 0
 
 
 def test_a_cropped_lens_is_measured_as_far_as_it_goes() -> None:
-    found = measure(plain(OUTLINE, PLACING.moved(-250.0, -300.0), shape=(500, 600)), IDEAL)
+    found = measure_outline(plain(OUTLINE, PLACING.moved(-250.0, -300.0), shape=(500, 600)), NOMINAL)
     assert 0.5 < found.seen < 0.9
     assert found.chosen.registration.rms_um < 0.1 * UM_PER_PX
     assert any("% of the front" in warning for warning in found.warnings)
@@ -146,61 +146,59 @@ def test_a_cropped_lens_is_measured_as_far_as_it_goes() -> None:
 
 def test_too_little_of_a_lens_is_refused() -> None:
     with pytest.raises(DataError, match=r"% of the front|shows no lens"):
-        measure(plain(OUTLINE, PLACING.moved(-850.0, -300.0), shape=(500, 600)), IDEAL)
+        measure_outline(plain(OUTLINE, PLACING.moved(-850.0, -300.0), shape=(500, 600)), NOMINAL)
 
 
 def test_a_picture_of_nothing_is_refused() -> None:
     with pytest.raises(DataError, match="no lens"):
-        measure(taken([], scenery=[dust(30, 14.0, 0.9), gradient(0.4, 10.0)]), IDEAL)
+        measure_outline(taken([], scenery=[dust(30, 14.0, 0.9), gradient(0.4, 10.0)]), NOMINAL)
 
 
 def test_a_scale_that_cannot_be_is_refused() -> None:
     picture = np.random.default_rng(1).random(SHAPE)
     for um_per_px in (0.5, 90.0):
         with pytest.raises(DataError, match="pixels wide"):
-            measure(as_image(picture, um_per_px), IDEAL)
+            measure_outline(as_image(picture, um_per_px), NOMINAL)
 
 
 def test_unknown_edge_is_refused() -> None:
     with pytest.raises(SpecError, match="outer"):
-        measure(plain(), IDEAL, "left")
+        measure_outline(plain(), NOMINAL, "left")  # type: ignore[arg-type]
 
 
 def test_a_design_without_a_lens_is_refused() -> None:
     with pytest.raises(DataError, match="no lens"):
-        ideal_of(shipped(lens__shape="none"))
+        nominal_front(shipped(lens__shape="none"))
 
 
 @pytest.mark.parametrize("index", INDICES)
 def test_the_nearest_design_is_the_printed_one(index: float) -> None:
     outline = printed(bump(-0.7, 12.0, 0.3), {1.44: "solen-860", 1.49: "solen-500", 1.54: "solen-450"}[index])
-    found = measure(plain(outline), IDEAL).chosen
-    edge, pose = found.edge, found.registration.pose
-    rivals = nearest(edge.points_px[edge.kept], edge.u_px[edge.kept], pose, ideals())
-    assert rivals[0].name == f"n = {index}"
-    assert rivals[0].probability > 0.99
-    assert sum(rival.probability for rival in rivals) == pytest.approx(1.0)
-    assert rivals[0].registration.independent < 100, "what neighbours have in common is no new witness"
+    found = measure_outline(plain(outline), NOMINAL).chosen
+    designs = compare(found.edge, found.registration.pose, nominal_fronts())
+    assert designs[0].name == f"n = {index}"
+    assert designs[0].probability > 0.99
+    assert sum(design.probability for design in designs) == pytest.approx(1.0)
+    assert designs[0].registration.independent < 100, "what neighbours have in common is no new witness"
 
 
 def test_designs_that_are_alike_are_not_told_apart() -> None:
-    alike = [ideal_of(shipped(lens__design_index=index), f"n = {index}") for index in (1.44, 1.442)]
-    found = measure(plain(printed(bump(0.5, 20.0, 0.3))), IDEAL).chosen
-    edge = found.edge
-    rivals = nearest(edge.points_px[edge.kept], edge.u_px[edge.kept], found.registration.pose, alike)
-    assert rivals[0].probability < 0.95
-    assert "cannot be told apart" in cautions(rivals)[0]
+    alike = [nominal_front(shipped(lens__design_index=index), f"n = {index}") for index in (1.44, 1.442)]
+    found = measure_outline(plain(printed(bump(0.5, 20.0, 0.3))), NOMINAL).chosen
+    designs = compare(found.edge, found.registration.pose, alike)
+    assert designs[0].probability < 0.95
+    assert "cannot be distinguished" in doubts(designs)[0]
 
 
 def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
     rng = np.random.default_rng(4)
     truth = Pose(21.0, (300.0, 400.0), 4.0)
-    points, normals = IDEAL.at(np.linspace(0.1, float(IDEAL.arc_mm[-1]) - 0.1, 500))
+    points, normals = NOMINAL.at(np.linspace(0.1, float(NOMINAL.arc_mm[-1]) - 0.1, 500))
     errors = []
     for _ in range(40):
         noisy = truth.to_px(points + rng.normal(0.0, 0.002, (500, 1)) * normals)
-        laid = register(noisy, np.full(500, 0.5), Pose(19.0, (306.0, 395.0), 4.0), IDEAL)
-        shift = 4.0 * np.subtract(laid.pose.vertex_px, truth.vertex_px)
+        laid = register(noisy, np.full(500, 0.5), Pose(19.0, (306.0, 395.0), 4.0), NOMINAL)
+        shift = 4.0 * np.subtract(laid.pose.origin_px, truth.origin_px)
         errors.append([(laid.pose.rotation_deg - 21.0) / laid.u_rotation_deg, np.hypot(*shift)])
         assert laid.rms_um == pytest.approx(2.0, rel=0.15)
     spread = np.std([error[0] for error in errors])
@@ -209,16 +207,16 @@ def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
 
 
 def test_a_mirrored_picture_of_an_asymmetric_front_is_told() -> None:
-    front = IDEAL.front_mm.copy()
+    front = NOMINAL.front_mm.copy()
     front[:, 1] += 0.05 * np.exp(-(((front[:, 0] - 1.0) / 0.3) ** 2))
-    lopsided = Ideal("lopsided", front, IDEAL.left_mm, IDEAL.right_mm)
-    assert IDEAL.is_symmetric
+    lopsided = NominalFront("lopsided", front, NOMINAL.left_mm, NOMINAL.right_mm)
+    assert NOMINAL.is_symmetric
     assert not lopsided.is_symmetric
     outline = np.vstack([front, [[2.2, 3.0], [-2.2, 3.0]]])
     image = plain(outline, Placing(UM_PER_PX, (600.0, 650.0), angle_deg=5.0))
     mirrored = as_image(np.ascontiguousarray(image.grey[:, ::-1]), UM_PER_PX)
     for picture, expected in ((image, False), (mirrored, True)):
-        found = measure(picture, lopsided).chosen.registration
+        found = measure_outline(picture, lopsided).chosen.registration
         assert found.pose.mirrored is expected
         assert found.rms_um < 0.2 * UM_PER_PX
 
@@ -231,16 +229,16 @@ def test_effective_number_of_noise_and_of_a_wave() -> None:
 
 def test_a_part_of_another_width_is_told_or_refused() -> None:
     image = plain()
-    near = measure(as_image(image.grey, 1.08 * UM_PER_PX), IDEAL)
+    near = measure_outline(as_image(image.grey, 1.08 * UM_PER_PX), NOMINAL)
     assert near.width_mm == pytest.approx(1.08 * 4.0, rel=0.01)
     assert any("mm wide right behind the front" in warning for warning in near.warnings)
     with pytest.raises(DataError, match="shows no lens"):
-        measure(as_image(image.grey, 1.4 * UM_PER_PX), IDEAL)
+        measure_outline(as_image(image.grey, 1.4 * UM_PER_PX), NOMINAL)
 
 
 def test_edges_that_overlap_are_both_measured() -> None:
     inner = grown(OUTLINE, -30.0)
-    found = measure(taken(transmitted((OUTLINE, PLACING, 2.0), (inner, PLACING, 2.0)), ground=0.8), IDEAL)
+    found = measure_outline(taken(transmitted((OUTLINE, PLACING, 2.0), (inner, PLACING, 2.0)), ground=0.8), NOMINAL)
     by_name = {one.name: one.registration for one in found.edges}
     assert set(by_name) == {"outer", "inner"}
     assert by_name["outer"].rms_um < 0.25 * UM_PER_PX
@@ -256,7 +254,7 @@ def test_two_edges_in_one_are_told_by_their_blur(apart_px: float, told: bool) ->
         Level([OUTLINE], PLACING, -0.3, gaussian(1.5)),
         Level([OUTLINE], PLACING.moved(*(float(one) for one in shift)), -0.3, gaussian(1.5)),
     ]
-    found = measure(taken(levels, ground=0.8), IDEAL)
+    found = measure_outline(taken(levels, ground=0.8), NOMINAL)
     assert len(found.edges) == 1
     assert any("measured as one" in text for text in found.warnings) == told
 
@@ -277,6 +275,6 @@ def test_a_drawn_front_is_looked_at_as_that_of_a_y(tmp_path: Path) -> None:
     drawn = {"solen_outline": 1, "faces": faces, "emitters": emitters}
     (tmp_path / "own.json").write_text(json.dumps(drawn), encoding="utf-8")
     text = 'schema = 1\nname = "own"\n[material]\nindex = 1.44\n[body]\nkind = "outline"\nfile = "own.json"\n'
-    ideal = ideal_of(loads(text, folder=tmp_path))
-    assert ideal.is_symmetric
-    assert np.abs(ideal.feet(IDEAL.front_mm[5:-5]).off_mm).max() < 1e-3
+    drawn_front = nominal_front(loads(text, folder=tmp_path))
+    assert drawn_front.is_symmetric
+    assert np.abs(drawn_front.nearest(NOMINAL.front_mm[5:-5]).deviation_mm).max() < 1e-3

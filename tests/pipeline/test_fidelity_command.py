@@ -53,7 +53,7 @@ def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> N
         assert one["kind"] == "pillar"
         assert one["resolved"] is (one["measured_mm"] is not None)
         if one["resolved"]:
-            assert one["measured_mm"] == pytest.approx(one["nominal_mm"] + 0.02, abs=5 * one["u_mm"])
+            assert one["measured_mm"] == pytest.approx(one["nominal_mm"] + 0.02, abs=5 * one["u_measured_mm"])
     assert "simulated: a.png" in Path("a.svg").read_text(encoding="utf-8")
     assert run_command([*options]) == 0
     lines = capfd.readouterr().out
@@ -88,14 +88,14 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["a.png", "--coupon", "group-a"], "says nowhere how large a pixel is"),
+        (["a.png", "--coupon", "group-a"], "does not state the size of a pixel"),
         (["a.png", "--um-per-px", "14"], "--coupon; is missing"),
         (["a.png", "--coupon", "group-x", "--um-per-px", "14"], "must be one of group-a"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "0"], "--um-per-px = 0.0"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "0"], "--um-per-px = '0'; must be at least 0.0001"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14"], "shows no group-a"),
         (["a.png", "--coupon", "group-c", "--um-per-px", "14"], "--z-um"),
         (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that a picture shows"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is no z map"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is not a z map"),
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),

@@ -1,11 +1,25 @@
-"""From a picture to sizes: micrographs with their scale, sub-pixel edges, and the printed lens against its design.
+"""From a picture to sizes: micrographs with their scale, sub-pixel edges, and printed parts against their design.
 
-`read_image` gives an `Image`, grey values with a scale that is never guessed. `fit_edge` finds an edge near a contour
-to a small part of a pixel, with its uncertainty and what was set aside.
+`read_image` gives an `Image`, grey values with a scale that is never guessed; `measure_lens` measures a printed lens in
+it against its design, `solen.metrology.coupons.measure_coupon` a coupon. `fit_edge` finds an edge near a contour to a
+small part of a pixel, with its uncertainty and what was rejected.
 """
 
-from solen.metrology.edge import Edge, fit_edge, fit_two_edges, normals_of, profiles
+from solen.metrology.edge import Edge, fit_edge, fit_two_edges, normals_of
 from solen.metrology.image import Image, as_image, read_image
+from solen.metrology.inspection import InspectOptions, LensInspection, measure_lens
 from solen.metrology.scale import Scale
 
-__all__ = ["Edge", "Image", "Scale", "as_image", "fit_edge", "fit_two_edges", "normals_of", "profiles", "read_image"]
+__all__ = [
+    "Edge",
+    "Image",
+    "InspectOptions",
+    "LensInspection",
+    "Scale",
+    "as_image",
+    "fit_edge",
+    "fit_two_edges",
+    "measure_lens",
+    "normals_of",
+    "read_image",
+]

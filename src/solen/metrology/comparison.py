@@ -12,7 +12,7 @@ which the outline would fit it best is therefore stated as well: a picture of a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from solen.metrology.edge import Edge
 from solen.metrology.nominal import NominalFront, nominal_front
 from solen.metrology.pose import Pose
 from solen.metrology.registration import Registration, register
+from solen.results import HIDDEN, reported
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
 
@@ -52,10 +53,15 @@ class ComparedDesign:
     """
 
     name: str
-    registration: Registration
+    registration: Registration = field(metadata=HIDDEN)
     probability: float
     scale_factor: float
     scaled_rms_um: float
+
+    @reported
+    def rms_um(self) -> float:
+        """Rms deviation with the scale as stated."""
+        return self.registration.rms_um
 
 
 def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[Design] = ()) -> list[NominalFront]:

@@ -62,7 +62,7 @@ LEAST_TRIPLES = 40
 """Comparisons of places with their neighbours, below which their scatter says nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Edge:
     """An edge, place by place along its contour.
 
@@ -228,7 +228,7 @@ def fit_two_edges(
     return (view.judged(steps, 0, None, inside, saturated), view.judged(steps, 1, None, inside, saturated))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _View:
     """A contour in a picture, and how it is looked at."""
 

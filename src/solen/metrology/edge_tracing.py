@@ -12,9 +12,9 @@ import numpy as np
 from scipy import ndimage
 
 from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.metrology.image import binned
 from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
-from solen.metrology.template_match import binned
 
 ALONG, ACROSS = 500, 160
 """Places along the front, and pixels from its middle to a side of the band, about."""

@@ -113,6 +113,15 @@ def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = 
     return Image(np.asarray(grey, dtype=np.float64), scale, None, _ceiling(grey), Provenance(file=name, format="array"))
 
 
+def binned(grey: FloatArray, factor: int) -> FloatArray:
+    """Means of blocks of ``factor`` by ``factor`` pixels; a remainder at the far sides is left out."""
+    if factor == 1:
+        return grey
+    rows, columns = grey.shape[0] // factor, grey.shape[1] // factor
+    blocks = grey[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    return np.asarray(blocks.mean(axis=(1, 3)))
+
+
 def _ceiling(grey: FloatArray) -> float:
     """Highest level where so many pixels share it that it is the camera's limit; infinite otherwise.
 

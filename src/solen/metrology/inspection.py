@@ -1,40 +1,351 @@
-"""The measured front as a profile z(x), which a design takes for its lens."""
+"""Inspection of a printed lens: its outline in a picture, its deviations from the design, the nearest of some designs.
+
+`measure_lens` of a picture and a design gives a `LensInspection`; its `profile` is what a design takes for its lens.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import ndtri
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.lens.measured import MeasuredProfile, profile_text
+from solen.lens.measured import MeasuredProfile
+from solen.metrology.comparison import ComparedDesign, compare, designs_to_compare, doubts
 from solen.metrology.image import Image
-from solen.metrology.outline import Outline
+from solen.metrology.nominal import NominalFront, nominal_front
+from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
+from solen.metrology.raster import check_vision
+from solen.metrology.registration import Registration
+from solen.metrology.scale import Scale, ScaleOptions
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, plain, reported
+from solen.spec import Design
 
+EDGE_BIAS_PX = 0.05
+"""What uneven light and a camera's grey value curve may shift an edge by: systematic, and not seen in scatter."""
+OTHER_SCALE, SURE_SCALE = 0.01, 3.0
+"""Relative difference of the best scale that is warned of, where it is more than so many of its uncertainties."""
 FACES = {"sharper": "top", "softer": "bottom"}
 LEAST_STEP_MM = 1e-4
 """Points nearer each other than this in x are one."""
 
 
-def front_profile(outline: Outline, image: Image, name: str, warnings: list[str]) -> str:
-    """Text of the chosen edge's profile in lens coordinates; `DataError` where it folds back on itself.
+class InspectOptions(ScaleOptions):
+    """How a picture of a lens is measured."""
 
-    The edge that is in focus is called the top one; one alone, or two that are equally sharp, stand for the mean.
+    edge: EdgeChoice = "auto"
+    """Edge of a thick transparent part to take; auto: the sharper, else the outer."""
+
+
+@dataclass(frozen=True)
+class FrontDeviation:
+    """Deviations of a printed front from its design, positive where it stands out, with their uncertainty.
+
+    The root mean square of a perfect print would be that of the edges' own scatter: ``rms_beyond_noise_um`` is without
+    it, and ``u_rms_um`` reaches that far. The largest of many deviations is the one that scatter made largest: its
+    interval holds for all places at once.
+
+    Attributes
+    ----------
+    rms_um, u_rms_um
+        Root mean square and its standard uncertainty.
+    rms_beyond_noise_um
+        Root mean square without the scatter of the edge.
+    max_um, u_max_um, interval95_max_um
+        The largest in size, signed, its standard uncertainty and 95 % interval.
+    max_x_mm
+        Where it is.
+    mean_um, highest_um, lowest_um, p95_um
+        Mean, extremes, and the 95th percentile of the sizes.
+    rms_of_u_um
+        Root mean square of the points' standard uncertainties, with what shifts the whole edge.
+    rms_um_per_percent_of_scale
+        Change (rms) where the scale changes by 1 %.
+    independent_values
+        Number of independent values among the deviations.
     """
+
+    rms_um: float
+    u_rms_um: float
+    rms_beyond_noise_um: float
+    max_um: float
+    u_max_um: float
+    interval95_max_um: tuple[float, float]
+    max_x_mm: float
+    mean_um: float
+    highest_um: float
+    lowest_um: float
+    p95_um: float
+    rms_of_u_um: float
+    rms_um_per_percent_of_scale: float
+    independent_values: float
+
+    @classmethod
+    def of(cls, chosen: NamedEdge, image: Image) -> "FrontDeviation":
+        """Numbers of the chosen edge."""
+        fit = chosen.registration
+        deviation, rms, bias = fit.deviation_um, fit.rms_um, EDGE_BIAS_PX * image.um_per_px
+        scatter_um = chosen.edge.measured[1][fit.used] * image.um_per_px
+        beyond = float(np.sqrt(max(rms**2 - float(np.mean(scatter_um**2)), 0.0)))
+        noise = float(np.sqrt(np.mean(fit.u_um**2) / max(fit.independent, 1.0)))
+        by_scale = float(np.mean(deviation * fit.by_scale_um)) / max(rms, 1e-9) * image.scale.u_relative
+        worst = int(np.argmax(np.abs(deviation)))
+        largest, u_max = float(deviation[worst]), float(np.hypot(fit.u_um[worst], bias))
+        half = float(ndtri(1.0 - 0.025 / len(deviation))) * u_max
+        return cls(
+            rms_um=rms,
+            u_rms_um=float(np.sqrt(noise**2 + by_scale**2 + bias**2 + (rms - beyond) ** 2)),
+            rms_beyond_noise_um=beyond,
+            max_um=largest,
+            u_max_um=u_max,
+            interval95_max_um=(largest - half, largest + half),
+            max_x_mm=float(fit.points_mm[worst, 0]),
+            mean_um=float(np.mean(deviation)),
+            highest_um=float(deviation.max()),
+            lowest_um=float(deviation.min()),
+            p95_um=float(np.quantile(np.abs(deviation), 0.95)),
+            rms_of_u_um=float(np.hypot(np.sqrt(np.mean(fit.u_um**2)), bias)),
+            rms_um_per_percent_of_scale=fit.um_per_percent_of_scale,
+            independent_values=fit.independent,
+        )
+
+
+@dataclass(frozen=True)
+class ScaleCheck:
+    """Factor by which the outline would have to grow to fit the design best, and its standard uncertainty.
+
+    It is not applied: an error of scale and one of curvature look alike.
+    """
+
+    factor: float
+    u_factor: float
+
+
+@dataclass(frozen=True)
+class EdgeSummary:
+    """One of the edges along the front, in numbers.
+
+    Attributes
+    ----------
+    name
+        ``single``, ``outer``, ``inner``, ``sharper`` or ``softer``.
+    chosen, in_focus
+        Whether it is taken for the outline; whether it is clearly the sharpest.
+    blur_px, contrast
+        Medians along the edge.
+    points_used
+        Number of points.
+    rms_um, mean_um
+        Of its deviations.
+    outside_chosen_um
+        Median distance from the chosen edge, positive outwards; None where they share no place.
+    """
+
+    name: str
+    chosen: bool
+    in_focus: bool
+    blur_px: float
+    contrast: float
+    points_used: int
+    rms_um: float
+    mean_um: float
+    outside_chosen_um: float | None
+
+    @classmethod
+    def of(cls, edge: NamedEdge, chosen: NamedEdge) -> "EdgeSummary":
+        """Numbers of an edge beside the chosen one."""
+        fit, outside = edge.registration, edge.outside_um(chosen)
+        return cls(
+            name=edge.name,
+            chosen=edge is chosen,
+            in_focus=edge.sharpest,
+            blur_px=edge.edge.blur,
+            contrast=edge.edge.contrast,
+            points_used=len(fit.used),
+            rms_um=fit.rms_um,
+            mean_um=float(np.mean(fit.deviation_um)),
+            outside_chosen_um=float(np.median(outside)) if outside.size else None,
+        )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LensInspection(Result):
+    """A printed lens in a picture, measured against its design.
+
+    Attributes
+    ----------
+    design
+        Its name.
+    simulated
+        Whether the picture was computed.
+    scale
+        Size of a pixel and where it comes from.
+    deviation
+        Of the outline from the design.
+    scale_check
+        The scale at which the outline would fit the design best.
+    nearest
+        Name of the nearest of the compared designs.
+    designs
+        The compared designs by name, the nearest first.
+    edges
+        All edges along the front, the chosen one first.
+    rotation_deg, u_rotation_deg
+        Of the part, counter-clockwise as seen; 0 where its front looks down.
+    vertex_px, u_shift_um
+        (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
+    mirrored
+        Whether the picture shows the part from its other side.
+    points_rejected
+        How many places along the chosen edge were rejected, by reason.
+    seen
+        Share of the front that the picture shows.
+    measured_x_mm
+        Lateral range that was measured.
+    width_mm
+        Of the part right behind the front; None where the picture or the design does not show both walls.
+    outline_mm
+        Shape (N, 2): points of the chosen edge in lens coordinates.
+    outline_deviation_um, u_outline_deviation_um
+        Shape (N,): how far they stand out of the design, and standard uncertainties.
+    sources
+        The picture.
+    warnings
+        What cannot be concluded.
+    image, outline, nominal
+        The picture, its outline, and the front as designed.
+    """
+
+    design: str
+    simulated: bool
+    scale: Scale
+    deviation: FrontDeviation
+    scale_check: ScaleCheck
+    nearest: str
+    designs: dict[str, ComparedDesign]
+    edges: tuple[EdgeSummary, ...]
+    rotation_deg: float
+    u_rotation_deg: float
+    vertex_px: tuple[float, float]
+    u_shift_um: tuple[float, float]
+    mirrored: bool
+    points_rejected: dict[str, int]
+    seen: float
+    measured_x_mm: tuple[float, float]
+    width_mm: float | None
+    outline_mm: FloatArray
+    outline_deviation_um: FloatArray
+    u_outline_deviation_um: FloatArray
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    image: Image = field(metadata=HIDDEN)
+    outline: Outline = field(metadata=HIDDEN)
+    nominal: NominalFront = field(metadata=HIDDEN)
+
+    @reported
+    def edge(self) -> EdgeSummary:
+        """The chosen edge."""
+        return self.edges[0]
+
+    def profile(self) -> MeasuredProfile:
+        """The chosen edge as a profile z(x); `DataError` where it folds back on itself.
+
+        The edge that is in focus counts as the top one; a single one, or two that are equally sharp, as the mean.
+        """
+        chosen = self.outline.chosen
+        fit = chosen.registration
+        order = np.argsort(fit.points_mm[:, 0], kind="stable")
+        x, z = fit.points_mm[order].T
+        apart = np.concatenate([[True], np.diff(x) > LEAST_STEP_MM])
+        if apart.mean() < 0.5:
+            limit = "the outline folds back on itself, so it has more than one z for an x"
+            raise DataError(self.image.provenance.file, limit=limit, remedy="leave out --out")
+        return MeasuredProfile(
+            x[apart],
+            z[apart],
+            1e-3 * fit.u_um[order][apart],
+            simulated=self.simulated,
+            name=self.design,
+            edge="top" if chosen.sharpest else FACES.get(chosen.name, "mean"),
+            sources=tuple(plain(source) for source in self.sources),
+            warnings=self.warnings,
+        )
+
+
+def measure_lens(
+    image: Image, design: Design, *, edge: EdgeChoice = "auto", against: Sequence[Design] = ()
+) -> LensInspection:
+    """Measure a printed lens in a picture against its design.
+
+    Parameters
+    ----------
+    image
+        The picture, as `solen.metrology.read_image` reads it.
+    design
+        The design of the part.
+    edge
+        Edge of a thick transparent part to take.
+    against
+        Other designs to compare with; by default those of the paper's three indices where it is the paper's lens.
+
+    Raises
+    ------
+    DataError
+        Where the picture shows no such lens, or the design has none.
+    OutputError
+        Where the extra ``vision`` is not installed.
+    """
+    check_vision("solen print inspect")
+    nominal = nominal_front(design)
+    outline = measure_outline(image, nominal, edge)
     chosen = outline.chosen
-    laid = chosen.registration
-    order = np.argsort(laid.points_mm[:, 0], kind="stable")
-    x, z = laid.points_mm[order].T
-    u = 1e-3 * laid.u_um[order]
-    apart = np.concatenate([[True], np.diff(x) > LEAST_STEP_MM])
-    if apart.mean() < 0.5:
-        limit = "folds back on itself, so it has no z for each x"
-        raise DataError(image.provenance.file, limit=limit, remedy="leave out --out")
-    edge = "top" if chosen.sharpest else FACES.get(chosen.name, "mean")
-    profile = MeasuredProfile(
-        x[apart],
-        z[apart],
-        u[apart],
+    fit, u_scale, bias_um = chosen.registration, image.scale.u_relative, EDGE_BIAS_PX * image.um_per_px
+    designs = compare(chosen.edge, fit.pose, designs_to_compare(design, nominal, against), u_scale)
+    # an edge's bias, of one sign on the left and of the other on the right, turns the part
+    turned_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
+    return LensInspection(
+        design=design.name,
         simulated=image.provenance.simulated,
-        name=name,
-        edge=edge,
-        sources=(image.provenance.as_dict(),),
-        warnings=tuple(warnings),
+        scale=image.scale,
+        deviation=FrontDeviation.of(chosen, image),
+        scale_check=ScaleCheck(fit.scale_factor, fit.u_scale_factor),
+        nearest=designs[0].name,
+        designs={one.name: one for one in designs},
+        edges=tuple(EdgeSummary.of(one, chosen) for one in outline.edges),
+        rotation_deg=(fit.pose.rotation_deg + 180.0) % 360.0 - 180.0,
+        u_rotation_deg=float(np.hypot(fit.u_rotation_deg, turned_deg)),
+        vertex_px=fit.pose.origin_px,
+        u_shift_um=(float(np.hypot(fit.u_shift_um[0], bias_um)), float(np.hypot(fit.u_shift_um[1], bias_um))),
+        mirrored=fit.pose.mirrored,
+        points_rejected={reason: count for reason, count in chosen.edge.rejected.items() if count},
+        seen=outline.seen,
+        measured_x_mm=outline.ends_x_mm,
+        width_mm=outline.width_mm,
+        outline_mm=np.round(fit.points_mm, 7),
+        outline_deviation_um=np.round(fit.deviation_um, 4),
+        u_outline_deviation_um=np.round(fit.u_um, 4),
+        sources=(image.provenance,),
+        warnings=(*image.warnings, *outline.warnings, *_scale_warnings(image.scale, fit), *doubts(designs, u_scale)),
+        image=image,
+        outline=outline,
+        nominal=nominal,
     )
-    return profile_text(profile)
+
+
+def _scale_warnings(scale: Scale, fit: Registration) -> list[str]:
+    warnings = []
+    if scale.u_um_per_px is None:
+        warnings.append(
+            "no uncertainty of the scale is stated (--u-um-per-px), so the stated uncertainties exclude it: 1 % of "
+            f"scale changes the deviations by {fit.um_per_percent_of_scale:.2g} µm (rms)"
+        )
+    off = fit.scale_factor - 1.0
+    if abs(off) > OTHER_SCALE and abs(off) > SURE_SCALE * fit.u_scale_factor:
+        warnings.append(
+            f"the outline would fit the design better were it {100.0 * abs(off):.2f} % "
+            f"{'larger' if off > 0.0 else 'smaller'}: the scale is off, or the print's curvature, or it lies tilted; "
+            "this picture does not show which"
+        )
+    return warnings

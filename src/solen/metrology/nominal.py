@@ -155,7 +155,7 @@ def nominal_front(design: Design, name: str = "") -> NominalFront:
     """
     sensor = Sensor.of(design)
     name = name or design.name
-    if design.body.kind == "outline":
+    if sensor.is_drawn:
         return _drawn_front(name, sensor.body())
     if not sensor.has_lens:
         raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")

@@ -10,12 +10,12 @@ The interface: `measure_outline` gives an `Outline`: its edges in the order of t
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.errors import DataError
+from solen.errors import DataError, SpecError
 from solen.metrology.edge import Edge
 from solen.metrology.edge_tracing import Band, TracedEdge, trace_edges
 from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
@@ -124,9 +124,13 @@ def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "a
 
     Raises
     ------
+    SpecError
+        Where ``choice`` is not one of these.
     DataError
         Where no such lens is found, too little of it is in the picture, or too little of its edge can be measured.
     """
+    if choice not in get_args(EdgeChoice):
+        raise SpecError("edge", value=choice, limit=f"must be one of {', '.join(get_args(EdgeChoice))}")
     check_scale(image, nominal)
     match, warnings = _match(image, nominal)
     pose, band, traced = _traced(image, match.pose, nominal)

@@ -146,7 +146,10 @@ def read_raster(file: str, data: bytes) -> Plane:
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}
         words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
-            warned = (*warned, f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not")
+            warned = (
+                *warned,
+                f"{kind} is compressed with loss: its blocks of 8 pixels shift edges; TIFF or PNG do not",
+            )
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
             bits,

@@ -10,10 +10,9 @@ Math. 11, 431, 1963), each with its own damping.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import erf
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 
 ROUNDS = 40
 SETTLED_PX = 1e-4
@@ -25,7 +24,7 @@ NARROWER = 0.3
 """Limits of the logarithm of the blur's change in one round."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Usual:
     """What lines of one edge have in common, known beforehand as with normal distributions.
 
@@ -53,7 +52,7 @@ class Usual:
         return expected, weight
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Steps:
     """Fits of N lines with K edges each.
 
@@ -80,7 +79,7 @@ class Steps:
     level: FloatArray
     slope_per_px: FloatArray
     noise: FloatArray
-    settled: NDArray[np.bool_]
+    settled: BoolArray
 
 
 def fit_steps(
@@ -88,7 +87,7 @@ def fit_steps(
     values: FloatArray,
     at_px: FloatArray,
     blur_px: float | FloatArray,
-    use: NDArray[np.bool_],
+    use: BoolArray,
     usual: Usual | None = None,
 ) -> Steps:
     """Fit the steps of N lines.
@@ -204,7 +203,7 @@ def _steps(
     jacobian: FloatArray,
     cost: FloatArray,
     weight: FloatArray,
-    settled: NDArray[np.bool_],
+    settled: BoolArray,
     stiff: FloatArray,
 ) -> Steps:
     freedom = np.maximum(weight.sum(axis=1) - parameters.shape[1], 1.0)

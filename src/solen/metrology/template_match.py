@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import fft, ndimage
 
 from solen.arrays import FloatArray
+from solen.metrology.image import binned
 from solen.metrology.nominal import NominalFront, arc_lengths, interpolated, outward
 from solen.metrology.pose import Pose
 
@@ -69,15 +70,6 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
         Match(replace(match.pose, origin_px=_full_px(match.pose.origin_px, factor), um_per_px=um_per_px), match.score)
         for match in sorted(fine, key=lambda match: -match.score)
     ]
-
-
-def binned(grey: FloatArray, factor: int) -> FloatArray:
-    """Means of blocks of ``factor`` by ``factor`` pixels; a remainder at the far sides is left out."""
-    if factor == 1:
-        return grey
-    rows, columns = grey.shape[0] // factor, grey.shape[1] // factor
-    blocks = grey[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _full_px(place: tuple[float, float], factor: int) -> tuple[float, float]:

@@ -58,7 +58,9 @@ def read_tiff(file: str, data: bytes) -> Plane:
             raise DataError(file, limit="holds no picture", remedy="export it again")
         page: Any = opened.pages.first
         if page.samplesperpixel > MOST_SAMPLES:
-            raise DataError(file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane")
+            raise DataError(
+                file, limit=f"holds {page.samplesperpixel} values for each pixel", remedy="export one plane"
+            )
         _check_planes(file, opened, opened.series[0])
         grey, bits, warned = _grey(file, page, _decoded(file, data, page))
         tags, instrument, date = stated(opened)

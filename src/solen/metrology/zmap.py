@@ -12,15 +12,18 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
+from scipy import ndimage
 
 from solen.arrays import FloatArray
-from solen.errors import DataError
+from solen.errors import DataError, SpecError
+from solen.metrology.image import Image, read_image
 from solen.metrology.raster import check_size, is_simulated, read_bytes
 from solen.metrology.scale import Scale, ScaleOptions, Tag, choose_scale
 from solen.metrology.tiff import MAGIC, opened_tiff, stated
@@ -63,18 +66,20 @@ class ZMap:
     provenance: Provenance
     warnings: tuple[str, ...] = ()
 
-    @property
+    @cached_property
+    def filled_mm(self) -> FloatArray:
+        """Heights (rows, columns), gaps filled with the nearest one."""
+        holes = ~np.isfinite(self.z_mm)
+        if not holes.any():
+            return self.z_mm
+        nearest = ndimage.distance_transform_edt(holes, return_distances=False, return_indices=True)
+        return np.asarray(self.z_mm[tuple(np.asarray(nearest))])
+
+    @cached_property
     def grey(self) -> FloatArray:
         """Heights (rows, columns) from 0 to 1 as a picture, gaps filled with the nearest height."""
-        from scipy import ndimage
-
-        holes = ~np.isfinite(self.z_mm)
-        filled = self.z_mm
-        if holes.any():
-            nearest = ndimage.distance_transform_edt(holes, return_distances=False, return_indices=True)
-            filled = self.z_mm[tuple(np.asarray(nearest))]
-        low, high = np.percentile(filled, [0.1, 99.9])
-        return np.asarray((filled - low) / max(float(high - low), 1e-12))
+        low, high = np.percentile(self.filled_mm, [0.1, 99.9])
+        return np.asarray((self.filled_mm - low) / max(float(high - low), 1e-12))
 
 
 def is_text(path: Path) -> bool:
@@ -125,6 +130,15 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)
     return ZMap(levels * z_um * 1e-3, scale, source, tuple(warnings))
+
+
+def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
+    """Z map of a file where the height of one level is given, else its picture; `SpecError` for a table without it."""
+    if options.z_um is not None:
+        return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px)
+    if is_text(path):
+        raise SpecError("--z-um", limit="is missing: a table of numbers is a z map", remedy="give µm for one unit")
+    return read_image(path, options.um_per_px, options.u_um_per_px)
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:

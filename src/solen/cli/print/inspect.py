@@ -1,11 +1,14 @@
 """The command that compares a picture of a printed lens with its design."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FigureFile, Json, Set, show
+from solen.cli.app import FLAT, FigureFile, Set, lines
+from solen.metrology.inspection import InspectOptions, LensInspection
+from solen.results import Outcome
 
 Profile = Annotated[
     Path | None,
@@ -18,15 +21,12 @@ def inspect(
     /,
     *,
     design: Path,
-    um_per_px: float | None = None,
-    u_um_per_px: float | None = None,
+    options: Annotated[InspectOptions, FLAT] = InspectOptions(),
     against: Annotated[list[Path] | None, Parameter(negative=())] = None,
-    edge: str = "auto",
     set_: Set = None,
     figure: FigureFile = None,
     out: Profile = None,
-    as_json: Json = False,
-) -> None:
+) -> Outcome[LensInspection]:
     """Measure a printed lens in a picture: its outline, its deviations from the design, the nearest of several designs.
 
     Parameters
@@ -35,50 +35,32 @@ def inspect(
         A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
         The design file of the part.
-    um_per_px
-        Size of a pixel in µm, where the file does not say it.
-    u_um_per_px
-        Its standard uncertainty.
     against
-        A design file to compare with as well; repeatable. By default the paper's three indices, if it is its lens.
-    edge
-        Which edge of a thick transparent part to take: auto (the sharper, else the outer), outer, inner, sharper.
+        A design file to compare with as well; repeatable. Default: the paper's three indices, if it is its lens.
     """
     from solen.pipeline.print import inspect as pipeline
 
-    found = pipeline.inspect(
-        image,
-        design,
-        set_ or (),
-        um_per_px=um_per_px,
-        u_um_per_px=u_um_per_px,
-        against=against or (),
-        edge=edge,
-        figure=figure,
-        out=out,
+    return pipeline.inspect(
+        image, design, options, assignments=set_ or (), against=against or (), figure=figure, out=out
     )
-    show(found, as_json, lambda: _lines(found))
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
-    off = found["deviation_um"]
-    low, high = found["measured_x_mm"]
-    lines = [
-        f"{'simulated: ' if found['simulated'] else ''}{found['sources'][0]['file']}, {found['um_per_px']:.6g} µm per "
-        f"pixel ({found['scale']['origin']})",
-        f"{off['rms']:.3g} ± {off['u_rms']:.2g} µm (rms) from {found['design']}, from x = {low:.2f} to {high:.2f} mm",
-        f"largest {off['max']:+.3g} ± {off['u_max']:.2g} µm at x = {off['max_at_x_mm']:.2f} mm (+ is outwards)",
-        f"{found['edge']} edge: {found['points_used']} points, blur {found['blur_px']:.2f} px, rotation "
-        f"{found['rotation_deg']:.2f} ± {found['u_rotation_deg']:.1g} deg",
-    ]
-    if found["points_rejected"]:
-        lines.append("set aside: " + ", ".join(f"{count} {why}" for why, count in found["points_rejected"].items()))
-    rivals = found["likelihood"]
-    if len(rivals) > 1:
-        lines.append(f"nearest of {len(rivals)} designs: {found['nearest']}")
-        lines += [
-            f"  {name}: {one['rms_um']:.3g} µm (rms), probability {one['probability']:.3g}"
-            for name, one in rivals.items()
-        ]
-    lines += [f"warning: {warning}" for warning in found["warnings"]]
-    return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
+@lines.register
+def _(inspection: LensInspection) -> Iterator[str]:
+    scale, off, edge, (low, high) = inspection.scale, inspection.deviation, inspection.edge, inspection.measured_x_mm
+    simulated = "simulated: " if inspection.simulated else ""
+    yield f"{simulated}{inspection.sources[0].file}, {scale.um_per_px:.6g} µm per pixel ({scale.origin})"
+    yield (
+        f"{off.rms_um:.3g} ± {off.u_rms_um:.2g} µm (rms) from {inspection.design}, from x = {low:.2f} to {high:.2f} mm"
+    )
+    yield f"largest {off.max_um:+.3g} ± {off.u_max_um:.2g} µm at x = {off.max_x_mm:.2f} mm (+ is outwards)"
+    yield (
+        f"{edge.name} edge: {edge.points_used} points, blur {edge.blur_px:.2f} px, rotation "
+        f"{inspection.rotation_deg:.2f} ± {inspection.u_rotation_deg:.1g} deg"
+    )
+    if inspection.points_rejected:
+        yield "rejected: " + ", ".join(f"{count} {reason}" for reason, count in inspection.points_rejected.items())
+    if len(inspection.designs) > 1:
+        yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest}"
+        for name, one in inspection.designs.items():
+            yield f"  {name}: {one.rms_um:.3g} µm (rms), probability {one.probability:.3g}"

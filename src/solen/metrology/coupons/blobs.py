@@ -1,62 +1,60 @@
-"""Round spots of a picture, wherever they are: first guesses of what a coupon's features might be.
+"""Blobs of a picture, round and wherever they are: candidates for a coupon's features.
 
 What is smaller than a window and brighter (or darker) than what surrounds it is left by a top hat, whatever the light
 does over the picture. What is left is cut at several levels; of the connected pieces those as compact as a disc or a
 square are kept. A pillar that shows as a bright ring counts with its inside.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
+from solen.metrology.image import binned
 
 LEVELS = (0.5, 0.35, 0.7, 0.25)
-"""Cuts, as shares of the height that the highest spots have."""
+"""Cuts, as shares of the height of the highest blobs."""
 HIGHEST = 99.5
-"""Percentile that tells that height."""
+"""Percentile that is taken for that height."""
 NOISE = 5.0
-"""Spots are higher than so many standard deviations of the noise."""
+"""Blobs are higher than so many standard deviations of the noise."""
 MOST_PIXELS = 600_000
 FEWEST_PX = 12
-"""Area in pixels below which a spot has no shape."""
+"""Area in pixels below which a blob has no shape."""
 LONGEST, COMPACT = 1.3, (0.8, 1.15)
 """Ratio of axes; area over that of the ellipse with the same second moments: 1 for a disc, 0.955 for a square."""
 MOST = 150
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Blobs:
-    """Spots: middles (N, 2) as (column, row), and diameters (N,) of discs of the same area, both in px."""
+    """Blobs: middles (N, 2) as (column, row), and diameters (N,) of discs of the same area, both in px."""
 
     places_px: FloatArray
     diameter_px: FloatArray
 
 
-def blobs(grey: FloatArray, window_px: float, *, bright: bool) -> Blobs:
-    """Spots smaller than a window that are brighter, or darker, than their surroundings; the largest `MOST` of them."""
+def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float = math.inf) -> Blobs:
+    """Blobs smaller than a window that are brighter, or darker, than their surroundings; the largest `MOST` of them.
+
+    Rises above ``most_rise`` count as that: blobs of unlike heights are then cut alike.
+    """
     step = max(1, int(np.ceil(np.sqrt(grey.size / MOST_PIXELS))))
-    small = _reduced(grey if bright else -grey, step)
+    small = binned(grey if bright else -grey, step)
     small = np.asarray(ndimage.gaussian_filter(small, 1.0))
     window = max(3, round(window_px / step))
-    hat = np.asarray(ndimage.white_tophat(small, size=(window, window)), dtype=np.float64)
+    hat = np.minimum(ndimage.white_tophat(small, size=(window, window)), most_rise)
     highest = float(np.percentile(hat, HIGHEST))
     least = NOISE * _noise(small)
     found: list[tuple[float, float, float]] = []
     for share in LEVELS:
         if share * highest > least:
-            found += [one for one in _pieces(hat > share * highest) if not _known(one, found)]
-    found = sorted(found, key=lambda one: -one[2])[:MOST]
+            found += [piece for piece in _pieces(hat > share * highest) if not _known(piece, found)]
+    found = sorted(found, key=lambda blob: -blob[2])[:MOST]
     table = np.array(found).reshape(-1, 3)
     return Blobs(step * table[:, :2] + 0.5 * (step - 1), step * table[:, 2])
-
-
-def _reduced(grey: FloatArray, step: int) -> FloatArray:
-    """Means of blocks of pixels."""
-    rows, columns = grey.shape[0] // step * step, grey.shape[1] // step * step
-    return np.asarray(grey[:rows, :columns].reshape(rows // step, step, columns // step, step).mean(axis=(1, 3)))
 
 
 def _noise(grey: FloatArray) -> float:
@@ -65,7 +63,7 @@ def _noise(grey: FloatArray) -> float:
     return float(np.median(np.abs(second)) / (0.6745 * np.sqrt(6.0)))
 
 
-def _pieces(mask: NDArray[np.bool_]) -> list[tuple[float, float, float]]:
+def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
     """Compact pieces of a mask as (column, row, diameter)."""
     labels, _ = ndimage.label(mask)
     areas = np.bincount(labels.ravel())
@@ -82,7 +80,7 @@ def _pieces(mask: NDArray[np.bool_]) -> list[tuple[float, float, float]]:
 
 
 def _at_edge(window: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
-    return any(one.start == 0 or one.stop == size for one, size in zip(window, shape, strict=True))
+    return any(part.start == 0 or part.stop == size for part, size in zip(window, shape, strict=True))
 
 
 def _compact(piece: FloatArray) -> bool:
@@ -91,5 +89,5 @@ def _compact(piece: FloatArray) -> bool:
     return bool(np.sqrt(moments[1] / moments[0]) < LONGEST and COMPACT[0] < share < COMPACT[1])
 
 
-def _known(one: tuple[float, float, float], found: list[tuple[float, float, float]]) -> bool:
-    return any(np.hypot(one[0] - x, one[1] - y) < 0.3 * diameter for x, y, diameter in found)
+def _known(blob: tuple[float, float, float], found: list[tuple[float, float, float]]) -> bool:
+    return any(np.hypot(blob[0] - x, blob[1] - y) < 0.3 * diameter for x, y, diameter in found)

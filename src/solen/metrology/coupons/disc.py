@@ -19,10 +19,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chndtr, ndtr
 
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.metrology.coupons.least_squares import Fit, least_squares
 
 SECTORS = 24
@@ -79,7 +78,7 @@ class Disc:
     roundness_px: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Pixels:
     """Pixels around a place: offsets (N,) from it, distances, angles and grey values."""
 
@@ -288,7 +287,7 @@ def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bo
 
 
 def _sectors(
-    sector: NDArray[np.int64],
+    sector: IntArray,
     residual: FloatArray,
     per_px: FloatArray,
     inside: FloatArray,

@@ -9,12 +9,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.geometry.coupons import Coupon, Feature
-from solen.metrology.coupons.limits import LEVEL, OUTSIDE, Measured, rise_by_chance
-from solen.metrology.pose import Placement
+from solen.metrology.coupons.limits import LEVEL, OUTSIDE, MeasuredFeature, rise_by_chance
+from solen.metrology.pose import Pose
 
 TOP = 0.65
 """Share of a column's radius that is taken as its top."""
@@ -32,22 +31,24 @@ FREEDOM = float(PIECES - 1)
 
 @dataclass(frozen=True)
 class Height:
-    """Height of a column above the ground beside it, mm, and its standard uncertainty."""
+    """A column's nominal height, its measured height above the ground beside it, and its standard uncertainty."""
 
-    height_mm: float
-    u_mm: float
+    name: str
+    nominal_mm: float
+    measured_mm: float
+    u_measured_mm: float
 
 
-def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, placement: Placement) -> Height | str:
+def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) -> Height | str:
     """Height of a column, or why there is none.
 
     ``z_mm`` has shape (rows, columns) and NaN where nothing was measured.
     """
-    window = _window(z_mm.shape, feature, placement)
+    window = _window(z_mm.shape, feature, pose)
     if window is None:
         return OUTSIDE
     rows, columns = window
-    x_mm, y_mm = _layout_places(rows, columns, placement)
+    x_mm, y_mm = np.moveaxis(pose.to_mm(np.stack(np.meshgrid(columns, rows), axis=-1)), -1, 0)
     z = z_mm[np.ix_(rows, columns)]
     dx, dy = x_mm - feature.x_mm, y_mm - feature.y_mm
     top = _within(dx, dy, feature, TOP)
@@ -63,62 +64,49 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, placement: Pla
     if len(pieces) < FEWEST_PIECES:
         return "too few heights on its top"
     u_top = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces))
-    return Height(float(np.mean(pieces)), math.hypot(u_top, u_ground))
+    return Height(feature.name, feature.height_mm, float(np.mean(pieces)), math.hypot(u_top, u_ground))
 
 
-def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[Measured]:
+def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[MeasuredFeature]:
     """Every step of the coupon: its rise, and whether it is one."""
-    found = []
+    steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
         if isinstance(low, str) or isinstance(high, str):
             reason = low if isinstance(low, str) else str(high)
-            found.append(Measured(step.name, "step", step.step_mm, None, None, None, reason))
+            steps.append(MeasuredFeature(step.name, "step", step.step_mm, reason=reason))
             continue
-        alike = sum(abs(one.step_mm - step.step_mm) < 1e-6 for one in coupon.steps)
-        rise = high.height_mm - low.height_mm
-        chance = rise_by_chance(rise, low.u_mm, high.u_mm, FREEDOM)
-        resolved = chance < LEVEL / alike
+        alike = sum(abs(other.step_mm - step.step_mm) < 1e-6 for other in coupon.steps)
+        rise, (u_low, u_high) = high.measured_mm - low.measured_mm, (low.u_measured_mm, high.u_measured_mm)
+        resolved = rise_by_chance(rise, u_low, u_high, FREEDOM) < LEVEL / alike
         reason = "" if resolved else "no rise beyond chance"
-        u_mm = math.hypot(low.u_mm, high.u_mm)
-        found.append(Measured(step.name, "step", step.step_mm, rise, u_mm, resolved, reason))
-    return found
+        u_rise = math.hypot(u_low, u_high)
+        steps.append(MeasuredFeature(step.name, "step", step.step_mm, rise, u_rise, resolved, reason))
+    return steps
 
 
-def _window(
-    shape: tuple[int, ...], feature: Feature, placement: Placement
-) -> tuple[NDArray[np.int64], NDArray[np.int64]] | None:
+def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntArray, IntArray] | None:
     """Rows and columns around a feature; None where a part of its top is outside."""
-    (x, y) = placement.px(np.array([(feature.x_mm, feature.y_mm)]))[0].tolist()
-    radius = 0.5 * math.hypot(feature.width_mm, feature.depth_mm) * placement.px_per_mm
-    own = 0.5 * max(feature.width_mm, feature.depth_mm) * placement.px_per_mm
+    x, y = pose.to_px(np.array([feature.x_mm, feature.y_mm])).tolist()
+    own = 0.5 * max(feature.width_mm, feature.depth_mm) * pose.px_per_mm
     rows, columns = shape
     if x < own or y < own or x > columns - 1 - own or y > rows - 1 - own:
         return None
-    reach = FAR * radius
+    reach = FAR * 0.5 * math.hypot(feature.width_mm, feature.depth_mm) * pose.px_per_mm
     return (
         np.arange(max(0, math.floor(y - reach)), min(rows, math.ceil(y + reach) + 1)),
         np.arange(max(0, math.floor(x - reach)), min(columns, math.ceil(x + reach) + 1)),
     )
 
 
-def _layout_places(
-    rows: NDArray[np.int64], columns: NDArray[np.int64], placement: Placement
-) -> tuple[FloatArray, FloatArray]:
-    """Places of the layout, in mm, that pixels show."""
-    seen = columns[None, :] + 1j * rows[:, None] - complex(*placement.middle_px)
-    p = seen / placement.factor
-    return np.asarray(-p.real if placement.mirrored else p.real), np.asarray(-p.imag)
-
-
-def _within(dx: FloatArray, dy: FloatArray, feature: Feature, share: float) -> NDArray[np.bool_]:
+def _within(dx: FloatArray, dy: FloatArray, feature: Feature, share: float) -> BoolArray:
     """Whether places lie in a feature grown by a factor."""
     if feature.round:
         return np.hypot(dx, dy) < 0.5 * share * feature.diameter_mm
     return (np.abs(dx) < 0.5 * share * feature.width_mm) & (np.abs(dy) < 0.5 * share * feature.depth_mm)
 
 
-def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> NDArray[np.bool_]:
+def _free(x_mm: FloatArray, y_mm: FloatArray, coupon: Coupon) -> BoolArray:
     """Whether places lie on the slab and away from all features."""
     free = np.ones(x_mm.shape, dtype=bool)
     if coupon.slab is not None:

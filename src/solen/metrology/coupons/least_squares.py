@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 
 Model = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Of parameters (P,), the values (N,) and their derivatives (N, P)."""
@@ -20,7 +19,7 @@ SETTLED = 1e-6
 """Relative change of the sum of squares at which a fit is done."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fit:
     """Parameters (P,) of least squares, their standard uncertainties (P,) from the residuals (N,)."""
 
@@ -60,7 +59,7 @@ def least_squares(
     return Fit(p, u_values, data - values)
 
 
-def _normal(slopes: FloatArray, residual: FloatArray, free: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+def _normal(slopes: FloatArray, residual: FloatArray, free: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Normal matrix of the free parameters, kept from being singular, and the gradient."""
     some = slopes[:, free]
     normal = np.einsum("ni,nj->ij", some, some)

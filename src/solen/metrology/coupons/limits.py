@@ -20,8 +20,8 @@ smaller feature, which is not resolved, stands beside: the truth lies between.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations
+from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.stats import t as student
@@ -29,10 +29,11 @@ from scipy.stats import t as student
 LEVEL = 0.05
 SAME_MM = 1e-6
 FEWEST_HOLES = 4
+OUTSIDE = "not in the picture"
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredFeature:
     """A feature, a gap or a step: what was asked for and what came out.
 
     Attributes
@@ -41,21 +42,24 @@ class Measured:
         Of the layout; ``kind`` is ``pillar``, ``hole``, ``gap``, ``step`` or ``mark``.
     nominal_mm
         Diameter, width of the gap, or rise of the step.
-    measured_mm, u_mm
-        The same as it was found, and its standard uncertainty; None where there is nothing to measure.
+    measured_mm, u_measured_mm
+        The same as measured, and its standard uncertainty; None where there is nothing to measure.
     resolved
-        Whether it stands, is open, or is a rise; None where the picture cannot tell.
+        Whether it stands, is open, or is a rise; None where the picture does not show it well enough.
     reason
-        Why it is not resolved, or cannot be told.
+        Why it is not resolved, or undecided.
+    diameter_mm
+        Of a gap the nominal diameter of its pillars.
     """
 
     name: str
     kind: str
     nominal_mm: float
-    measured_mm: float | None
-    u_mm: float | None
-    resolved: bool | None
+    measured_mm: float | None = None
+    u_measured_mm: float | None = None
+    resolved: bool | None = None
     reason: str = ""
+    diameter_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -68,105 +72,102 @@ class Limit:
         ``positive_diameter``, ``gap``, ``hole``, ``hole_variation`` or ``z_step``.
     nominal_mm
         The smallest resolved; None where not even the largest is.
-    measured_mm, u_mm
+    measured_mm, u_measured_mm
         What came out at that nominal size, and its standard uncertainty.
     next_mm
-        The next smaller one, which is not resolved or cannot be told; None where there is none.
+        The next smaller one, which is not resolved or undecided; None where there is none.
     bound
         Whether the coupon holds none smaller that could fail, so that the limit may be smaller still.
     """
 
     kind: str
-    nominal_mm: float | None
-    measured_mm: float | None
-    u_mm: float | None
-    next_mm: float | None
-    bound: bool
+    nominal_mm: float | None = None
+    measured_mm: float | None = None
+    u_measured_mm: float | None = None
+    next_mm: float | None = None
+    bound: bool = False
 
 
-def smallest(kind: str, measured: Sequence[Measured]) -> Limit | None:
-    """Limits (i), (ii) and of open holes: walk from the largest nominal size down to the first that is not resolved.
+def limits_of(measured: Sequence[MeasuredFeature]) -> tuple[Limit, ...]:
+    """Limits of all kinds that were measured."""
+    by = {kind: [one for one in measured if one.kind == kind] for kind in ("pillar", "gap", "hole", "step")}
+    sizes = {pillar.nominal_mm for pillar in by["pillar"]}
+    limits = [
+        smallest("positive_diameter", by["pillar"]) if len(sizes) > 1 else None,
+        smallest("gap", by["gap"]),
+        smallest("hole", by["hole"]),
+        hole_variation(by["hole"]),
+        z_step(by["step"]),
+    ]
+    return tuple(limit for limit in limits if limit is not None)
+
+
+def smallest(kind: str, measured: Sequence[MeasuredFeature]) -> Limit | None:
+    """Limits (i), (ii) and of open holes: from the largest nominal size down to the first that is not resolved.
 
     None where there is nothing of the kind in the picture.
     """
     seen = [one for one in measured if one.resolved is not None or one.reason != OUTSIDE]
     if not seen:
         return None
-    last: Measured | None = None
-    sizes = sorted({one.nominal_mm for one in seen}, reverse=True)
-    for size in sizes:
-        some = [one for one in seen if one.nominal_mm == size]
-        if not all(one.resolved for one in some):
-            told = any(one.resolved is False for one in some)
-            return _limit(kind, last, size, bound=last is not None and not told)
-        last = some[0]
-    return _limit(kind, last, None, bound=True)
+    limit = Limit(kind)
+    for size in sorted({one.nominal_mm for one in seen}, reverse=True):
+        group = [one for one in seen if one.nominal_mm == size]
+        if not all(one.resolved for one in group):
+            failed = any(one.resolved is False for one in group)
+            return replace(limit, next_mm=size, bound=limit.nominal_mm is not None and not failed)
+        limit = Limit(kind, size, group[0].measured_mm, group[0].u_measured_mm)
+    return replace(limit, bound=True)
 
 
-OUTSIDE = "not in the picture"
-
-
-def _limit(kind: str, last: Measured | None, after: float | None, *, bound: bool) -> Limit:
-    if last is None:
-        return Limit(kind, None, None, None, after, bound)
-    return Limit(kind, last.nominal_mm, last.measured_mm, last.u_mm, after, bound)
-
-
-def hole_variation(holes: Sequence[Measured]) -> Limit | None:
+def hole_variation(holes: Sequence[MeasuredFeature]) -> Limit | None:
     """Limit (iii); None for fewer than four measured holes or of one size only."""
-    some = [one for one in holes if one.resolved and one.measured_mm is not None and one.u_mm is not None]
-    nominal = np.array([one.nominal_mm for one in some])
-    if len(some) < FEWEST_HOLES or np.ptp(nominal) < SAME_MM:
+    rows = [
+        (one.nominal_mm, one.measured_mm, one.u_measured_mm)
+        for one in holes
+        if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None
+    ]
+    nominal, measured, u_each = np.array(rows, dtype=float).reshape(-1, 3).T
+    if len(rows) < FEWEST_HOLES or np.ptp(nominal) < SAME_MM:
         return None
-    found = np.array([one.measured_mm for one in some], dtype=float)
-    slope, offset = np.polyfit(nominal, found, 1)
-    rest = found - slope * nominal - offset
-    freedom = len(some) - 2
-    scatter = math.sqrt(float(np.sum(rest**2)) / freedom)
-    own = float(np.sqrt(np.mean(np.array([one.u_mm for one in some], dtype=float) ** 2)))
-    u_pair = math.sqrt(2.0) * max(scatter, own)
-    pairs = [(i, k) for i, k in combinations(range(len(some)), 2) if abs(nominal[i] - nominal[k]) > SAME_MM]
+    slope, offset = np.polyfit(nominal, measured, 1)
+    freedom = len(rows) - 2
+    scatter = math.sqrt(float(np.sum((measured - slope * nominal - offset) ** 2)) / freedom)
+    u_pair = math.sqrt(2.0) * max(scatter, float(np.sqrt(np.mean(u_each**2))))
+    pairs = [(i, k) for i, k in permutations(range(len(rows)), 2) if nominal[k] - nominal[i] > SAME_MM]
     needed = float(student.ppf(1.0 - LEVEL / len(pairs), freedom)) * u_pair
     by_size: dict[float, list[float]] = {}
-    for i, k in pairs:
-        low, high = (i, k) if nominal[i] < nominal[k] else (k, i)
-        by_size.setdefault(round(float(nominal[high] - nominal[low]), 6), []).append(float(found[high] - found[low]))
-    last: tuple[float, float] | None = None
+    for low, high in pairs:
+        by_size.setdefault(round(float(nominal[high] - nominal[low]), 6), []).append(measured[high] - measured[low])
+    limit = Limit("hole_variation")
     for size in sorted(by_size, reverse=True):
         if min(by_size[size]) <= needed:
-            break
-        last = (size, float(np.mean(by_size[size])))
-    else:
-        size = 0.0
-    if last is None:
-        return Limit("hole_variation", None, None, None, size, bound=False)
-    return Limit("hole_variation", last[0], last[1], u_pair, size or None, bound=size == 0.0)
+            return replace(limit, next_mm=size)
+        limit = Limit("hole_variation", size, float(np.mean(by_size[size])), u_pair)
+    return replace(limit, bound=True)
 
 
-def z_step(steps: Sequence[Measured]) -> Limit | None:
-    """Limit (iv), from steps that were each told a rise or none; None where none was measured."""
-    seen = [one for one in steps if one.resolved is not None]
+def z_step(steps: Sequence[MeasuredFeature]) -> Limit | None:
+    """Limit (iv), from steps each of which is a rise or not; None where none was measured."""
+    seen = [step for step in steps if step.resolved is not None]
     if not seen:
         return None
-    last: tuple[float, list[Measured]] | None = None
-    for size in sorted({round(one.nominal_mm, 6) for one in seen}, reverse=True):
-        some = [one for one in seen if abs(one.nominal_mm - size) < SAME_MM]
-        if not all(one.resolved for one in some):
-            return _step(last, size)
-        last = (size, some)
-    return _step(last, None)
+    limit = Limit("z_step")
+    for size in sorted({round(step.nominal_mm, 6) for step in seen}, reverse=True):
+        group = [step for step in seen if abs(step.nominal_mm - size) < SAME_MM]
+        if not all(step.resolved for step in group):
+            return replace(limit, next_mm=size)
+        limit = _mean_step(size, group)
+    return replace(limit, bound=True)
 
 
-def _step(last: tuple[float, list[Measured]] | None, after: float | None) -> Limit:
+def _mean_step(size: float, group: Sequence[MeasuredFeature]) -> Limit:
     """Limit with the mean of the steps of that size, and its standard uncertainty from their scatter or their own."""
-    if last is None:
-        return Limit("z_step", None, None, None, after, bound=False)
-    rises = np.array([one.measured_mm for one in last[1]], dtype=float)
-    own = np.array([one.u_mm for one in last[1]], dtype=float)
+    rises = np.array([step.measured_mm for step in group], dtype=float)
+    own = np.array([step.u_measured_mm for step in group], dtype=float)
     count = len(rises)
     scatter = float(np.std(rises, ddof=1)) / math.sqrt(count) if count > 1 else 0.0
-    u_mean = max(scatter, float(np.sqrt(np.sum(own**2))) / count)
-    return Limit("z_step", last[0], float(rises.mean()), u_mean, after, bound=after is None)
+    return Limit("z_step", size, float(rises.mean()), max(scatter, float(np.sqrt(np.sum(own**2))) / count))
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:

@@ -1,67 +1,72 @@
-"""Finding a coupon in a picture: which spots are which features.
+"""Finding a coupon in a picture or a z map: which blobs are which features, or where the slab lies.
 
-Two spots that might be two of the largest features, by their sizes and their distance, place the whole coupon, once as
-it is and once mirrored. Each such guess is scored by how many features have a spot where they should, and the best are
+Two blobs that might be two of the largest features, by their sizes and their distance, place the whole coupon, once as
+it is and once mirrored. Each such guess is scored by how many features have a blob where they should, and the best are
 fitted by least squares. What decides in the end are places, sizes but for a common offset, as print and light change
 all alike, and the marks. A second guess that puts the features elsewhere and is nearly as good makes it ambiguous.
+
+A coupon of blocks is found in a z map by its slab, a rectangle, and turned the way that suits the blocks' heights.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import ndimage
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature
 from solen.metrology.coupons.blobs import Blobs, blobs
-from solen.metrology.pose import Placement, fitted, flat, places
+from solen.metrology.pose import Pose
 
 WINDOW = 1.0
 """Window of the top hat, in diameters of the largest feature: a disc holds no square as wide as 0.71 of them."""
 LARGEST = 9
-"""Features that are tried for the two spots of a guess."""
+"""Features that are tried for the two blobs of a guess."""
 SCALE = 0.06
-"""By how much print and scale may differ from the layout together."""
+"""Relative difference of print and scale together from the layout, at most."""
 SIZE = 0.5
-"""Natural logarithm of how much a spot may differ in size from its feature."""
+"""Natural logarithm of a blob's size over its feature's, at most."""
 SHORT = 0.12
 """Share of the coupon's extent that two features of a guess are apart at least."""
 NEAR_MM, NEARER_MM = 0.25, 0.12
-"""How far a spot may be from where its feature should be, at first and after the fit."""
+"""Distance of a blob from the place of its feature, at most, at first and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
-"""What counts as one standard deviation of a spot's place and size."""
+"""What counts as one standard deviation of a blob's place and size."""
 GROWN_MM, STRETCHED = 0.06, 0.015
 """The same for all sizes together, and for the scale: a shift by one feature would be a print of another size."""
 MISSING, MARK = 4.0, 4.0
-"""Cost of a feature without its spot, and how much more a mark counts."""
+"""Cost of a feature without its blob, and how much more a mark counts."""
 CLEAR = 4.0
-"""By how much the best guess must be better than another."""
+"""Cost by which the best guess must be better than another."""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
+AREA, SIDES = 0.15, 0.1
+"""Relative difference of a slab's area, and of the ratio of its sides, from the layout's, at most."""
 
 
 @dataclass(frozen=True)
-class Registration:
+class Location:
     """Where the coupon was found.
 
     Attributes
     ----------
-    placement
-        From the layout to the picture.
+    pose
+        Of the layout in the picture, at the scale that fits the features' places.
     bright
-        Whether its features are brighter than what surrounds them.
+        Whether its features are brighter than their surroundings.
     matched
-        Names of the features that have a spot.
+        Names of the features that have a blob.
     oriented
-        Whether the marks tell a mirror image from the coupon itself.
+        Whether the marks distinguish a mirror image from the coupon itself.
     rms_mm
-        Root of the mean square distance of the spots from the features' places.
+        Root of the mean square distance of the blobs from the features' places.
     """
 
-    placement: Placement
+    pose: Pose
     bright: bool
     matched: tuple[str, ...]
     oriented: bool
@@ -70,14 +75,122 @@ class Registration:
 
 @dataclass(frozen=True)
 class _Guess:
-    placement: Placement
+    pose: Pose
     pairs: tuple[tuple[int, int], ...]
     cost: float
     rms_mm: float
     bright: bool
 
 
-def register(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Registration:
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """A coupon's round features and the blobs of a picture among which they are searched."""
+
+    features: Sequence[Feature]
+    blobs: Blobs
+    px_per_mm: float
+    shape: tuple[int, ...]
+    bright: bool
+
+    @property
+    def places_mm(self) -> FloatArray:
+        return places(self.features)
+
+    @property
+    def sizes_mm(self) -> FloatArray:
+        return np.array([feature.diameter_mm for feature in self.features])
+
+    def alike(self, px_per_mm: float) -> BoolArray:
+        """Whether features (rows) and blobs (columns) are of about one size."""
+        ratio = self.blobs.diameter_px[None, :] / (px_per_mm * self.sizes_mm[:, None])
+        return np.asarray(np.abs(np.log(ratio)) < SIZE)
+
+    def guesses(self) -> list[_Guess]:
+        """Fitted guesses of the coupon's pose."""
+        if len(self.blobs.diameter_px) < FEWEST:
+            return []
+        return [self._refined(pose) for pose in self._rough()]
+
+    def _rough(self) -> list[Pose]:
+        """Poses from pairs of blobs, best first by how many features they explain."""
+        at, seen = self.places_mm, self.blobs.places_px
+        extent = float(np.ptp(at, axis=0).max())
+        order = np.argsort(-self.sizes_mm, kind="stable")[:LARGEST]
+        apart = np.hypot(*(seen[None, :] - seen[:, None]).transpose(2, 0, 1))
+        alike = self.alike(self.px_per_mm)
+        pairs: list[tuple[int, int, int, int, bool]] = []
+        for i, k in combinations(order.tolist(), 2):
+            distance = float(np.hypot(*(at[i] - at[k])))
+            if distance < SHORT * extent:
+                continue
+            near = np.abs(apart / (self.px_per_mm * distance) - 1.0) < SCALE
+            both = np.argwhere(near & alike[i][:, None] & alike[k][None, :]).tolist()
+            pairs += [(i, k, first, second, mirrored) for first, second in both for mirrored in (False, True)]
+        if len(pairs) > MOST_GUESSES:
+            pairs = pairs[:: len(pairs) // MOST_GUESSES + 1]
+        poses = [Pose.fitted(at[[i, k]], seen[[first, second]], mirrored=m) for i, k, first, second, m in pairs]
+        explained = [self._explained(pose, alike) for pose in poses]
+        return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
+
+    def _explained(self, pose: Pose, alike: BoolArray) -> int:
+        """How many features have a blob of about their size where they should."""
+        return int(np.count_nonzero(((self._apart_px(pose) < NEAR_MM * self.px_per_mm) & alike).any(axis=1)))
+
+    def _apart_px(self, pose: Pose) -> FloatArray:
+        """Distances of the features' places (rows) from the blobs (columns)."""
+        apart = pose.to_px(self.places_mm)[:, None, :] - self.blobs.places_px[None, :, :]
+        return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
+
+    def _refined(self, pose: Pose) -> _Guess:
+        """A pose fitted to its blobs, and what it costs."""
+        pairs: list[tuple[int, int]] = []
+        for near_mm in (NEAR_MM, NEARER_MM, NEARER_MM):
+            pairs = self._pairs(pose, near_mm)
+            if len(pairs) < 2:
+                break
+            i, j = np.array(pairs).T
+            pose = Pose.fitted(self.places_mm[i], self.blobs.places_px[j], mirrored=pose.mirrored)
+        cost, rms = self._cost(pose, pairs)
+        return _Guess(pose, tuple(pairs), cost, rms, self.bright)
+
+    def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
+        """Features and blobs that are each other's nearest."""
+        apart = np.where(self.alike(pose.px_per_mm), self._apart_px(pose), np.inf)
+        nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
+        most = near_mm * pose.px_per_mm
+        return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and apart[i, j] < most]
+
+    def _cost(self, pose: Pose, pairs: list[tuple[int, int]]) -> tuple[float, float]:
+        """Cost of a pose, and the rms distance of its blobs from the features.
+
+        The cost is the sum of squares of deviations, each `MISSING` at most, and `MISSING` for each feature that is not
+        found though it should be in the picture, less `MISSING` for each blob that is explained.
+        """
+        weight = np.array([MARK if feature.kind == "mark" else 1.0 for feature in self.features])
+        expected, scale, sizes = pose.to_px(self.places_mm), pose.px_per_mm, self.sizes_mm
+        reach = 0.6 * scale * sizes[:, None]
+        inside = (expected > reach).all(axis=1) & (expected < np.array(self.shape[::-1]) - reach).all(axis=1)
+        lost = MISSING * weight * inside
+        if not pairs:
+            return float(lost.sum()), float("inf")
+        i, j = np.array(pairs).T
+        away = np.hypot(*(expected[i] - self.blobs.places_px[j]).T) / scale
+        larger = self.blobs.diameter_px[j] / scale - sizes[i]
+        off = (away / PLACE_MM) ** 2 + ((larger - np.median(larger)) / DIAMETER_MM) ** 2
+        kept = np.minimum(off, MISSING) * weight[i]
+        rest = lost.sum() - lost[i].sum() - MISSING * len(pairs)
+        rest += (float(np.median(larger)) / GROWN_MM) ** 2 + ((scale / self.px_per_mm - 1.0) / STRETCHED) ** 2
+        return float(kept.sum() + rest), float(np.sqrt(np.mean(away**2)))
+
+
+def places(features: Sequence[Feature]) -> FloatArray:
+    """Middles (N, 2) of features, mm."""
+    return np.array([(feature.x_mm, feature.y_mm) for feature in features])
+
+
+def locate(
+    grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, most_rise: float = math.inf
+) -> Location:
     """Find a coupon of round features in a picture.
 
     Parameters
@@ -90,173 +203,98 @@ def register(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> R
         Scale of the picture.
     what
         The picture, as errors name it.
+    most_rise
+        Grey value over the surroundings beyond which features count as equally bright.
 
     Raises
     ------
     DataError
         Where the coupon is not found, or could lie in two ways.
     """
-    features = [one for one in coupon.features if one.round]
-    window = WINDOW * px_per_mm * max(one.diameter_mm for one in features)
+    features = [feature for feature in coupon.features if feature.round]
+    window = WINDOW * px_per_mm * max(feature.diameter_mm for feature in features)
     guesses: list[_Guess] = []
     for bright in (True, False):
-        spots = blobs(grey, window, bright=bright)
-        guesses += _guesses(spots, features, px_per_mm, grey.shape, bright=bright)
-    guesses.sort(key=lambda one: one.cost)
+        found = blobs(grey, window, bright=bright, most_rise=most_rise)
+        search = _Search(features, found, px_per_mm, grey.shape, bright)
+        guesses += search.guesses()
+    guesses.sort(key=lambda guess: guess.cost)
     if not guesses or len(guesses[0].pairs) < FEWEST:
         limit = f"shows no {coupon.name}: fewer than {FEWEST} of its features are found where they should be"
         remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the picture"
         raise DataError(what, limit=limit, remedy=remedy)
     best = guesses[0]
-    _check_clear(best, guesses, features, what, coupon.name)
-    matched = tuple(features[i].name for i, _ in best.pairs)
-    flipped = [one.cost for one in guesses if one.placement.mirrored != best.placement.mirrored]
+    _check_clear(best, guesses, places([one for one in features if one.kind != "mark"]), what, coupon.name)
+    flipped = [guess.cost for guess in guesses if guess.pose.mirrored != best.pose.mirrored]
     oriented = not flipped or min(flipped) - best.cost >= CLEAR
-    return Registration(best.placement, best.bright, matched, oriented, best.rms_mm)
+    return Location(best.pose, best.bright, tuple(features[i].name for i, _ in best.pairs), oriented, best.rms_mm)
 
 
-def _check_clear(best: _Guess, guesses: list[_Guess], features: list[Feature], what: str, name: str) -> None:
+def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, what: str, name: str) -> None:
     """`DataError` where another guess, nearly as good, puts what is measured elsewhere."""
-    measured = places([one for one in features if one.kind != "mark"])
-    here = best.placement.px(measured)
+    here = best.pose.to_px(measured_mm)
     for other in guesses[1:]:
         if other.cost - best.cost >= CLEAR:
             return
-        there = other.placement.px(measured)
-        if np.hypot(*(here - there).T).max() > NEAR_MM * best.placement.px_per_mm:
-            limit = f"the {name} could lie in two ways: its marks or largest features are not to be seen"
+        if np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm:
+            limit = f"the {name} could lie in two ways: its marks or largest features are not visible"
             raise DataError(what, limit=limit, remedy="take a picture with the marks in it")
 
 
-def _guesses(
-    spots: Blobs, features: Sequence[Feature], px_per_mm: float, shape: tuple[int, ...], *, bright: bool
-) -> list[_Guess]:
-    if len(spots.diameter_px) < FEWEST:
-        return []
-    at, sizes = places(features), np.array([one.diameter_mm for one in features])
-    seen = spots.places_px[:, 0] + 1j * spots.places_px[:, 1]
-    rough = _rough(at, sizes, seen, spots.diameter_px / px_per_mm, px_per_mm)
-    return [_refined(one, at, sizes, spots, features, shape, px_per_mm, bright=bright) for one in rough]
-
-
-def _rough(
-    at: FloatArray, sizes: FloatArray, seen: NDArray[np.complex128], seen_mm: FloatArray, px_per_mm: float
-) -> list[Placement]:
-    """Placements of pairs of spots, best first by how many features they explain."""
-    extent = float(np.ptp(at, axis=0).max())
-    order = np.argsort(-sizes, kind="stable")[:LARGEST]
-    apart = np.abs(seen[None, :] - seen[:, None])
-    alike = np.abs(np.log(seen_mm[None, :] / sizes[:, None])) < SIZE
-    found: list[tuple[complex, complex, bool]] = []
-    for i, k in combinations(order.tolist(), 2):
-        distance = float(np.hypot(*(at[i] - at[k])))
-        if distance < SHORT * extent:
-            continue
-        near = np.abs(apart / (px_per_mm * distance) - 1.0) < SCALE
-        for a, b in np.argwhere(near & alike[i][:, None] & alike[k][None, :]).tolist():
-            for mirrored in (False, True):
-                p = flat(at[[i, k]], mirrored=mirrored)
-                factor = (seen[b] - seen[a]) / (p[1] - p[0])
-                found.append((complex(factor), complex(seen[a] - factor * p[0]), mirrored))
-    if len(found) > MOST_GUESSES:
-        found = found[:: len(found) // MOST_GUESSES + 1]
-    scores = [_score(one, at, seen, alike, px_per_mm) for one in found]
-    best: list[int] = np.argsort(-np.array(scores, dtype=float), kind="stable").tolist()
-    chosen: list[Placement] = []
-    for number in best:
-        one = Placement.of(found[number][0], found[number][1], mirrored=found[number][2])
-        if not any(_same(one, other, extent) for other in chosen):
-            chosen.append(one)
+def _distinct(poses: Sequence[Pose], extent_mm: float) -> list[Pose]:
+    """The first poses that differ by more than `NEAR_MM`."""
+    chosen: list[Pose] = []
+    for pose in poses:
+        if not any(_same(pose, other, extent_mm) for other in chosen):
+            chosen.append(pose)
         if len(chosen) == FITTED:
             break
     return chosen
 
 
-def _same(one: Placement, other: Placement, extent: float) -> bool:
-    if one.mirrored != other.mirrored:
+def _same(pose: Pose, other: Pose, extent_mm: float) -> bool:
+    if pose.mirrored != other.mirrored:
         return False
-    turned = abs(one.factor - other.factor) * extent
-    moved = abs(complex(*one.middle_px) - complex(*other.middle_px))
-    return turned + moved < NEAR_MM * one.px_per_mm
+    corner = np.array([[extent_mm, 0.0]])
+    turned = math.dist(pose.direction_px(corner)[0] * pose.px_per_mm, other.direction_px(corner)[0] * other.px_per_mm)
+    return turned + math.dist(pose.origin_px, other.origin_px) < NEAR_MM * pose.px_per_mm
 
 
-def _score(
-    guess: tuple[complex, complex, bool],
-    at: FloatArray,
-    seen: NDArray[np.complex128],
-    alike: NDArray[np.bool_],
-    px_per_mm: float,
-) -> int:
-    """How many features have a spot of about their size where they should."""
-    factor, shift, mirrored = guess
-    expected = factor * flat(at, mirrored=mirrored) + shift
-    near = np.abs(expected[:, None] - seen[None, :]) < NEAR_MM * px_per_mm
-    return int(np.count_nonzero((near & alike).any(axis=1)))
+def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -> Location:
+    """Find a coupon whose slab lies wholly in a z map, above its surroundings.
 
-
-def _refined(
-    placement: Placement,
-    at: FloatArray,
-    sizes: FloatArray,
-    spots: Blobs,
-    features: Sequence[Feature],
-    shape: tuple[int, ...],
-    px_per_mm: float,
-    *,
-    bright: bool,
-) -> _Guess:
-    """A placement fitted to its spots, and what it costs."""
-    pairs: list[tuple[int, int]] = []
-    for near_mm in (NEAR_MM, NEARER_MM, NEARER_MM):
-        pairs = _pairs(placement, at, sizes, spots, near_mm)
-        if len(pairs) < 2:
-            break
-        i, j = np.array(pairs).T
-        placement = fitted(at[i], spots.places_px[j], mirrored=placement.mirrored)
-    cost, rms = _cost(placement, pairs, at, sizes, spots, features, shape, px_per_mm)
-    return _Guess(placement, tuple(pairs), cost, rms, bright)
-
-
-def _pairs(
-    placement: Placement, at: FloatArray, sizes: FloatArray, spots: Blobs, near_mm: float
-) -> list[tuple[int, int]]:
-    """Features and spots that are each other's nearest."""
-    expected = placement.px(at)
-    apart = np.hypot(*(expected[:, None, :] - spots.places_px[None, :, :]).transpose(2, 0, 1))
-    ratio = np.abs(np.log(spots.diameter_px[None, :] / (placement.px_per_mm * sizes[:, None])))
-    apart = np.where(ratio < SIZE, apart, np.inf)
-    nearest = apart.argmin(axis=1)
-    back = apart.argmin(axis=0)
-    return [(i, int(j)) for i, j in enumerate(nearest) if back[j] == i and apart[i, j] < near_mm * placement.px_per_mm]
-
-
-def _cost(
-    placement: Placement,
-    pairs: list[tuple[int, int]],
-    at: FloatArray,
-    sizes: FloatArray,
-    spots: Blobs,
-    features: Sequence[Feature],
-    shape: tuple[int, ...],
-    px_per_mm: float,
-) -> tuple[float, float]:
-    """Cost of a placement.
-
-    It is the sum of squares of deviations, each `MISSING` at most, and `MISSING` for each feature that is not found
-    though it should be in the picture, less `MISSING` for each spot that is explained.
+    Raises
+    ------
+    DataError
+        Where no such rectangle stands out.
     """
-    weight = np.array([MARK if one.kind == "mark" else 1.0 for one in features])
-    expected = placement.px(at)
-    reach = 0.6 * placement.px_per_mm * sizes
-    inside = (expected > reach[:, None]).all(axis=1) & (expected < np.array(shape[::-1]) - reach[:, None]).all(axis=1)
-    lost = MISSING * weight * inside
-    if not pairs:
-        return float(lost.sum()), float("inf")
-    i, j = np.array(pairs).T
-    away = np.hypot(*(expected[i] - spots.places_px[j]).T) / placement.px_per_mm
-    larger = spots.diameter_px[j] / placement.px_per_mm - sizes[i]
-    off = (away / PLACE_MM) ** 2 + ((larger - np.median(larger)) / DIAMETER_MM) ** 2
-    kept = np.minimum(off, MISSING) * weight[i]
-    rest = lost.sum() - lost[i].sum() - MISSING * len(pairs)
-    rest += (float(np.median(larger)) / GROWN_MM) ** 2 + ((placement.px_per_mm / px_per_mm - 1.0) / STRETCHED) ** 2
-    return float(kept.sum() + rest), float(np.sqrt(np.mean(away**2)))
+    slab = coupon.slab
+    if slab is None:
+        raise DataError(what, limit=f"a {coupon.name} has no slab to be found by")
+    low = float(np.nanpercentile(z_mm, 1.0))
+    raised = np.nan_to_num(z_mm, nan=low) > low + 0.5 * slab.thickness_mm
+    labels, _ = ndimage.label(ndimage.binary_opening(raised, iterations=2))
+    sizes = np.bincount(labels.ravel())[1:]
+    expected = slab.width_mm * slab.depth_mm * px_per_mm**2
+    if sizes.size and abs(float(sizes.max()) / expected - 1.0) <= AREA:
+        piece = np.argwhere(labels == int(sizes.argmax()) + 1).astype(float)[:, ::-1]
+        moments, ways = np.linalg.eigh(np.cov(piece.T))
+        if abs(math.sqrt(moments[1] / moments[0]) / (slab.width_mm / slab.depth_mm) - 1.0) <= SIDES:
+            x, y = piece.mean(axis=0).tolist()
+            angle = -math.degrees(math.atan2(ways[1, 1], ways[0, 1]))
+            both = [Pose(angle + turn, (x, y), 1e3 / px_per_mm) for turn in (0.0, 180.0)]
+            best = max(both, key=lambda pose: _covariance(z_mm, coupon, pose))
+            return Location(best, True, tuple(feature.name for feature in coupon.features), True, 0.0)
+    limit = f"shows no {coupon.name}: no slab of {slab.width_mm:g} x {slab.depth_mm:g} mm stands out"
+    raise DataError(what, limit=limit, remedy="check --um-per-px and --z-um; the whole slab must be in the map")
+
+
+def _covariance(z_mm: FloatArray, coupon: Coupon, pose: Pose) -> float:
+    """Covariance of nominal heights with those in the middle of each block."""
+    reach = max(1, int(0.2 * min(feature.depth_mm for feature in coupon.features) * pose.px_per_mm))
+    heights = [
+        float(np.nanmedian(z_mm[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]))
+        for x, y in pose.to_px(places(coupon.features)).round().astype(int).tolist()
+    ]
+    nominal = np.array([feature.height_mm for feature in coupon.features])
+    return float(np.sum((nominal - nominal.mean()) * np.array(heights)))

@@ -1,4 +1,4 @@
-"""The figure of a measured coupon: its picture with what was found drawn over it, and what came out against nominal."""
+"""The figure of a measured coupon: its picture with the measured features drawn over it, and sizes beside nominal."""
 
 from collections.abc import Sequence
 
@@ -11,8 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon
-from solen.metrology.coupons import Fidelity, Measured
-from solen.recording import Provenance
+from solen.metrology.coupons import CouponMeasurement, MeasuredFeature
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
 
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
@@ -30,10 +29,10 @@ NAMES = {
 WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "gaps", "step": "steps of height"}
 
 
-def fidelity_figure(grey: FloatArray, coupon: Coupon, found: Fidelity, source: Provenance) -> Figure:
+def fidelity_figure(measurement: CouponMeasurement) -> Figure:
     """The picture turned as the layout is drawn, circles and gaps over it, and deviations below."""
-    kinds = _shown(found)
-    picture, extent, to_mm = _upright(grey, coupon, found)
+    kinds = _shown(measurement)
+    picture, extent = _upright(measurement)
     high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDE_IN, high + (PLOT_IN if kinds else 0.0)), layout="constrained")
@@ -41,33 +40,33 @@ def fidelity_figure(grey: FloatArray, coupon: Coupon, found: Fidelity, source: P
         grid = figure.add_gridspec(len(ratios), max(1, len(kinds)), height_ratios=ratios)
         axes = figure.add_subplot(grid[0, :])
         axes.imshow(picture, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
-        _overlay(axes, coupon, found, to_mm)
+        _overlay(axes, measurement)
         axes.grid(visible=False)
         axes.set(xlabel="x of the layout (mm)", ylabel="y (mm)")
-        name = f"{'simulated: ' if source.simulated else ''}{source.file}: {coupon.name}"
-        axes.set_title(f"{name}\n{_limits(found)}", fontsize=8)
+        simulated = "simulated: " if measurement.simulated else ""
+        title = f"{simulated}{measurement.sources[0].file}: {measurement.coupon}\n{_limits(measurement)}"
+        axes.set_title(title, fontsize=8)
         for column, kind in enumerate(kinds):
             below = figure.add_subplot(grid[1, column])
-            some = [one for one in found.measured if one.kind == kind]
+            features = [one for one in measurement.measured if one.kind == kind]
             if kind == "step":
-                _steps(below, coupon, some)
+                _steps(below, measurement.layout, features)
             else:
-                _deviations(below, kind, some)
+                _deviations(below, kind, features)
     return figure
 
 
-def _shown(found: Fidelity) -> list[str]:
+def _shown(measurement: CouponMeasurement) -> list[str]:
     """Kinds of which sizes are drawn: those that vary."""
-    kinds = [kind for kind in WHAT if any(one.kind == kind and one.measured_mm is not None for one in found.measured)]
-    if "gap" in kinds or "step" in kinds:
-        kinds = [kind for kind in kinds if kind != "pillar"]
-    return kinds
+    measured = {one.kind for one in measurement.measured if one.measured_mm is not None}
+    kinds = [kind for kind in WHAT if kind in measured]
+    return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
 
 
-def _limits(found: Fidelity) -> str:
+def _limits(measurement: CouponMeasurement) -> str:
     """The limits as words."""
     shown = []
-    for limit in found.limits:
+    for limit in measurement.limits:
         name = NAMES[limit.kind]
         if limit.nominal_mm is None:
             shown.append(f"{name} above {limit.next_mm:g} mm")
@@ -77,77 +76,66 @@ def _limits(found: Fidelity) -> str:
     return ", ".join(shown)
 
 
-def _upright(
-    grey: FloatArray, coupon: Coupon, found: Fidelity
-) -> tuple[FloatArray, tuple[float, float, float, float], float]:
-    """Picture (rows upwards) sampled along the layout's axes, its extent in mm of the layout, and px per mm."""
+def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, float, float, float]]:
+    """Picture (rows upwards) sampled along the layout's axes, and its extent in mm of the layout."""
     from scipy import ndimage
 
-    width, depth, _ = coupon.size_mm
+    (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.picture.grey
     half_x, half_y = 0.5 * width + 0.3, 0.5 * depth + 0.3
-    step = max(2.0 * half_x / MOST_PX, 1.0 / found.registration.placement.px_per_mm)
+    step = max(2.0 * half_x / MOST_PX, 1.0 / pose.px_per_mm)
     x, y = np.arange(-half_x, half_x, step), np.arange(-half_y, half_y, step)
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    seen = found.registration.placement.px(places)
-    smooth = ndimage.gaussian_filter(grey, max(0.0, 0.4 * step * found.registration.placement.px_per_mm))
-    picture = ndimage.map_coordinates(smooth, [seen[:, 1], seen[:, 0]], order=1, cval=float(np.median(grey)))
-    return picture.reshape(len(y), len(x)), (-half_x, half_x, -half_y, half_y), found.registration.placement.px_per_mm
+    seen = pose.to_px(np.stack(np.meshgrid(x, y), axis=-1))
+    smooth = ndimage.gaussian_filter(grey, max(0.0, 0.4 * step * pose.px_per_mm))
+    picture = ndimage.map_coordinates(smooth, [seen[..., 1], seen[..., 0]], order=1, cval=float(np.median(grey)))
+    return picture, (-half_x, half_x, -half_y, half_y)
 
 
-def _overlay(axes: Axes, coupon: Coupon, found: Fidelity, px_per_mm: float) -> None:
-    """Circles as found, crosses where nothing is, bars over merged gaps."""
-    by = {one.name: one for one in found.measured}
-    for one in coupon.features:
-        told = by.get(one.name)
-        if told is None or not one.round:
-            continue
-        at = (one.x_mm, one.y_mm)
-        if told.measured_mm is not None:
-            disc = found.discs[one.name]
-            axes.add_patch(
-                Circle(
-                    at, 0.5 * disc.diameter_px / px_per_mm, fill=False, lw=0.8, ec=LOST if one.kind == "mark" else RIGHT
-                )
-            )
-        elif told.resolved is False:
+def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
+    """Circles where discs are, crosses where nothing is, bars over gaps, and heights."""
+    coupon, by_name = measurement.layout, {one.name: one for one in measurement.measured}
+    for feature in (one for one in coupon.features if one.round and one.name in by_name):
+        at, disc = (feature.x_mm, feature.y_mm), measurement.discs.get(feature.name)
+        if disc is not None:
+            colour = LOST if feature.kind == "mark" else RIGHT
+            radius = 0.5 * disc.diameter_px / measurement.location.pose.px_per_mm
+            axes.add_patch(Circle(at, radius, fill=False, lw=0.8, ec=colour))
+        elif by_name[feature.name].resolved is False:
             axes.plot(*at, "x", ms=5, mew=1.0, color=LEFT)
-        if not coupon.gaps and one.kind != "mark":
-            text = f"{one.height_mm:.4g}" if coupon.steps else f"{one.diameter_mm:g}"
-            _note(axes, one.x_mm, one.y_mm + 0.5 * one.depth_mm, text)
+        if not coupon.gaps and feature.kind != "mark":
+            text = f"{feature.height_mm:.4g}" if coupon.steps else f"{feature.diameter_mm:g}"
+            _note(axes, feature.x_mm, feature.y_mm + 0.5 * feature.depth_mm, text)
     for gap in coupon.gaps:
-        told = by[gap.name]
-        one, other = (coupon.feature(name) for name in gap.between)
-        colour = SPACE if told.resolved else LEFT
-        axes.plot(
-            [one.x_mm, other.x_mm], [one.y_mm, other.y_mm], color=colour, lw=1.2, ls="-" if told.resolved else ":"
-        )
-        _note(axes, 0.5 * (one.x_mm + other.x_mm), one.y_mm + 0.5 * one.depth_mm, f"{gap.gap_mm:g}")
-    for name, height in found.heights.items():
-        one = coupon.feature(name)
-        if one.kind != "mark" and not one.round:
+        open_gap = bool(by_name[gap.name].resolved)
+        left, right = (coupon.feature(name) for name in gap.between)
+        colour, style = (SPACE, "-") if open_gap else (LEFT, ":")
+        axes.plot([left.x_mm, right.x_mm], [left.y_mm, right.y_mm], color=colour, lw=1.2, ls=style)
+        _note(axes, 0.5 * (left.x_mm + right.x_mm), left.y_mm + 0.5 * left.depth_mm, f"{gap.gap_mm:g}")
+    for height in measurement.heights:
+        feature = coupon.feature(height.name)
+        if feature.kind != "mark" and not feature.round:
             box = {"boxstyle": "round", "fc": "white", "ec": "none", "alpha": 0.8}
-            text = f"{height.height_mm:.4f} mm"
-            axes.text(one.x_mm, one.y_mm, text, ha="center", va="center", fontsize=7, color=INK, bbox=box)
+            text = f"{height.measured_mm:.4f} mm"
+            axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize=7, color=INK, bbox=box)
 
 
 def _note(axes: Axes, x: float, y: float, text: str) -> None:
     axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=5.5, color="#ffd24d")
 
 
-def _steps(axes: Axes, coupon: Coupon, some: Sequence[Measured]) -> None:
+def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredFeature]) -> None:
     """Each step at the height that it leads to; a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
-    sizes = sorted({round(one.nominal_mm, 6) for one in some}, reverse=True)
+    sizes = sorted({round(one.nominal_mm, 6) for one in features}, reverse=True)
     for number, size in enumerate(sizes):
         colour = SERIES[number % len(SERIES)]
-        mine = [one for one in some if round(one.nominal_mm, 6) == size and one.measured_mm is not None]
+        mine = [one for one in features if round(one.nominal_mm, 6) == size and one.measured_mm is not None]
         axes.axhline(1e3 * size, color=colour, lw=0.7, ls="--")
         for good in (True, False):
             these = [one for one in mine if bool(one.resolved) is good]
             axes.errorbar(
                 [upper[one.name] for one in these],
                 [1e3 * (one.measured_mm or 0.0) for one in these],
-                yerr=[2e3 * (one.u_mm or 0.0) for one in these],
+                yerr=[2e3 * (one.u_measured_mm or 0.0) for one in these],
                 fmt="o" if good else "x",
                 ms=3.5,
                 lw=1.0,
@@ -159,14 +147,16 @@ def _steps(axes: Axes, coupon: Coupon, some: Sequence[Measured]) -> None:
     axes.set(xlabel="nominal height that the step leads to (mm)", ylabel="step (µm)")
 
 
-def _deviations(axes: Axes, kind: str, some: Sequence[Measured]) -> None:
+def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredFeature]) -> None:
     """Measured less nominal, with two standard uncertainties; crosses at the bottom for what is not resolved."""
-    there = [one for one in some if one.measured_mm is not None and one.resolved]
+    there = [one for one in features if one.measured_mm is not None and one.resolved]
     nominal = [one.nominal_mm for one in there]
     off = [1e3 * ((one.measured_mm or 0.0) - one.nominal_mm) for one in there]
-    axes.errorbar(nominal, off, yerr=[2e3 * (one.u_mm or 0.0) for one in there], fmt="o", ms=3.5, lw=1.0, color=RIGHT)
+    axes.errorbar(
+        nominal, off, yerr=[2e3 * (one.u_measured_mm or 0.0) for one in there], fmt="o", ms=3.5, lw=1.0, color=RIGHT
+    )
     axes.axhline(0.0, color=INK, lw=0.7)
-    lost = [one for one in some if one.resolved is False]
+    lost = [one for one in features if one.resolved is False]
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -0.15 * high), max(high, -0.15 * low))
     bottom = axes.get_ylim()[0]
@@ -175,7 +165,7 @@ def _deviations(axes: Axes, kind: str, some: Sequence[Measured]) -> None:
     )
     if lost:
         axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    sizes = {one.nominal_mm for one in some}
+    sizes = {one.nominal_mm for one in features}
     if len(sizes) > MANY and min(sizes) < WIDE * max(sizes):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")

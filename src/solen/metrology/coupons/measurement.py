@@ -1,0 +1,366 @@
+"""All that a picture or a z map of a coupon shows: sizes with their uncertainties, what is resolved, and the limits."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from solen.errors import DataError
+from solen.geometry.coupons import Coupon, Feature, Gap
+from solen.metrology.coupons.disc import LEAST_RADIUS_PX, Disc, fit_disc
+from solen.metrology.coupons.gap import DEEP, GapFit, fit_gap
+from solen.metrology.coupons.heights import Height, height_of, steps_of
+from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredFeature, limits_of
+from solen.metrology.coupons.locate import Location, locate, locate_slab, places
+from solen.metrology.image import Image
+from solen.metrology.pose import Pose
+from solen.metrology.scale import Scale
+from solen.metrology.zmap import ZMap
+from solen.recording import Provenance
+from solen.results import HIDDEN, Result, reported
+
+SNR = 6.0
+"""Rise of a disc over its uncertainty, below which there is none."""
+COVERAGE = 0.75
+"""Share of its edge that must be there."""
+RISE = 0.25
+"""Rise relative to the usual one, below which a disc is a stain or a stump."""
+UNSURE = 0.3
+"""Uncertainty relative to the diameter, from which on a disc is not measured."""
+FIRST_BLUR_PX = 2.0
+EDGE = 5.0
+"""Half width of an edge, in blurs."""
+AWAY_MM = 0.12
+"""Distance of a feature from its place, at most."""
+LOW = 0.9
+"""Share of the lowest column's height up to which columns of a z map are distinguished."""
+SURE_PX = 8.0
+"""Radius from which on a disc shows the blur."""
+BLURRED_PX = 8.0
+CHANGED = 0.02
+"""Relative: the print or the scale differs from the layout by more."""
+TOO_SMALL = "too small for this picture"
+CALIBRATES = ("pillar", "hole", "gap", "step")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CouponMeasurement(Result):
+    """What was measured of a coupon.
+
+    Attributes
+    ----------
+    coupon
+        Its name.
+    simulated
+        Whether the picture was computed.
+    image
+        ``picture`` or ``z map``.
+    scale
+        Size of a pixel and where it comes from.
+    location
+        Where the coupon lies.
+    heights
+        Heights of columns, where there is a z map.
+    blur_um
+        Standard deviation of the picture's blur; None where it is not known.
+    pitch_ratio, u_pitch_ratio
+        Distances between features as printed, over those of the layout; None for fewer than three features.
+    sources
+        The file.
+    warnings
+        What must be known of the numbers.
+    layout, picture
+        What was printed, and the picture or z map of it.
+    measured
+        Features, gaps and steps in the order of the layout.
+    limits
+        The smallest that are resolved.
+    discs
+        Round features that are there, by name.
+    """
+
+    coupon: str
+    simulated: bool
+    image: Literal["picture", "z map"]
+    scale: Scale
+    location: Location
+    heights: tuple[Height, ...]
+    blur_um: float | None
+    pitch_ratio: float | None
+    u_pitch_ratio: float | None
+    sources: tuple[Provenance, ...]
+    warnings: tuple[str, ...]
+    layout: Coupon = field(metadata=HIDDEN)
+    picture: Image | ZMap = field(metadata=HIDDEN)
+    measured: tuple[MeasuredFeature, ...] = field(metadata=HIDDEN)
+    limits: tuple[Limit, ...] = field(metadata=HIDDEN)
+    discs: Mapping[str, Disc] = field(metadata=HIDDEN)
+
+    @reported
+    def minimum(self) -> dict[str, Limit]:
+        """The smallest that are resolved, by kind."""
+        return {limit.kind: limit for limit in self.limits}
+
+    @reported
+    def features(self) -> list[MeasuredFeature]:
+        """Pillars, holes, gaps and steps that are resolved or not, for the calibration of a printer."""
+        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is not None]
+
+    @reported
+    def undecided(self) -> list[MeasuredFeature]:
+        """Those that the picture does not show well enough, with the reason."""
+        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
+
+    @reported
+    def marks(self) -> list[MeasuredFeature]:
+        """The marks that orient the picture."""
+        return [one for one in self.measured if one.kind == "mark"]
+
+
+def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
+    """Measure a coupon in a picture or a z map.
+
+    Raises
+    ------
+    DataError
+        Where the coupon has nothing that can be measured so, or is not found.
+    """
+    z_mm = image.z_mm if isinstance(image, ZMap) else None
+    what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
+    _check_kind(coupon, image, what)
+    blocks = not any(feature.round for feature in coupon.features)
+    columns = [one for one in coupon.features if one.kind in {"pillar", "mark"}] if z_mm is not None else []
+    if not isinstance(image, ZMap):
+        location = locate(image.grey, coupon, px_per_mm, what)
+    elif blocks:
+        location = locate_slab(image.z_mm, coupon, px_per_mm, what)
+    else:
+        lowest = min((one.height_mm for one in columns), default=math.inf)
+        location = locate(image.filled_mm, coupon, px_per_mm, what, most_rise=LOW * lowest)
+    fits = _DiscFits(image, coupon, location)
+    discs, reasons, blur = ({}, {}, None) if blocks else fits.judged()
+    gaps = {gap.name: fit for gap in coupon.gaps if (fit := _fitted_gap(image, gap, discs)) is not None}
+    heights = {one.name: height_of(z_mm, coupon, one, location.pose) for one in columns if z_mm is not None}
+    measured = [_round(one, discs, reasons, image.scale) for one in coupon.features if one.round]
+    measured += [_gap(gap, coupon, gaps, discs, reasons, image.scale) for gap in coupon.gaps]
+    measured += [] if z_mm is None else steps_of(coupon, heights)
+    ratio, u_ratio = _pitch(coupon, discs, px_per_mm)
+    return CouponMeasurement(
+        coupon=coupon.name,
+        simulated=image.provenance.simulated,
+        image="picture" if z_mm is None else "z map",
+        scale=image.scale,
+        location=location,
+        heights=tuple(height for height in heights.values() if isinstance(height, Height)),
+        blur_um=None if blur is None else blur * image.scale.um_per_px,
+        pitch_ratio=ratio,
+        u_pitch_ratio=u_ratio,
+        sources=(image.provenance,),
+        warnings=(*image.warnings, *_warnings(coupon, image, location, measured, blur, ratio)),
+        layout=coupon,
+        picture=image,
+        measured=tuple(measured),
+        limits=limits_of(measured),
+        discs=discs,
+    )
+
+
+def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
+    if not coupon.measured_kinds:
+        limit = f"coupon {coupon.name} has no features that a picture shows"
+        raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
+    sizes = {one.diameter_mm for one in coupon.of_kind("pillar")}
+    if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
+        limit = f"a {coupon.name} shows heights, which a picture does not"
+        raise DataError(what, limit=limit, remedy="give a z map, with the height of one of its levels: --z-um")
+
+
+@dataclass(frozen=True, eq=False)
+class _DiscFits:
+    """The round features of a coupon that was located, fitted one after the other, the largest first."""
+
+    image: Image | ZMap
+    coupon: Coupon
+    location: Location
+
+    @property
+    def pose(self) -> Pose:
+        return self.location.pose
+
+    def judged(self) -> tuple[dict[str, Disc], dict[str, str], float]:
+        """Round features that are there, and for the others the reason; the blur, px."""
+        fits, reasons, blur = self._fitted()
+        features = {name: self.coupon.feature(name) for name in fits}
+        heights = {name: one.height_mm if isinstance(self.image, ZMap) else 1.0 for name, one in features.items()}
+        clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > SNR]
+        usual = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
+        discs = {}
+        for name, fit in fits.items():
+            reason = self._missing(features[name], fit, usual * heights[name])
+            if fit is not None and not reason:
+                discs[name] = fit
+            else:
+                reasons[name] = reason
+        return discs, reasons, blur
+
+    def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
+        """Fits of those in the picture, and the reason for the others; the small ones take the blur of the large."""
+        fits: dict[str, Disc | None] = {}
+        reasons: dict[str, str] = {}
+        blur, known = FIRST_BLUR_PX, False
+        ceiling = self.image.ceiling if isinstance(self.image, Image) else math.inf
+        for one in sorted((one for one in self.coupon.features if one.round), key=lambda one: -one.diameter_mm):
+            radius = 0.5 * one.diameter_mm * self.pose.px_per_mm
+            if not known and radius < SURE_PX and fits:
+                blur, known = _blur(fits, blur), True
+            x, y = self.pose.to_px(places([one]))[0].tolist()
+            rows, columns = self.image.grey.shape
+            reach = radius + EDGE * blur
+            if not (reach < x < columns - 1 - reach and reach < y < rows - 1 - reach):
+                reasons[one.name] = OUTSIDE
+                continue
+            free, blocked = self._surroundings(one, blur)
+            fits[one.name] = fit_disc(
+                self.image.grey,
+                (x, y),
+                radius,
+                free,
+                bright=self.location.bright,
+                blur_px=blur if known else None,
+                blocked_rad=blocked,
+                ceiling=ceiling,
+            )
+        return fits, reasons, _blur(fits, blur)
+
+    def _surroundings(self, feature: Feature, blur: float) -> tuple[float, list[float]]:
+        """Free distance beyond a feature's edge, px, and the directions in which something is too near."""
+        scale, coupon = self.pose.px_per_mm, self.coupon
+        need = EDGE * blur + 3.0
+        reach = max(0.4 * feature.diameter_mm * scale, need)
+        blocked = []
+        for other in coupon.features:
+            if other.name == feature.name:
+                continue
+            free = feature.distance_mm(other) * scale
+            if free < 2.0 * need + 0.2 * feature.diameter_mm * scale:
+                way = self.pose.direction_px(np.array([other.x_mm - feature.x_mm, other.y_mm - feature.y_mm]))
+                blocked.append(math.atan2(way[1], way[0]))
+            else:
+                reach = min(reach, 0.5 * free)
+        if coupon.slab is not None:
+            sides = (0.5 * coupon.slab.width_mm - abs(feature.x_mm), 0.5 * coupon.slab.depth_mm - abs(feature.y_mm))
+            to_edge = min(sides) - 0.5 * feature.diameter_mm
+            reach = min(reach, max(to_edge * scale - EDGE * blur, need))
+        return reach, blocked
+
+    def _missing(self, feature: Feature, fit: Disc | None, usual: float) -> str:
+        """Why a round feature does not count as there; empty where it does."""
+        if 0.5 * feature.diameter_mm * self.pose.px_per_mm < LEAST_RADIUS_PX:
+            return TOO_SMALL
+        if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * usual:
+            return "no edge"
+        if fit.coverage < COVERAGE:
+            return f"only {100 * fit.coverage:.0f} % of its edge"
+        away = math.dist((fit.x_px, fit.y_px), self.pose.to_px(places([feature]))[0]) / self.pose.px_per_mm
+        if away > max(AWAY_MM, 0.25 * feature.diameter_mm):
+            return f"{away:.2g} mm from its place"
+        if fit.u_diameter_px > UNSURE * fit.diameter_px:
+            return "its edge is not clear"
+        return ""
+
+
+def _blur(fits: Mapping[str, Disc | None], otherwise: float) -> float:
+    blurs = [fit.blur_px for fit in fits.values() if fit is not None and fit.diameter_px > 2.0 * SURE_PX]
+    return float(np.median(blurs)) if blurs else otherwise
+
+
+def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, str], scale: Scale) -> MeasuredFeature:
+    disc = discs.get(feature.name)
+    if disc is not None:
+        size = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
+        return MeasuredFeature(feature.name, feature.kind, feature.diameter_mm, *size, resolved=True)
+    reason = reasons.get(feature.name, "no edge")
+    resolved = None if reason in {OUTSIDE, TOO_SMALL} else False
+    return MeasuredFeature(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
+
+
+def _fitted_gap(image: Image | ZMap, gap: Gap, discs: Mapping[str, Disc]) -> GapFit | None:
+    left, right = (discs.get(name) for name in gap.between)
+    return None if left is None or right is None else fit_gap(image.grey, left, right)
+
+
+def _gap(
+    gap: Gap,
+    coupon: Coupon,
+    fits: Mapping[str, GapFit],
+    discs: Mapping[str, Disc],
+    reasons: Mapping[str, str],
+    scale: Scale,
+) -> MeasuredFeature:
+    fit, measured, u_measured, resolved, reason = fits.get(gap.name), None, None, None, ""
+    if fit is None:
+        absent = next((name for name in gap.between if name not in discs), "")
+        why = reasons.get(absent, OUTSIDE) or "no edge"
+        reason = why if why == OUTSIDE else f"{absent}: {why}"
+    elif fit.open:
+        (measured, u_measured), resolved = _size_mm(fit.width_px, fit.u_width_px, scale), True
+    elif fit.width_px <= 0 or fit.depth < DEEP or gap.gap_mm > 2e-3 * fit.u_width_px * scale.um_per_px:
+        resolved, reason = False, "merged"
+    else:
+        reason = TOO_SMALL
+    pillar = coupon.feature(gap.between[0]).diameter_mm
+    return MeasuredFeature(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar)
+
+
+def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float]:
+    """A length in mm and its standard uncertainty, the scale's included."""
+    size = size_px * 1e-3 * scale.um_per_px
+    return size, math.hypot(u_px * 1e-3 * scale.um_per_px, size * scale.u_relative)
+
+
+def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
+    """Distances as printed over those of the layout, and its standard uncertainty from how well the places fit."""
+    names = [name for name in discs if not any(name in gap.between for gap in coupon.gaps)] or list(discs)
+    if len(names) < 3:
+        return None, None
+    at = places([coupon.feature(name) for name in names])
+    seen = np.array([(discs[name].x_px, discs[name].y_px) for name in names])
+    poses = [Pose.fitted(at, seen, mirrored=mirrored) for mirrored in (False, True)]
+    squares = [float(np.sum((pose.to_px(at) - seen) ** 2)) for pose in poses]
+    variance = min(squares) / max(2 * len(names) - 4, 1)
+    spread = float(np.sum((at - at.mean(axis=0)) ** 2))
+    best = poses[squares.index(min(squares))]
+    return best.px_per_mm / px_per_mm, math.sqrt(variance / spread) / px_per_mm
+
+
+def _warnings(
+    coupon: Coupon,
+    image: Image | ZMap,
+    location: Location,
+    measured: Sequence[MeasuredFeature],
+    blur: float | None,
+    ratio: float | None,
+) -> list[str]:
+    scale = image.scale
+    outside = sum(one.reason == OUTSIDE for one in measured)
+    small = ", ".join(one.name for one in measured if one.reason == TOO_SMALL)
+    changed = 100.0 * ((ratio or 1.0) - 1.0)
+    doubts = {
+        "no uncertainty of the scale is stated (--u-um-per-px), so those of the sizes exclude it": scale.u_um_per_px
+        is None,
+        f"distances between features are {changed:+.1f} % off: the print has shrunk or grown, or the scale is wrong": (
+            abs(changed) > 100.0 * CHANGED
+        ),
+        "the marks do not show whether the picture is mirrored": not location.oriented and bool(coupon.gaps),
+        f"{outside} of {len(measured)} features are not in the picture": outside > 0,
+        f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
+        "heights and steps are not measured: they are in a z map, not in a picture": (
+            isinstance(image, Image) and bool(coupon.steps)
+        ),
+        f"the picture is blurred by {blur or 0.0:.1f} px: small features and gaps are lost in it": (
+            (blur or 0.0) > BLURRED_PX
+        ),
+    }
+    return [doubt for doubt, holds in doubts.items() if holds]
