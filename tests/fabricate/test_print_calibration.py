@@ -46,7 +46,7 @@ def measured(
     return [
         dataclasses.replace(one, measured_mm=None, resolved=False)
         if np.isnan(size)
-        else dataclasses.replace(one, measured_mm=float(size + U_MM * rng.standard_normal()), u_mm=U_MM)
+        else dataclasses.replace(one, measured_mm=float(size + U_MM * rng.standard_normal()), u_measured_mm=U_MM)
         for one, size in zip(features, sizes, strict=True)
     ]
 

@@ -254,7 +254,7 @@ def features_file(path: Path, **changes: Any) -> Path:
     nominal = [("pillar", 0.06), ("pillar", 0.1), ("pillar", 0.3), ("pillar", 1.0), ("gap", 0.5), ("hole", 1.5)]
     features = [MeasuredFeature(kind, size, None, None, True) for kind, size in nominal]  # type: ignore[arg-type]
     found = [
-        {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_mm": 0.003, "resolved": True} | changes
+        {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_measured_mm": 0.003, "resolved": True} | changes
         for (kind, size), made in zip(nominal, printed_mm(one, features), strict=True)
     ]
     path.write_text(json.dumps({"coupon": "A", "features": found, "simulated": True}), encoding="utf-8")
@@ -282,13 +282,13 @@ def test_what_is_not_resolved_needs_no_size(tmp_path: Path) -> None:
     """As a program that measures writes it: names, reasons, and a step that is none."""
     path = features_file(tmp_path / "a.json")
     data = json.loads(path.read_text(encoding="utf-8"))
-    step = {"name": "s1", "kind": "step", "nominal_mm": 0.01, "measured_mm": -0.002, "u_mm": 0.0, "reason": "no rise"}
+    step = {"name": "s1", "kind": "step", "nominal_mm": 0.01, "measured_mm": -0.002, "u_measured_mm": 0.0, "reason": "no rise"}
     data["features"].append(step | {"resolved": False})
     data["undecided"] = [step | {"resolved": None}]
     path.write_text(json.dumps(data), encoding="utf-8")
     features, _ = read_features(path)
     assert [one.measured_mm is not None for one in features] == [True] * 6 + [False]
-    assert features[6].u_mm is None
+    assert features[6].u_measured_mm is None
 
 
 def test_a_resin_with_a_working_curve_gives_it(sensor: Path, tmp_path: Path) -> None:
@@ -318,8 +318,8 @@ BAD_FEATURES: list[tuple[dict[str, Any], str]] = [
     ({"nominal_mm": None}, r"features\[0\]\.nominal_mm"),
     ({"measured_mm": "wide"}, r"features\[0\]\.measured_mm = 'wide'"),
     ({"measured_mm": 700.0}, r"at most 100"),
-    ({"u_mm": None}, r"features\[0\]\.u_mm; missing: a measured size without its uncertainty"),
-    ({"u_mm": 0}, r"features\[0\]\.u_mm = 0; must be greater than 0"),
+    ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; missing: a measured size without its uncertainty"),
+    ({"u_measured_mm": 0}, r"features\[0\]\.u_measured_mm = 0; must be greater than 0"),
     ({"resolved": "yes"}, r"features\[0\]\.resolved = 'yes'"),
     ({"resolved": False}, r"coupons = '0 of 6 features'; needs at least 3"),
 ]

@@ -9,9 +9,9 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.geometry.coupons import Choices, Coupon, Feature, layout
+from solen.geometry.coupons import Coupon, CouponOptions, Feature, layout
 from solen.metrology import Image, as_image
-from solen.metrology.coupons import CouponMeasurement, MeasuredFeature, fit_disc, measure_coupon
+from solen.metrology.coupons import CouponMeasurement, MeasuredSize, fit_disc, measure_coupon
 from solen.metrology.scale import Scale
 from solen.metrology.zmap import ZMap
 from solen.recording import Provenance
@@ -38,7 +38,7 @@ def pictured(grey: FloatArray, um_per_px: float, u_um_per_px: float | None = Non
     return as_image(grey, um_per_px, u_um_per_px=u_um_per_px, name="picture.png")
 
 
-def by_name(found: CouponMeasurement) -> dict[str, MeasuredFeature]:
+def by_name(found: CouponMeasurement) -> dict[str, MeasuredSize]:
     return {one.name: one for one in found.measured}
 
 
@@ -162,7 +162,7 @@ def test_dust_and_a_shrunk_print() -> None:
 
 @pytest.mark.parametrize("reading", ["pairs", pytest.param("row", marks=pytest.mark.evidence)])
 def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
-    coupon = layout("group-b", Choices(gap_reading=reading))  # type: ignore[arg-type]
+    coupon = layout("group-b", CouponOptions(gap_reading=reading))
     merged = ("g-0.08", "g-0.06", "g-0.05", "g-0.04", "g-0.03", "g-0.02")
     part, true = printed(coupon, 0.01, merged=frozenset(merged))
     image = Camera(7.0, -8.0).picture(part)
@@ -203,7 +203,7 @@ def test_holes_and_their_smallest_variation(bright: bool) -> None:
 
 
 def test_closed_holes() -> None:
-    coupon = layout("holes", Choices(hole_reading="tenths"))
+    coupon = layout("holes", CouponOptions(hole_reading="tenths"))
     part, _ = printed(coupon, -0.04, missing=frozenset({"hole-1.4", "hole-1.5"}))
     levels = {"outside": 0.8, "slab": 0.3, "raised": 0.3}
     found = measure_coupon(pictured(Camera(UM, levels=levels).picture(part), UM), coupon)
@@ -239,7 +239,7 @@ def test_steps_below_the_layer_are_not() -> None:
 
 @pytest.mark.parametrize(("reading", "angle_deg"), [("literal", 200.0), ("staircase", 0.0)])
 def test_the_reference_of_height(reading: str, angle_deg: float) -> None:
-    coupon = layout("z-reference", Choices(reference_reading=reading))  # type: ignore[arg-type]
+    coupon = layout("z-reference", CouponOptions(reference_reading=reading))
     found = z_measured(Camera(16.0, angle_deg), Print(coupon))
     for one in found.heights:
         assert one.measured_mm == pytest.approx(coupon.feature(one.name).height_mm, abs=5 * one.u_measured_mm + 2e-4)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from solen.metrology.coupons import MeasuredFeature, limits_of
+from solen.metrology.coupons import MeasuredSize, limits_of
 from solen.metrology.coupons.limits import OUTSIDE, hole_variation, rise_by_chance, smallest, z_step
 
 
-def told(nominal: float, resolved: bool | None, kind: str = "pillar", reason: str = "") -> MeasuredFeature:
+def told(nominal: float, resolved: bool | None, kind: str = "pillar", reason: str = "") -> MeasuredSize:
     size = nominal + 0.01 if resolved else None
-    return MeasuredFeature(f"{kind}-{nominal}", kind, nominal, size, 0.001 if resolved else None, resolved, reason)
+    return MeasuredSize(f"{kind}-{nominal}", kind, nominal, size, 0.001 if resolved else None, resolved, reason)
 
 
 @pytest.mark.parametrize(
@@ -50,9 +50,9 @@ def test_what_is_not_in_the_picture_neither_passes_nor_fails() -> None:
 NOMINAL = np.array([1.65, 1.65, 1.6, 1.55, 1.5, 1.45, 1.4, 1.4])
 
 
-def holes(sizes: np.ndarray, u_mm: float = 1e-4) -> list[MeasuredFeature]:
+def holes(sizes: np.ndarray, u_mm: float = 1e-4) -> list[MeasuredSize]:
     return [
-        MeasuredFeature(f"h{k}", "hole", n, float(d), u_mm, True)
+        MeasuredSize(f"h{k}", "hole", n, float(d), u_mm, True)
         for k, (n, d) in enumerate(zip(NOMINAL, sizes, strict=True))
     ]
 
@@ -101,8 +101,8 @@ def test_a_rise_by_chance_is_as_rare_as_stated() -> None:
 
 
 def test_a_step_is_reproduced_where_all_of_its_size_are() -> None:
-    def step(size: float, rise: float, resolved: bool | None) -> MeasuredFeature:
-        return MeasuredFeature(f"s{size}{rise}", "step", size, rise, 1e-4, resolved)
+    def step(size: float, rise: float, resolved: bool | None) -> MeasuredSize:
+        return MeasuredSize(f"s{size}{rise}", "step", size, rise, 1e-4, resolved)
 
     some = [step(0.1, 0.098, True), step(0.1, 0.102, True), step(0.025, 0.05, True), step(0.025, 0.0, False)]
     found = z_step(some)

@@ -73,7 +73,7 @@ class FittedFeature:
     kind: Kind
     nominal_mm: float
     measured_mm: float
-    u_mm: float
+    u_measured_mm: float
     printed_mm: float
 
 
@@ -171,7 +171,7 @@ def calibrated(
     DataError
         For too few features with a size, or none that the model prints.
     """
-    used = tuple(one for one in features if one.resolved and one.measured_mm is not None and one.u_mm is not None)
+    used = tuple(one for one in features if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None)
     lateral = sum(one.kind != "step" for one in used)
     if lateral < LEAST:
         limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
@@ -221,7 +221,7 @@ def calibrated(
 def _fitted(settings: Settings, used: Sequence[MeasuredFeature]) -> tuple[FittedFeature, ...]:
     sizes = printed_mm(settings, used).tolist()
     return tuple(
-        FittedFeature(one.kind, one.nominal_mm, one.measured_mm or math.nan, one.u_mm or math.nan, size)
+        FittedFeature(one.kind, one.nominal_mm, one.measured_mm or math.nan, one.u_measured_mm or math.nan, size)
         for one, size in zip(used, sizes, strict=True)
     )
 
@@ -233,7 +233,7 @@ class _Problem:
         self.process, self.used, self.keys = process, used, keys
         self.sought = tuple("growth_um" if key == "Ec_mJ_per_cm2" else key for key in keys)
         self._measured = np.array([1e3 * (one.measured_mm or 0.0) for one in used])
-        self._u = np.array([1e3 * (one.u_mm or 0.0) for one in used])
+        self._u = np.array([1e3 * (one.u_measured_mm or 0.0) for one in used])
         settings = process.process
         start = {key: float(getattr(settings, key)) for key in keys} | {"growth_um": growth_um(settings)}
         before = {key: WEAK * (process.uncertainty.get(key) or WIDE[key]) for key in keys}

@@ -47,7 +47,7 @@ class MeasuredFeature:
         Pillar or hole (their diameter), gap (between the edges of two pillars) or step (a height).
     nominal_mm
         As drawn.
-    measured_mm, u_mm
+    measured_mm, u_measured_mm
         As measured and its standard uncertainty; None where it is not there.
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
@@ -58,7 +58,7 @@ class MeasuredFeature:
     kind: Kind
     nominal_mm: float
     measured_mm: float | None
-    u_mm: float | None
+    u_measured_mm: float | None
     resolved: bool
     diameter_mm: float = GAP_PILLAR_MM
 
@@ -71,7 +71,7 @@ class _Row(Strict):
     kind: Kind
     nominal_mm: Length
     measured_mm: Length | None = None
-    u_mm: Length | None = None
+    u_measured_mm: Length | None = None
     resolved: Annotated[bool, Field(strict=True)]
     diameter_mm: Length | None = None
 
@@ -89,7 +89,7 @@ def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
     """Features of a JSON file, and its provenance.
 
     The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
-    …, "measured_mm": …, "u_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
+    …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
 
     Raises
     ------
@@ -103,9 +103,9 @@ def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
     with told_of(str(path)):
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
     for number, row in enumerate(file.features):
-        if row.measured_mm is not None and row.u_mm is None:
+        if row.measured_mm is not None and row.u_measured_mm is None:
             limit = "missing: a measured size without its uncertainty cannot be weighed"
-            raise DataError(f"{path}: features[{number}].u_mm", limit=limit, remedy="state it")
+            raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="state it")
     rows = (row.model_dump() for row in file.features)
     features = [MeasuredFeature(**row | {"diameter_mm": row["diameter_mm"] or GAP_PILLAR_MM}) for row in rows]
     about = {"coupon": file.coupon}
@@ -115,7 +115,7 @@ def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
 def _sized(row: Any) -> Any:
     """A row without the sizes of what is not resolved, such as a step of no height: these are not used."""
     resolved = not isinstance(row, dict) or row.get("resolved") is not False
-    return row if resolved else row | {"measured_mm": None, "u_mm": None}
+    return row if resolved else row | {"measured_mm": None, "u_measured_mm": None}
 
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:

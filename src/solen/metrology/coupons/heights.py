@@ -12,7 +12,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.geometry.coupons import Coupon, Feature
-from solen.metrology.coupons.limits import LEVEL, OUTSIDE, MeasuredFeature, rise_by_chance
+from solen.metrology.coupons.limits import LEVEL, OUTSIDE, MeasuredSize, rise_by_chance
 from solen.metrology.pose import Pose
 
 TOP = 0.65
@@ -67,21 +67,21 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
     return Height(feature.name, feature.height_mm, float(np.mean(pieces)), math.hypot(u_top, u_ground))
 
 
-def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[MeasuredFeature]:
+def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[MeasuredSize]:
     """Every step of the coupon: its rise, and whether it is one."""
     steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
         if isinstance(low, str) or isinstance(high, str):
             reason = low if isinstance(low, str) else str(high)
-            steps.append(MeasuredFeature(step.name, "step", step.step_mm, reason=reason))
+            steps.append(MeasuredSize(step.name, "step", step.step_mm, reason=reason))
             continue
         alike = sum(abs(other.step_mm - step.step_mm) < 1e-6 for other in coupon.steps)
         rise, (u_low, u_high) = high.measured_mm - low.measured_mm, (low.u_measured_mm, high.u_measured_mm)
         resolved = rise_by_chance(rise, u_low, u_high, FREEDOM) < LEVEL / alike
         reason = "" if resolved else "no rise beyond chance"
         u_rise = math.hypot(u_low, u_high)
-        steps.append(MeasuredFeature(step.name, "step", step.step_mm, rise, u_rise, resolved, reason))
+        steps.append(MeasuredSize(step.name, "step", step.step_mm, rise, u_rise, resolved, reason))
     return steps
 
 

@@ -33,7 +33,7 @@ OUTSIDE = "not in the picture"
 
 
 @dataclass(frozen=True)
-class MeasuredFeature:
+class MeasuredSize:
     """A feature, a gap or a step: what was asked for and what came out.
 
     Attributes
@@ -88,7 +88,7 @@ class Limit:
     bound: bool = False
 
 
-def limits_of(measured: Sequence[MeasuredFeature]) -> tuple[Limit, ...]:
+def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
     """Limits of all kinds that were measured."""
     by = {kind: [one for one in measured if one.kind == kind] for kind in ("pillar", "gap", "hole", "step")}
     sizes = {pillar.nominal_mm for pillar in by["pillar"]}
@@ -102,7 +102,7 @@ def limits_of(measured: Sequence[MeasuredFeature]) -> tuple[Limit, ...]:
     return tuple(limit for limit in limits if limit is not None)
 
 
-def smallest(kind: str, measured: Sequence[MeasuredFeature]) -> Limit | None:
+def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
     """Limits (i), (ii) and of open holes: from the largest nominal size down to the first that is not resolved.
 
     None where there is nothing of the kind in the picture.
@@ -120,7 +120,7 @@ def smallest(kind: str, measured: Sequence[MeasuredFeature]) -> Limit | None:
     return replace(limit, bound=True)
 
 
-def hole_variation(holes: Sequence[MeasuredFeature]) -> Limit | None:
+def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
     """Limit (iii); None for fewer than four measured holes or of one size only."""
     rows = [
         (one.nominal_mm, one.measured_mm, one.u_measured_mm)
@@ -147,7 +147,7 @@ def hole_variation(holes: Sequence[MeasuredFeature]) -> Limit | None:
     return replace(limit, bound=True)
 
 
-def z_step(steps: Sequence[MeasuredFeature]) -> Limit | None:
+def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
     """Limit (iv), from steps each of which is a rise or not; None where none was measured."""
     seen = [step for step in steps if step.resolved is not None]
     if not seen:
@@ -161,7 +161,7 @@ def z_step(steps: Sequence[MeasuredFeature]) -> Limit | None:
     return replace(limit, bound=True)
 
 
-def _mean_step(size: float, group: Sequence[MeasuredFeature]) -> Limit:
+def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
     """Limit with the mean of the steps of that size, and its standard uncertainty from their scatter or their own."""
     rises = np.array([step.measured_mm for step in group], dtype=float)
     own = np.array([step.u_measured_mm for step in group], dtype=float)

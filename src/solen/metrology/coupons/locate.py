@@ -188,9 +188,7 @@ def places(features: Sequence[Feature]) -> FloatArray:
     return np.array([(feature.x_mm, feature.y_mm) for feature in features])
 
 
-def locate(
-    grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, most_rise: float = math.inf
-) -> Location:
+def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, most_rise: float = math.inf) -> Location:
     """Find a coupon of round features in a picture.
 
     Parameters

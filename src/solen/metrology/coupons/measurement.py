@@ -12,7 +12,7 @@ from solen.geometry.coupons import Coupon, Feature, Gap
 from solen.metrology.coupons.disc import LEAST_RADIUS_PX, Disc, fit_disc
 from solen.metrology.coupons.gap import DEEP, GapFit, fit_gap
 from solen.metrology.coupons.heights import Height, height_of, steps_of
-from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredFeature, limits_of
+from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredSize, limits_of
 from solen.metrology.coupons.locate import Location, locate, locate_slab, places
 from solen.metrology.image import Image
 from solen.metrology.pose import Pose
@@ -94,7 +94,7 @@ class CouponMeasurement(Result):
     warnings: tuple[str, ...]
     layout: Coupon = field(metadata=HIDDEN)
     picture: Image | ZMap = field(metadata=HIDDEN)
-    measured: tuple[MeasuredFeature, ...] = field(metadata=HIDDEN)
+    measured: tuple[MeasuredSize, ...] = field(metadata=HIDDEN)
     limits: tuple[Limit, ...] = field(metadata=HIDDEN)
     discs: Mapping[str, Disc] = field(metadata=HIDDEN)
 
@@ -104,17 +104,17 @@ class CouponMeasurement(Result):
         return {limit.kind: limit for limit in self.limits}
 
     @reported
-    def features(self) -> list[MeasuredFeature]:
+    def features(self) -> list[MeasuredSize]:
         """Pillars, holes, gaps and steps that are resolved or not, for the calibration of a printer."""
         return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is not None]
 
     @reported
-    def undecided(self) -> list[MeasuredFeature]:
+    def undecided(self) -> list[MeasuredSize]:
         """Those that the picture does not show well enough, with the reason."""
         return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
 
     @reported
-    def marks(self) -> list[MeasuredFeature]:
+    def marks(self) -> list[MeasuredSize]:
         """The marks that orient the picture."""
         return [one for one in self.measured if one.kind == "mark"]
 
@@ -276,14 +276,14 @@ def _blur(fits: Mapping[str, Disc | None], otherwise: float) -> float:
     return float(np.median(blurs)) if blurs else otherwise
 
 
-def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, str], scale: Scale) -> MeasuredFeature:
+def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, str], scale: Scale) -> MeasuredSize:
     disc = discs.get(feature.name)
     if disc is not None:
         size = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
-        return MeasuredFeature(feature.name, feature.kind, feature.diameter_mm, *size, resolved=True)
+        return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, *size, resolved=True)
     reason = reasons.get(feature.name, "no edge")
     resolved = None if reason in {OUTSIDE, TOO_SMALL} else False
-    return MeasuredFeature(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
+    return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
 
 
 def _fitted_gap(image: Image | ZMap, gap: Gap, discs: Mapping[str, Disc]) -> GapFit | None:
@@ -298,7 +298,7 @@ def _gap(
     discs: Mapping[str, Disc],
     reasons: Mapping[str, str],
     scale: Scale,
-) -> MeasuredFeature:
+) -> MeasuredSize:
     fit, measured, u_measured, resolved, reason = fits.get(gap.name), None, None, None, ""
     if fit is None:
         absent = next((name for name in gap.between if name not in discs), "")
@@ -311,7 +311,7 @@ def _gap(
     else:
         reason = TOO_SMALL
     pillar = coupon.feature(gap.between[0]).diameter_mm
-    return MeasuredFeature(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar)
+    return MeasuredSize(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar)
 
 
 def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float]:
@@ -339,7 +339,7 @@ def _warnings(
     coupon: Coupon,
     image: Image | ZMap,
     location: Location,
-    measured: Sequence[MeasuredFeature],
+    measured: Sequence[MeasuredSize],
     blur: float | None,
     ratio: float | None,
 ) -> list[str]:

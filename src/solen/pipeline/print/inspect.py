@@ -5,8 +5,7 @@ from pathlib import Path
 
 from solen import files
 from solen.lens.measured import profile_text
-from solen.metrology import read_image
-from solen.metrology import InspectOptions, LensInspection, measure_lens
+from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
 from solen.pipeline.design.commands import open_design
 from solen.pipeline.outputs import check_outputs
 from solen.results import Outcome

@@ -34,7 +34,7 @@ def calibration_figure(fit: PrinterCalibration) -> Figure:
 
 def _kind(sizes: Axes, rest: Axes, kind: str, colour: str, features: list[FittedFeature]) -> None:
     nominal, measured, u, printed = np.array(
-        [(feature.nominal_mm, feature.measured_mm, feature.u_mm, feature.printed_mm) for feature in features]
+        [(feature.nominal_mm, feature.measured_mm, feature.u_measured_mm, feature.printed_mm) for feature in features]
     ).T
     marks: dict[str, Any] = {"fmt": "o", "ms": 4, "lw": 1.0, "color": colour}
     sizes.errorbar(nominal, 1e3 * (measured - nominal), 2e3 * u, label=f"{kind}s, ± 2 u", **marks)

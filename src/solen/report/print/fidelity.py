@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from solen.arrays import FloatArray
 from solen.geometry.coupons import Coupon
-from solen.metrology.coupons import CouponMeasurement, MeasuredFeature
+from solen.metrology.coupons import CouponMeasurement, MeasuredSize
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
 
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
@@ -122,7 +122,7 @@ def _note(axes: Axes, x: float, y: float, text: str) -> None:
     axes.annotate(text, (x, y), xytext=(0, 3), textcoords="offset points", ha="center", fontsize=5.5, color="#ffd24d")
 
 
-def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredFeature]) -> None:
+def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
     """Each step at the height that it leads to; a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
     sizes = sorted({round(one.nominal_mm, 6) for one in features}, reverse=True)
@@ -147,7 +147,7 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredFeature]) -> N
     axes.set(xlabel="nominal height that the step leads to (mm)", ylabel="step (µm)")
 
 
-def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredFeature]) -> None:
+def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None:
     """Measured less nominal, with two standard uncertainties; crosses at the bottom for what is not resolved."""
     there = [one for one in features if one.measured_mm is not None and one.resolved]
     nominal = [one.nominal_mm for one in there]
