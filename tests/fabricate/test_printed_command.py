@@ -254,7 +254,8 @@ def features_file(path: Path, **changes: Any) -> Path:
     nominal = [("pillar", 0.06), ("pillar", 0.1), ("pillar", 0.3), ("pillar", 1.0), ("gap", 0.5), ("hole", 1.5)]
     features = [MeasuredFeature(kind, size, None, None, True) for kind, size in nominal]  # type: ignore[arg-type]
     found = [
-        {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_measured_mm": 0.003, "resolved": True} | changes
+        {"kind": kind, "nominal_mm": size, "measured_mm": float(made), "u_measured_mm": 0.003, "resolved": True}
+        | changes
         for (kind, size), made in zip(nominal, printed_mm(one, features), strict=True)
     ]
     path.write_text(json.dumps({"coupon": "A", "features": found, "simulated": True}), encoding="utf-8")
@@ -282,7 +283,14 @@ def test_what_is_not_resolved_needs_no_size(tmp_path: Path) -> None:
     """As a program that measures writes it: names, reasons, and a step that is none."""
     path = features_file(tmp_path / "a.json")
     data = json.loads(path.read_text(encoding="utf-8"))
-    step = {"name": "s1", "kind": "step", "nominal_mm": 0.01, "measured_mm": -0.002, "u_measured_mm": 0.0, "reason": "no rise"}
+    step = {
+        "name": "s1",
+        "kind": "step",
+        "nominal_mm": 0.01,
+        "measured_mm": -0.002,
+        "u_measured_mm": 0.0,
+        "reason": "no rise",
+    }
     data["features"].append(step | {"resolved": False})
     data["undecided"] = [step | {"resolved": None}]
     path.write_text(json.dumps(data), encoding="utf-8")

@@ -171,7 +171,9 @@ def calibrated(
     DataError
         For too few features with a size, or none that the model prints.
     """
-    used = tuple(one for one in features if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None)
+    used = tuple(
+        one for one in features if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None
+    )
     lateral = sum(one.kind != "step" for one in used)
     if lateral < LEAST:
         limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
