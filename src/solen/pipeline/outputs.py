@@ -29,6 +29,8 @@ def write(
     kind: str,
     out: Path | None = None,
     figures: "Mapping[str, tuple[Path | None, Callable[[], Figure | bytes]]] | None" = None,
+    *,
+    figure: Path | None = None,
 ) -> Outcome[R]:
     """Write a result and its figures where they are asked for, all or none.
 
@@ -43,8 +45,11 @@ def write(
     figures
         By the name that the outcome gives it: the file of a figure or None, and the function that draws it; of another
         file, the function that gives its bytes.
+    figure
+        File of the figure that `solen.report.plot` draws of the result, or None.
     """
-    drawn = {name: (path, draw) for name, (path, draw) in (figures or {}).items() if path is not None}
+    figures = {"figure": (figure, lambda: _plot(result))} | dict(figures or {})
+    drawn = {name: (path, draw) for name, (path, draw) in figures.items() if path is not None}
     contents: dict[Path, files.Content] = {}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | result.to_dict()
@@ -59,6 +64,12 @@ def write(
     files.write_all(contents)
     places = {name: path for name, (path, _) in drawn.items()}
     return Outcome(result, places if out is None else places | {"out": out})
+
+
+def _plot(result: Result) -> "Figure":
+    from solen.report.plot import plot
+
+    return plot(result)
 
 
 def check_figure(figure: Path | None) -> None:

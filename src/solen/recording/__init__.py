@@ -4,7 +4,7 @@
 a parameter of a test machine's export as a number. `FORMATS` are the formats; another package can add to them.
 """
 
-from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.model import Channel, Measured, Provenance, Recording
 from solen.recording.reader import FORMATS, Format, read, read_parts
 from solen.recording.spectrum import Spectrum, spectra
 from solen.recording.testxpert import stated
@@ -13,6 +13,7 @@ __all__ = [
     "FORMATS",
     "Channel",
     "Format",
+    "Measured",
     "Provenance",
     "Recording",
     "Spectrum",

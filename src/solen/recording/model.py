@@ -16,6 +16,7 @@ from typing import Any
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording.words import plain
+from solen.results import Result, reported
 from solen.units import factor
 
 
@@ -89,6 +90,27 @@ class Provenance:
         """The same as plain data, for JSON."""
         names = ("file", "sha256", "format", "instrument", "date", "simulated")
         return {name: getattr(self, name) for name in names} | {"metadata": dict(self.metadata)}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Measured(Result):
+    """Base of results of files.
+
+    Attributes
+    ----------
+    sources
+        The files.
+    warnings
+        What does not follow from the result, in sentences.
+    """
+
+    sources: tuple[Provenance, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether any of the files was computed rather than measured."""
+        return any(source.simulated for source in self.sources)
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 FIGURES = {
     "Convergence": "solen.report.design.figures:convergence_figure",
     "GuideLoss": "solen.report.resin.cutback:cutback_figure",
+    "MeasuredCurve": "solen.report.resin.cure:cure_figure",
+    "MeasuredStiffness": "solen.report.resin.stiffness:stiffness_figure",
     "OvalLens": "solen.report.design.figures:profile_figure",
     "Resin": "solen.report.resin.library:index_figure",
+    "ResinFacts": "solen.report.resin.library:facts_figure",
     "Sensor": "solen.report.design.figures:focus_figure",
 }
 """Functions that take one result, by the name of its type."""

@@ -17,7 +17,7 @@ from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.regression import group_means
-from solen.recording import Channel, Provenance, Recording
+from solen.recording import Channel, Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Options, Wavelength, refused
 from solen.units import factor
@@ -132,7 +132,7 @@ class LayerExposure:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredCurve(WorkingCurve):
+class MeasuredCurve(WorkingCurve, Measured):
     """Working curve of a table of discs, and what it means for a print.
 
     Attributes
@@ -141,10 +141,6 @@ class MeasuredCurve(WorkingCurve):
         Of the lamp, as stated.
     layer, exposure, stack
         Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
-    sources
-        The file.
-    warnings
-        What does not follow from the result, in sentences.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -152,18 +148,11 @@ class MeasuredCurve(WorkingCurve):
     layer: LayerNeed | None
     exposure: LayerExposure | None
     stack: StackDose | None
-    sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
 
     @reported
     def u_interior_mean_mJ_per_cm2(self) -> float | None:
         """Standard uncertainty of the mean dose inside the part, from that of the penetration depth."""
         return None if self.stack is None else self.stack.interior_mean_mJ_per_cm2 * self.u_Dp_um / self.Dp_um
-
-    @reported
-    def simulated(self) -> bool:
-        """Whether the discs were computed rather than measured."""
-        return any(source.simulated for source in self.sources)
 
 
 def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:

@@ -19,7 +19,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
-from solen.recording import Provenance
+from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
 MOST_OUTLIERS = 0.2
@@ -133,7 +133,7 @@ class Line(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class GuideLoss(Line):
+class GuideLoss(Line, Measured):
     """Loss of guides: the line of all of them, with one slope and, for each orientation, a start of its own.
 
     Attributes
@@ -161,10 +161,6 @@ class GuideLoss(Line):
         Reading without light, as stated, in that unit.
     falls_with_light
         Whether light lowers the readings.
-    sources
-        The file.
-    warnings
-        What does not follow from the result, in sentences.
     """
 
     by_orientation: tuple[Line, ...]
@@ -181,8 +177,6 @@ class GuideLoss(Line):
     power_unit: str | None = None
     dark: float | None = None
     falls_with_light: bool = False
-    sources: tuple[Provenance, ...] = ()
-    warnings: tuple[str, ...] = ()
 
     @reported
     def readings(self) -> int:
@@ -199,11 +193,6 @@ class GuideLoss(Line):
     def layer_limit_dB_per_cm(self) -> float:
         """Smallest loss that the transmittance of one printed layer could show."""
         return smallest_loss_dB_per_cm(LAYER_UM, U_T)
-
-    @reported
-    def simulated(self) -> bool:
-        """Whether the powers were computed rather than measured."""
-        return any(source.simulated for source in self.sources)
 
 
 def cut_back(

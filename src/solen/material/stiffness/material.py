@@ -21,8 +21,7 @@ from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import Range
 from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
 from solen.material.stiffness.test import StressStrain
-from solen.recording import Provenance, Recording
-from solen.results import reported
+from solen.recording import Measured, Recording
 
 _RIGID_MPA = 100.0  # a stiffer thing is no rubber: auto fits no hyperelastic model to it
 _SPECIMEN, _MATERIAL = ("specimen", "sample", "replicate", "probe"), ("material", "resin", "group", "gruppe")
@@ -94,24 +93,16 @@ class MaterialStiffness(MeanModulus):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class MeasuredStiffness(MaterialStiffness):
+class MeasuredStiffness(MaterialStiffness, Measured):
     """Stiffness of the materials of some tests: the first one's, and beside it all of several.
 
     Attributes
     ----------
     groups
         All materials where there are several.
-    sources
-        The files.
     """
 
     groups: tuple[MaterialStiffness, ...]
-    sources: tuple[Provenance, ...]
-
-    @reported
-    def simulated(self) -> bool:
-        """Whether any test was computed rather than measured."""
-        return any(source.simulated for source in self.sources)
 
     @property
     def materials(self) -> tuple[MaterialStiffness, ...]:

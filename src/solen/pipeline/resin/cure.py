@@ -1,15 +1,11 @@
 """The working curve of a resin: a table of discs in, the result and its figure out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.cure import CureOptions, MeasuredCurve, curve_of_discs
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def cure(
@@ -22,11 +18,4 @@ def cure(
 ) -> Outcome[MeasuredCurve]:
     """Penetration depth and critical dose with their intervals; with a layer, what they mean for it."""
     check_outputs(out, figure)
-    curve = curve_of_discs(read(file, sheet=sheet), options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.cure import cure_figure
-
-        return cure_figure(curve)
-
-    return write(curve, "cure", out, {"figure": (figure, draw)})
+    return write(curve_of_discs(read(file, sheet=sheet), options), "cure", out, figure=figure)

@@ -1,15 +1,11 @@
 """Loss of a guide: a file of received powers in, the result and its figure out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.loss import CutbackOptions, GuideLoss, guide_loss
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def cutback(
@@ -22,11 +18,4 @@ def cutback(
 ) -> Outcome[GuideLoss]:
     """Loss in dB/cm from any file that `solen.recording.read` takes, with a column of lengths and one of powers."""
     check_outputs(out, figure)
-    loss = guide_loss(read(file, sheet=sheet), options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.cutback import cutback_figure
-
-        return cutback_figure(loss)
-
-    return write(loss, "cutback", out, {"figure": (figure, draw)})
+    return write(guide_loss(read(file, sheet=sheet), options), "cutback", out, figure=figure)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen import __version__, files
 from solen.errors import OutputError
@@ -13,10 +12,6 @@ from solen.material.resin import dumps_resin, resin_of
 from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
 from solen.spec.design import names_file
-from solen.spec.strict import told_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, force: bool = False) -> Outcome[ResinFacts]:
@@ -47,15 +42,7 @@ def show(name: str, at_nm: Sequence[float] = (), *, figure: Path | None = None) 
     """Everything that a resin of the library or a file says, and its index at wavelengths."""
     check_outputs(None, figure)
     resin = resin_of(name, Path(name) if names_file(name) else None)
-    facts = facts_of(resin, name, at_nm)
-
-    def draw() -> "Figure":
-        from solen.report.resin.library import index_figure
-
-        with told_of(f"resin {resin.name}"):
-            return index_figure(resin, at_nm)
-
-    return write(facts, "resin", None, {"figure": (figure, draw)})
+    return write(facts_of(resin, name, at_nm), "resin", figure=figure)
 
 
 def mix(components: Sequence[str], options: MixOptions = MixOptions()) -> Outcome[Mixtures]:

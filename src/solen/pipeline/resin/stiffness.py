@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.errors import OutputError, SpecError
 from solen.material.stiffness import Dimensions, MeasuredStiffness, MechanicalTest, StiffnessOptions, stiffness_of
@@ -10,9 +9,6 @@ from solen.material.stiffness.modes import TestMode
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def stiffness(
@@ -78,10 +74,4 @@ def stiffness(
         for number, ((path, mode), label) in enumerate(zip(stated, each, strict=True))
     ]
     found = stiffness_of(tests, options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.stiffness import stiffness_figure
-
-        return stiffness_figure(found)
-
-    return write(found, "stiffness", out, {"figure": (figure, draw), "csv": (csv, lambda: found.table().encode())})
+    return write(found, "stiffness", out, {"csv": (csv, lambda: found.table().encode())}, figure=figure)

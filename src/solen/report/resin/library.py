@@ -8,12 +8,27 @@ from matplotlib.figure import Figure
 
 from solen.errors import DataError
 from solen.material.dispersion import AS_PUBLISHED, Tabulated
+from solen.material.facts import LISTED_NM, ResinFacts
 from solen.material.resin import Resin
 from solen.report.canvas import INK, LEFT, RIGHT, STYLE
+from solen.spec.strict import told_of
 
 SHOWN_NM = (400.0, 1000.0)
 """Wavelengths that are drawn of an index without an end."""
 POINTS = 301
+
+
+def facts_figure(facts: ResinFacts) -> Figure:
+    """Index of a resin against wavelength, with the wavelengths that were asked for.
+
+    Raises
+    ------
+    DataError
+        Where the resin has no index.
+    """
+    at_nm = tuple(at.wavelength_nm for at in facts.at)
+    with told_of(f"resin {facts.name}"):
+        return index_figure(facts.contents, () if at_nm == LISTED_NM else at_nm)
 
 
 def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
