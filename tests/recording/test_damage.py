@@ -142,7 +142,10 @@ FOUND = {
         "the time of a test moves on",
     ),
     "a byte of a decimal comma": (FILES["testxpert, decimal comma"].replace(b"0,34", b"0.34", 1), "another mark"),
-    "a letter of UTF-8 broken": (FILES["testxpert, decimal comma"].replace("ü".encode(), b"\xc3", 1), "is no letter"),
+    "a letter of UTF-8 broken": (
+        FILES["testxpert, decimal comma"].replace("ü".encode(), b"\xc3", 1),
+        "is not a character",
+    ),
     "an empty line before the last rows": (
         edited("cary, one trace, no log", ("\r\n765", "\r\n\r\n765")),
         "after the empty",

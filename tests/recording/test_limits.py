@@ -59,7 +59,7 @@ def test_archives_that_are_no_workbooks_or_unpack_to_more_than_one(
     with pytest.raises(DataError, match="unpacks to 5 MB; at most 4 MB"):
         read(path)
     path.write_bytes(archive({"content.xml": b"<office/>"}))
-    with pytest.raises(DataError, match="is an archive, but no Excel workbook"):
+    with pytest.raises(DataError, match="is an archive, but not an Excel workbook"):
         read(path)
     entities = b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "bbbb">]><workbook>&b;</workbook>'
     path.write_bytes(archive({"xl/workbook.xml": entities}))

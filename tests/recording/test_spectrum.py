@@ -27,5 +27,5 @@ def test_each_trace_runs_along_the_wavelengths_to_its_left(tmp_path: Path) -> No
 def test_a_fraction_needs_no_unit_and_a_percentage_does(tmp_path: Path) -> None:
     fraction, percentage = spectra(read(saved(tmp_path, "wavelength_nm,T,R\n400,0.91,8.1\n500,0.92,8.2\n")))
     assert fraction.ratio().tolist() == [0.91, 0.92]
-    with pytest.raises(DataError, match=r"R = 8.2; has no unit and is no fraction; write R \(%\)"):
+    with pytest.raises(DataError, match=r"R = 8.2; has no unit and is not a fraction; write R \(%\)"):
         percentage.ratio()

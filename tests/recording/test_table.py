@@ -213,7 +213,7 @@ def test_the_sheet_of_a_workbook_is_named_or_the_only_one(tmp_path: Path) -> Non
 
 def test_a_bad_cell_of_a_workbook_is_named_as_excel_names_it(tmp_path: Path) -> None:
     rows = [*ROWS, [60, "1OO", 3]]
-    with pytest.raises(DataError, match="sheet data, cell B4 = '1OO'; is no number"):
+    with pytest.raises(DataError, match="sheet data, cell B4 = '1OO'; is not a number"):
         read(workbook(tmp_path, {"data": rows}))
 
 
@@ -223,7 +223,7 @@ def test_a_formula_without_a_stored_result_is_not_an_empty_cell(tmp_path: Path) 
 
 
 def test_a_column_of_words_below_a_unit_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 2, column 2 = '25 um'; is no number"):
+    with pytest.raises(DataError, match="line 2, column 2 = '25 um'; is not a number"):
         read(saved(tmp_path, "time_s,thickness_um\n1,25 um\n2,50 um\n"))
 
 
@@ -237,7 +237,7 @@ def test_wavelengths_out_of_order_are_told(tmp_path: Path) -> None:
 
 def test_a_number_that_may_have_lost_its_end_is_told(tmp_path: Path) -> None:
     text = "time_s,force_N\n1,2.51\n2,2.62\n3,2.73\n4,2"
-    assert "after 2: whether that number is whole" in read(saved(tmp_path, text)).channel("force").note
+    assert "after 2: that number may be cut off" in read(saved(tmp_path, text)).channel("force").note
     assert read(saved(tmp_path, text + ".84")).warnings == []
     assert read(saved(tmp_path, text + "\n")).warnings == []
 
@@ -262,7 +262,7 @@ def test_a_percentage_of_excel_is_not_taken_for_the_fraction_that_is_stored(tmp_
     for cell in ("B2", "B3"):
         book["data"][cell].number_format = "0.0%"
     book.save(path)
-    with pytest.raises(DataError, match="sheet data, cell B2 = '91 %'; is no number"):
+    with pytest.raises(DataError, match="sheet data, cell B2 = '91 %'; is not a number"):
         read(path)
 
 

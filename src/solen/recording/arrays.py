@@ -64,8 +64,8 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
     note = f"arrays of another length are left out: {', '.join(others[:12])}" if others else ""
     channels = []
     for name, (_, unit, values) in zip(unique([name for name, _, _ in held]), held, strict=True):
-        told = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
-        channels.append(Channel(told.name, told.quantity, told.unit, values))
+        head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
+        channels.append(Channel(head.name, head.quantity, head.unit, values))
     channels = [replace(one, name=name) for one, name in zip(channels, unique([c.name for c in channels]), strict=True)]
     if note:
         channels[0] = replace(channels[0], note=note)
@@ -77,7 +77,7 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
 
 
 def _plainly(arrays: Iterable[Array]) -> list[Array]:
-    """Arrays by the last part of their path, ``run.time_s`` as ``time_s``, where that tells them apart."""
+    """Arrays by the last part of their path, ``run.time_s`` as ``time_s``, where those differ."""
     held = list(arrays)
     last = [one.name.rpartition(".")[2] for one in held]
     return (

@@ -2,8 +2,8 @@
 
 The idea: the beginning is read as every table is, and says what the columns are. If all of them are numbers, and the
 rest of the file holds nothing but digits, signs, the decimal mark and the separator, numpy's own reader takes it.
-Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that tells what is wrong
-and where.
+Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that reports what is
+wrong and where.
 
 The interface: `bulk` gives a recording, or None where a file is not such a table.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording import cary, layout, table, testxpert
-from solen.recording.grid import Grid, of_text
+from solen.recording.grid import Grid, cut_note, of_text
 from solen.recording.layout import Layout
 from solen.recording.model import Recording
 from solen.recording.source import Source
@@ -61,7 +61,7 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
             return None
         place = layout.find(grid, columns)
         table.check_rows(grid, place)
-    except DataError:  # told of by whoever reads the whole file
+    except DataError:  # reported where the whole file is read
         return None
     plain = not testxpert.is_testxpert(place) and not place.after and len(place.body) > _HEAD // 2
     return (grid, place) if plain and all(place.names) else None
@@ -96,6 +96,5 @@ def _noted(recording: Recording, source: Source, grid: Grid, above: Sequence[str
     last = source.data[-80:].decode("ascii", "replace").split("\n")[-1].split(grid.separator)[-1].strip()
     if len(last) >= min(map(len, above)):
         return recording
-    note = f"the file ends without a line break after {last}: whether that number is whole cannot be told"
-    channels = recording.channels
-    return replace(recording, channels=(*channels[:-1], replace(channels[-1], note=note)))
+    *others, end = recording.channels
+    return replace(recording, channels=(*others, replace(end, note=cut_note(last))))

@@ -5,7 +5,7 @@ then rows in which each trace has a wavelength and a value until it ends, an emp
 about each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A scan runs
 through its wavelengths in even steps, so one that jumps, repeats or leaves one out was damaged, whatever its numbers.
 
-The interface: `is_cary` tells by the header, `read` a `Grid`.
+The interface: `is_cary` recognises the header, `read` a `Grid`.
 """
 
 from collections import Counter
@@ -202,9 +202,8 @@ def _recording(
         axis = axes.setdefault(waves.tobytes(), new)
         quantity, unit = MODES.get(trace.mode.casefold(), ("", ""))
         notes = _notes(trace, waves, values, quantity, logs.shared | log)
-        if ending and trace is traces[-1]:
-            notes.append(ending)
-        channels.append(Channel(trace.name, quantity, unit, values, axis.name, "; ".join(notes), log))
+        channel = Channel(trace.name, quantity, unit, values, axis.name, metadata=log)
+        channels.append(channel.noted(*notes, ending if trace is traces[-1] else ""))
     provenance = Provenance(
         grid.source.name, grid.source.sha256, "agilent-cary-csv", logs.instrument, logs.date, logs.shared
     )
@@ -231,4 +230,4 @@ def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, 
     if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
         notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")
     lone = scan.alone_note(values, [f"at {wave:g} nm" for wave in waves.tolist()])
-    return [*notes, *([lone] if lone else []), *carylog.ends(log, waves)]
+    return [*notes, lone, *carylog.ends(log, waves)]

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.recording import dates
 
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
@@ -44,13 +44,13 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
     first = next((dates.iso(stamp, others=stamps) or stamp for stamp in stamps), "")
     own = [{key: value for key, value in one.items() if key not in shared} for one in said]
     for one in own:
-        if told := dates.iso(one.get(_COLLECTED, ""), others=stamps):
-            one[_COLLECTED] = told
+        if date := dates.iso(one.get(_COLLECTED, ""), others=stamps):
+            one[_COLLECTED] = date
     instrument = next((one["Instrument"] for one in said if "Instrument" in one), "")
     return Logs(shared, own, instrument, first)
 
 
-def ends(log: dict[str, str], waves: NDArray[np.float64]) -> list[str]:
+def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
     """Remarks where a trace does not reach from the start to the stop that its log states."""
     try:
         start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))

@@ -1,4 +1,4 @@
-"""Dates in the spellings of instruments, as ISO 8601 where it can be told which number is the month.
+"""Dates in the spellings of instruments, as ISO 8601 where it is clear which number is the month.
 
 The interface: `iso` of a text, `among` the parameters of a file, `seconds` of a column of clock times.
 """
@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import date, datetime
 
 import numpy as np
-from numpy.typing import NDArray
+
+from solen.arrays import FloatArray
 
 _CLOCK = r"(?:[T ,]+(\d{1,2}):(\d{2})(?::(\d{2})(?:\.\d+)?)?\s*([AaPp]\.?[Mm]\.?)?)?"
 _YEAR_FIRST = re.compile(r"(\d{4})[-/.](\d{1,2})[-/.](\d{1,2})" + _CLOCK)
@@ -22,9 +23,9 @@ _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/tim
 
 
 def iso(text: str, *, others: Iterable[str] = ()) -> str:
-    """ISO 8601 of a date and, if there, its time; empty where it is none or where day and month cannot be told apart.
+    """ISO 8601 of a date and, if there, its time; empty where it is none or day and month are ambiguous.
 
-    ``others`` are dates of the same file, one of which may tell.
+    ``others`` are dates of the same file, which may show the order of day and month.
     """
     text = text.strip()
     if found := _YEAR_FIRST.fullmatch(text):
@@ -43,12 +44,12 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
 
 
 def among(metadata: Mapping[str, str]) -> str:
-    """Date that the parameters of a file state, as ISO 8601 where it can be told, else in the file's words."""
+    """Date that the parameters of a file state, as ISO 8601 where unambiguous, else in the file's words."""
     stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
     return iso(stated) or stated
 
 
-def seconds(cells: Sequence[str]) -> NDArray[np.float64] | None:
+def seconds(cells: Sequence[str]) -> FloatArray | None:
     """Seconds since midnight of the first day of clock times, with or without dates; None where a cell is none.
 
     Times without a date that fall by more than half a day have passed midnight. An empty cell is NaN.
@@ -70,7 +71,7 @@ def seconds(cells: Sequence[str]) -> NDArray[np.float64] | None:
 
 
 def _day(text: str, others: Iterable[str]) -> int | None:
-    """Number of a day; None for no date, or one whose month cannot be told."""
+    """Number of a day; None for no date, or one whose month is ambiguous."""
     stated = iso(text, others=others) if text else ""
     return date.fromisoformat(stated[:10]).toordinal() if stated else None
 
@@ -82,7 +83,7 @@ def _clock_s(part: re.Match[str]) -> float:
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month: a number beyond 12 tells, and so does the American clock."""
+    """Whether dates with slashes begin with the month: a number beyond 12 shows it, and so does the American clock."""
     found = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
     if any(int(match[2]) > 12 for match in found):
         return True

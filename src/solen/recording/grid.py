@@ -13,15 +13,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.recording.numbers import all_numbers, is_number, parse
 from solen.recording.source import Source
 
 _SEPARATORS = ("\t", ";", " ", ",")
 _THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
-_EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line by which Excel is told the separator
+_EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line that states the separator to Excel
 _SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
 _NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
@@ -89,7 +89,7 @@ class Grid:
             raise self.refused(last, None, limit, "export it again")
         if not cells[place]:  # the separator behind the last number shows that it is whole
             return ""
-        return f"the file ends without a line break after {cells[place]}: whether that number is whole cannot be told"
+        return cut_note(cells[place])
 
     def is_blank(self, row: int) -> bool:
         """Whether a row holds nothing."""
@@ -144,7 +144,7 @@ class Grid:
 
     def column(
         self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
-    ) -> NDArray[np.float64]:
+    ) -> FloatArray:
         """Numbers of a column's cells in some rows, NaN where one is empty; `DataError` where one is neither."""
         values = np.empty(len(rows))
         if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
@@ -173,15 +173,20 @@ def of_text(source: Source) -> Grid:
     ends = not lines[-1]
     if ends:
         lines = lines[:-1]
-    told = [(number, line) for number, line in enumerate(lines, 1)]
-    remarks = [(number, line.lstrip()[1:].strip()) for number, line in told if line.lstrip().startswith("#")]
-    told = [(number, line) for number, line in told if not line.lstrip().startswith("#")]
-    if told and _EXCEL.fullmatch(told[0][1]):
-        told = told[1:]
-    separator = _separator([line for _, line in told])
+    numbered = list(enumerate(lines, 1))
+    remarks = [(number, line.lstrip()[1:].strip()) for number, line in numbered if line.lstrip().startswith("#")]
+    held = [(number, line) for number, line in numbered if not line.lstrip().startswith("#")]
+    if held and _EXCEL.fullmatch(held[0][1]):
+        held = held[1:]
+    separator = _separator([line for _, line in held])
     split = splitter(separator)
-    rows = [split(line) for _, line in told]
-    return Grid(source, rows, [number for number, _ in told], separator, "", ends, remarks)
+    rows = [split(line) for _, line in held]
+    return Grid(source, rows, [number for number, _ in held], separator, "", ends, remarks)
+
+
+def cut_note(last: str) -> str:
+    """Note on the last number of a file whose last line has no end."""
+    return f"the file ends without a line break after {last}: that number may be cut off"
 
 
 def splitter(separator: str) -> Callable[[str], list[str]]:

@@ -53,7 +53,7 @@ class Layout:
 
 
 def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
-    """Place of the table in a grid; `DataError` where there is none, or where it is not told what its columns are.
+    """Place of the table in a grid; `DataError` where there is none, or where nothing states what its columns are.
 
     ``columns`` names the columns of a table that has no header.
     """
@@ -126,7 +126,7 @@ def _has_width(grid: Grid, row: int, width: int) -> bool:
 
 
 def _block(filled: list[int], place: int) -> list[int]:
-    """Rows from a place on to the next empty one, as many as tell what they are."""
+    """Rows from a place on to the next empty one, as many as show what they are."""
     last = min(place + _TELLING, len(filled))
     end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
     return filled[place:end]
@@ -138,8 +138,7 @@ def _units_below(grid: Grid, filled: list[int], place: int) -> list[str]:
         return []
     row = filled[place + 1]
     cells = grid.rows[row][: grid.width(row)]
-    told = [cell for cell in cells if cell]
-    units = all(stated_unit(cell.strip("[]()")) and not is_number(cell) for cell in told)
+    units = all(stated_unit(cell.strip("[]()")) and not is_number(cell) for cell in cells if cell)
     return cells if units and len(cells) <= grid.width(filled[place]) else []
 
 
@@ -175,8 +174,8 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
 
 def _headless(grid: Grid, filled: list[int]) -> DataError:
     """Error for a table that begins with words below which there is no table of numbers."""
-    told = [heading(cell) for cell in grid.rows[filled[0]] if cell]
-    if len(filled) > 1 and any(one.unit or one.quantity for one in told):
+    heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
+    if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
         limit = f"is no row of numbers below the header in {grid.place(filled[0])}"
         return grid.refused(filled[1], None, limit, "write plain numbers there, and their unit in the header")
     limit = "is neither the header of a table nor a row of it"

@@ -14,7 +14,7 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
-_OLD = 4  # bytes of the kind of number with which a file of version 4 begins: there is no word to tell it by
+_OLD = 4  # bytes of the kind of number with which a file of version 4 begins: it has no magic word
 _DEEPEST = 8
 
 

@@ -10,7 +10,7 @@ words, `Channel.to` a unit.
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from solen.arrays import FloatArray
@@ -20,7 +20,7 @@ from solen.results import Result, reported
 from solen.units import factor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Channel:
     """Numbers of one quantity, along one axis.
 
@@ -29,7 +29,7 @@ class Channel:
     name
         Unique within its recording: a name that a file has twice gets a number, ``sample (2)``.
     quantity
-        What it is, in the field's words: ``transmittance``, ``force``; empty where the file does not tell.
+        What it is, in the field's words: ``transmittance``, ``force``; empty where the file does not state it.
     unit
         As the file spells it; ``1`` for a pure number, empty where none is stated.
     values
@@ -59,6 +59,10 @@ class Channel:
             raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
         return self.values * scale
 
+    def noted(self, *notes: str) -> "Channel":
+        """The same with further notes, those that are not empty."""
+        return replace(self, note="; ".join(filter(None, (self.note, *notes))))
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -71,7 +75,7 @@ class Provenance:
     format
         What it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
     instrument, date
-        As the file states them; empty where it does not. A date is ISO 8601 where the file's can be told.
+        As the file states them; empty where it does not. A date is ISO 8601 where the file's is unambiguous.
     metadata
         Everything else that the file says, by its own words.
     simulated
@@ -83,7 +87,7 @@ class Provenance:
     format: str = ""
     instrument: str = ""
     date: str = ""
-    metadata: Mapping[str, str] = field(default_factory=dict)
+    metadata: Mapping[str, str] = field(default_factory=dict, hash=False)
     simulated: bool = False
 
     def as_dict(self) -> dict[str, Any]:
@@ -113,7 +117,7 @@ class Measured(Result):
         return any(source.simulated for source in self.sources)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Recording:
     """Channels that were recorded together, in the order of the file, and their provenance.
 

@@ -83,4 +83,4 @@ def _complaint(cell: str, mark: str) -> str:
     other = "," if mark == "." else "."
     if re.fullmatch(rf"[+-]?[0-9]{{1,3}}(?:[{other} '][0-9]{{3}})+(?:[{mark}][0-9]*)?", cell):
         return "marks its thousands, which is not read"
-    return "is no number"
+    return "is not a number"

@@ -1,4 +1,4 @@
-"""Read a file that an instrument or a person wrote: its format is told by what it holds, never by its name.
+"""Read a file that an instrument or a person wrote: its format is detected from the content, never from the name.
 
 The interface: `read`, and `read_parts` for files that hold several recordings.
 """

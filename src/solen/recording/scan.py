@@ -1,4 +1,4 @@
-"""What a scan's own numbers tell about damage: wavelengths that jump, values that stand alone, digits too many.
+"""What a scan's own numbers show of damage: wavelengths that jump, values that stand alone, digits too many.
 
 The idea: a monochromator moves one way, in even steps. A step that differs from equal steps before and after it is no
 scan's; nor are wavelengths that differ in one place from those of all traces beside them.
@@ -11,9 +11,8 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import FloatArray, IndexArray
 from solen.recording.grid import Grid
 from solen.recording.numbers import digits
 
@@ -22,7 +21,7 @@ RANGE_NM = (100.0, 100_000.0)
 _EVEN = 0.05  # steps are even within this share of them: drives are not exact, and prints are rounded
 _JUMP = 0.15  # a step is off beyond this share of the even steps beside it
 _WILD = 100.0  # a value so many times its neighbours' size
-_ABOUT = 10  # rows before and after a value that tell what is usual
+_ABOUT = 10  # rows before and after a value that show what is usual
 _SOME = 5  # numbers that make a habit
 _FEW = 0.1  # wavelengths that differ from those of other traces in at most this share of places are damaged there
 
@@ -127,16 +126,16 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
 def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
     """`DataError` at a number with more digits than its program prints: two numbers became one, or a digit too many.
 
-    A program prints either so many significant digits or so many after the mark; what all but a few numbers keep to
-    tells. Each column is its place and its rows.
+    A program prints either so many significant digits or so many after the mark; all but a few numbers show which.
+    Each column is its place and its rows.
     """
     counted = [[(row, *digits(grid.rows[row][column])) for row in rows] for column, rows in columns]
     every = Counter(whole for column in counted for _, whole, _ in column)
     most = _usual_most(every)
     full = 2 * every[most] >= sum(every.values())
-    for (column, _), told in zip(columns, counted, strict=True):
-        after = _usual_most(Counter(decimals for _, _, decimals in told))
-        for row, whole, decimals in told:
+    for (column, _), numbers in zip(columns, counted, strict=True):
+        after = _usual_most(Counter(decimals for _, _, decimals in numbers))
+        for row, whole, decimals in numbers:
             if whole > most and (full or decimals > after):
                 raise grid.refused(row, column, f"has {whole} digits where other numbers have at most {most}")
 
@@ -146,7 +145,7 @@ def _usual_most(counts: Counter[int]) -> int:
     return max((count for count, times in counts.items() if times >= _SOME), default=max(counts, default=0))
 
 
-def alone(values: FloatArray) -> NDArray[np.intp]:
+def alone(values: FloatArray) -> IndexArray:
     """Places of values that stand far from both neighbours, while those agree; at the ends, from the two beside them.
 
     Far is fifty times the usual distance of a value from the middle of its neighbours, and a twentieth of them.
@@ -172,7 +171,7 @@ def alone_note(values: FloatArray, where: Sequence[str]) -> str:
     return f"{places.size} values stand far from both neighbours ({shown}): a spike, or a damaged digit"
 
 
-def _windowed(steps: FloatArray, width: int) -> NDArray[np.intp]:
+def _windowed(steps: FloatArray, width: int) -> IndexArray:
     """Places where ``width`` steps are off between two even ones before and two after."""
     window = np.lib.stride_tricks.sliding_window_view(steps, width + 4)
     about = window[:, [0, 1, -2, -1]]

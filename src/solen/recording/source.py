@@ -75,7 +75,7 @@ class Source:
         return lines
 
     def text(self) -> str:
-        """Text of the file, in the encoding that its bytes tell: UTF-8, UTF-16 or Windows-1252."""
+        """Text of the file, in the encoding that its bytes show: UTF-8, UTF-16 or Windows-1252."""
         data = self.data
         for start, (what, remedy) in _OTHERS.items():
             if data.startswith(start):
@@ -84,7 +84,7 @@ class Source:
             return self._decoded()
         except UnicodeDecodeError as bad:
             line = data.count(b"\n", 0, bad.start) + 1
-            limit = f"byte {bad.start} is no letter of {bad.encoding}"
+            limit = f"byte {bad.start} is not a character of {bad.encoding}"
             raise self.refused(f"line {line}", limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:

@@ -53,7 +53,7 @@ class Trace:
     name
         Name of the trace.
     quantity, unit
-        What it is; null where the file does not tell.
+        What it is; null where the file does not state it.
     points, empty
         Number of points, and of those without a value.
     range_nm, range_values

@@ -1,8 +1,8 @@
 """Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
 
 The idea: the header says what each column is (`solen.recording.words`), `solen.recording.layout` where the table
-stands; here its columns become channels. A column of numbers with one cell that is no number is damaged, not a column
-of text. Columns beside a wavelength run along it, those beside a time along that.
+stands; here its columns become channels. A column of numbers with one cell that is not a number is damaged, not a
+column of text. Columns beside a wavelength run along it, those beside a time along that.
 
 The interface: `read` a `Grid` whose `Layout` was found; `columns` and `recorded` are its two halves.
 """
@@ -14,10 +14,10 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.recording import dates
-from solen.recording.grid import Grid
+from solen.recording.grid import Grid, cut_note
 from solen.recording.layout import Layout
 from solen.recording.model import Channel, Provenance, Recording
 from solen.recording.numbers import all_numbers, is_missing, is_number
@@ -43,7 +43,7 @@ class Column:
     place: int
     text: str
     head: Heading
-    values: NDArray[np.float64] | None
+    values: FloatArray | None
     words: tuple[str, ...] | None
 
 
@@ -97,7 +97,7 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
             continue
         if kind == "word" and (head.unit or head.quantity):
             row = next(row for row, cell in zip(place.body, cells[column], strict=True) if not is_missing(cell))
-            raise grid.refused(row, column, "is no number", f"write plain numbers below {place.names[column]}")
+            raise grid.refused(row, column, "is not a number", f"write plain numbers below {place.names[column]}")
         values = None
         if "number" in kind:
             values = grid.column(column, place.body, cells[column], mark, machine=machine)
@@ -114,13 +114,13 @@ def _is_time(head: Heading) -> bool:
 
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
     """What the headers say, by what stands beside them: T is a transmittance where there are wavelengths."""
-    told = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
-    optical = any(heading(name, unit).quantity == "wavelength" for name, unit in told)
-    return [heading(name, unit, optical=optical) for name, unit in told]
+    texts = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
+    optical = any(heading(name, unit).quantity == "wavelength" for name, unit in texts)
+    return [heading(name, unit, optical=optical) for name, unit in texts]
 
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
-    """`DataError` at a wavelength that is none, as where the names of columns moved."""
+    """`DataError` at an impossible wavelength, as where the names of columns moved."""
     if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
@@ -186,8 +186,8 @@ def unique(names: Sequence[str]) -> list[str]:
 
 def parameters(grid: Grid, place: Layout) -> dict[str, str]:
     """What stands above and below the table: names with their values, and remarks."""
-    told = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
-    found = dict(zip(unique([key for key, _ in told]), (value for _, value in told), strict=True))
+    pairs = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
+    found = dict(zip(unique([key for key, _ in pairs]), (value for _, value in pairs), strict=True))
     said = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
     for text in said:
         key, separator, value = text.partition(":")
@@ -223,23 +223,14 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
     for channel in channels:
         if channel.quantity == "wavelength":
             axis = channel.name
-            found.append(_noted(_in_nm(channel)))
+            found.append(_in_nm(channel).noted(disorder(channel.values)))
         elif channel.name in labels:
             found.append(channel)
         else:
-            found.append(_spectrum(channel, axis, next(one for one in channels if one.name == axis).values))
+            waves = next(one for one in channels if one.name == axis).values
+            alone = alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()])
+            found.append(replace(channel, axis=axis).noted(alone))
     return found
-
-
-def _spectrum(channel: Channel, axis: str, waves: NDArray[np.float64]) -> Channel:
-    """Channel along its wavelengths, with a note on values that stand alone."""
-    notes = (channel.note, alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()]))
-    return replace(channel, axis=axis, note="; ".join(note for note in notes if note))
-
-
-def _noted(channel: Channel) -> Channel:
-    notes = (channel.note, disorder(channel.values))
-    return replace(channel, note="; ".join(note for note in notes if note))
 
 
 def _in_nm(channel: Channel) -> Channel:
@@ -254,14 +245,14 @@ def _in_nm(channel: Channel) -> Channel:
 def _with_percent(channels: list[Channel]) -> list[Channel]:
     """Spectra with %T for their unit where only a baseline beside them says so, as in tables cleaned by hand."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
-    told = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
-    if not optical or not told:
+    baselines = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
+    if not optical or not baselines:
         return channels
-    known = {(one.quantity, one.unit) for one in told}
+    known = {(one.quantity, one.unit) for one in baselines}
     if len(known) > 1:
         return channels
     quantity, unit = known.pop()
-    note = f"no unit is stated; taken for that of {told[0].name}"
+    note = f"no unit is stated; taken for that of {baselines[0].name}"
     return [
         replace(one, quantity=quantity, unit=unit, note=note) if not one.unit and not one.quantity else one
         for one in channels
@@ -274,7 +265,7 @@ def _ending(grid: Grid, place: Layout, column: Column) -> str:
     last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
     if grid.ends or not last or len(cells) < 3 or len(cells[-1]) >= min(map(len, cells[:-1])):
         return ""
-    return f"the file ends without a line break after {cells[-1]}: whether that number is whole cannot be told"
+    return cut_note(cells[-1])
 
 
 def _first(metadata: dict[str, str], names: tuple[str, ...]) -> str:

@@ -5,7 +5,7 @@ table, and read as one; but a machine wrote it, so all that a hand would do to a
 another form, an empty line or a remark inside, a time that runs back, the same line twice, a last line without an end.
 What the machine computed itself (modulus, greatest force) stays in the recording's metadata, by the machine's words.
 
-The interface: `is_testxpert` tells by the header, `read` a `Grid`; `stated` gives a parameter as a number.
+The interface: `is_testxpert` recognises the header, `read` a `Grid`; `stated` gives a parameter as a number.
 """
 
 import re
@@ -13,8 +13,8 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from solen.arrays import FloatArray
 from solen.recording import scan, table
 from solen.recording.grid import Grid
 from solen.recording.layout import Layout
@@ -31,7 +31,7 @@ WORDS = {
 """Names of channels that only this program gives."""
 _LIMITS = {"time": 1e8, "force": 1e8, "strain": 1e5, "displacement": 1e5, "crosshead": 1e5}
 """No test machine shows a number beyond these, in any unit that it writes: a lost decimal point does."""
-_RARE = 0.002  # share of rows: what happens less often than this is no habit of the program
+_RARE = 0.002  # share of rows: what happens less often than this is not a habit of the program
 _STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
 
 
@@ -48,7 +48,7 @@ def read(grid: Grid, place: Layout) -> Recording:
     found = table.columns(grid, place, machine=True)
     for column in found:
         if column.values is None:
-            raise grid.refused(place.body[0], column.place, "is no number", "export the channels of the test alone")
+            raise grid.refused(place.body[0], column.place, "is not a number", "export the channels of the test alone")
         _check(grid, place, column, column.values)
     clock = next((one for one in found if factor(one.head.unit, "s") is not None), None)
     if clock is not None and clock.values is not None:
@@ -57,13 +57,8 @@ def read(grid: Grid, place: Layout) -> Recording:
     scan.check_digits(grid, [(column.place, place.body) for column in found])
     made = table.recorded(grid, place, found, "testxpert")
     where = [f"in line {grid.lines[row]}" for row in place.body]
-    endings = ["" for _ in made.channels[1:]] + [grid.ending(place.body)]
-    notes = [
-        filter(None, (scan.alone_note(one.values, where), end)) for one, end in zip(made.channels, endings, strict=True)
-    ]
-    return replace(
-        made, channels=tuple(replace(one, note="; ".join(note)) for one, note in zip(made.channels, notes, strict=True))
-    )
+    *others, last = (replace(one, note=scan.alone_note(one.values, where)) for one in made.channels)
+    return replace(made, channels=(*others, last.noted(grid.ending(place.body))))
 
 
 def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
@@ -97,7 +92,7 @@ def _check_whole(grid: Grid, place: Layout) -> None:
         raise grid.refused(place.after[0], None, "stands after the numbers", "export one test alone")
 
 
-def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:
+def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
     """`DataError` where the numbers of a channel cannot be what a machine recorded."""
     quantity = column.head.quantity
     beyond = np.flatnonzero(np.abs(values) > _LIMITS.get(quantity, np.inf))
@@ -110,7 +105,7 @@ def _check(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.f
     scan.check_wild(grid, column.place, place.body, values)
 
 
-def _check_time(grid: Grid, place: Layout, column: table.Column, values: NDArray[np.float64]) -> None:
+def _check_time(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
     """`DataError` where time runs back, or stands still where it does so nowhere else."""
     steps = np.diff(values)
     wrong = ~(steps >= 0.0)

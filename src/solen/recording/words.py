@@ -2,8 +2,8 @@
 
 The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` are one statement. A bracket or an
 ending is only taken for a unit if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
-symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. What a word means is told by its unit where the
-word alone does not tell: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
+symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. Its unit decides what a word means where the
+word alone does not: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
 
 The interface: `heading` of a header's text, `quantity_of` a name, `is_label` for columns that name rather than measure.
 """
@@ -47,7 +47,7 @@ _EXAMPLES = {
     "speed": "mm/s",
     "wavenumber": "1/cm",
 }
-"""The quantities that a header can be told to mean, each with a unit of its kind."""
+"""The quantities that a header can mean, each with a unit of its kind."""
 
 _WORDS = {
     "wavelength": "wavelength, wavelengths, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
@@ -145,8 +145,8 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
 
 
 def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
-    """Quantity that a name means, or empty where it does not tell or its unit is of another kind."""
-    meant = [one for one in _meanings(name) if not unit or _fits(one, unit)]
+    """Quantity that a name means, or empty where it has no meaning or its unit is of another kind."""
+    meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
         meant = [one for one in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(one, unit)]
     seen = [one for one in meant if one in {"transmittance", "reflectance", "absorbance", "absorptance"}]

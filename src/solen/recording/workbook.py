@@ -25,7 +25,7 @@ MOST_CELLS = 2_000_000
 
 
 def grid(source: Source, sheet: str | None = None) -> Grid:
-    """Rows of a sheet; `DataError` where the file is no workbook or the sheet is not told.
+    """Rows of a sheet; `DataError` where the file is not a workbook or the sheet must be named.
 
     ``sheet`` is its name; without one, the only sheet that holds numbers is taken.
     """
@@ -46,7 +46,7 @@ def _check_archive(source: Source) -> None:
             size = sum(member.file_size for member in members)
             names = {member.filename for member in members}
             if "xl/workbook.xml" not in names:
-                raise source.refused("", "is an archive, but no Excel workbook", "save the table as .xlsx or CSV")
+                raise source.refused("", "is an archive, but not an Excel workbook", "save the table as .xlsx or CSV")
             if size > LARGEST_MB * 1_000_000:
                 limit = f"unpacks to {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
                 raise source.refused("", limit, "save the table alone as CSV")

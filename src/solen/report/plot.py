@@ -14,10 +14,15 @@ if TYPE_CHECKING:
 
 FIGURES = {
     "Convergence": "solen.report.design.figures:convergence_figure",
+    "ExposureTrends": "solen.report.resin.exposures:exposures_figure",
     "GuideLoss": "solen.report.resin.cutback:cutback_figure",
+    "LayerIndex": "solen.report.resin.index:index_figure",
+    "Listing": "solen.report.resin.spectra:spectra_figure",
     "MeasuredCurve": "solen.report.resin.cure:cure_figure",
     "MeasuredStiffness": "solen.report.resin.stiffness:stiffness_figure",
     "OvalLens": "solen.report.design.figures:profile_figure",
+    "Penetration": "solen.report.resin.penetration:penetration_figure",
+    "RefractometerIndex": "solen.report.resin.refractometer:refractometer_figure",
     "Resin": "solen.report.resin.library:index_figure",
     "ResinFacts": "solen.report.resin.library:facts_figure",
     "Sensor": "solen.report.design.figures:focus_figure",

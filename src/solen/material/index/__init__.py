@@ -1,8 +1,8 @@
 """The index of a printed layer: from what a spectrophotometer or a refractometer measured to n and k with uncertainty.
 
 The idea: an index is never read off a curve that carries no information about it. Each way to an index is a route with
-a name, states what it assumes, and masks with a reason what it cannot tell. Wavelengths are in nm, thicknesses in µm,
-reflectance and transmittance are fractions; arrays of any shapes that broadcast.
+a name, states what it assumes, and masks with a reason what it cannot determine. Wavelengths are in nm, thicknesses in
+µm, reflectance and transmittance are fractions; arrays of any shapes that broadcast.
 
 The interface: `index_of_layer` goes from a recording to a `LayerIndex`. Behind it, `solen.material.index.stack` is the
 forward model, `solen.material.index.inversion` its exact inverse for a layer in air and

@@ -137,7 +137,7 @@ def fit(
     ------
     DataError
         Where there are too few points, a number is not one, or no formula can be had, with the reason: a resonance
-        inside the range, two terms that cannot be told apart.
+        inside the range, two terms that cannot be distinguished.
     """
     if kind not in FITS:
         raise DataError("fit", value=kind, limit=f"must be one of {', '.join(FITS)}")
@@ -249,25 +249,25 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
 def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[str]:
     """What the numbers of a fit cannot be used for."""
     low, high = model.range_nm
-    told = []
+    warnings = []
     rise = model.index(high) - model.index(low)
     spread = math.hypot(model.u_index(low) or 0.0, model.u_index(high) or 0.0)
     if rise > 2 * spread:
-        told.append(
+        warnings.append(
             f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
         )
     if points.u is not None and one.widened > 1:
-        told.append(
+        warnings.append(
             f"the points scatter about the formula, or err together with their neighbours (correlation "
             f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied with "
             f"{one.widened:.2g}"
         )
     if points.u is None and not points.shared.size:
-        told.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
+        warnings.append("the uncertainty of the fit is from scatter alone: what all points share is not in it")
     if isinstance(model, Sellmeier):
-        told += [
+        warnings += [
             f"the resonance at {nm:.0f} nm is close to the points, from {low:g} nm: the fit is of use only among them"
             for nm in resonance_nm(model)
             if 0.85 * low < nm < low
         ]
-    return told
+    return warnings

@@ -212,7 +212,7 @@ class TwoPoles(Form):
         worst = float(np.sqrt(np.diag(covariance).max()))
         if not worst < _LOOSE:
             raise UnfitError(
-                f"leaves a coefficient open by {100 * worst:.3g} %: two terms are not told apart by these points"
+                f"leaves a coefficient open by {100 * worst:.3g} %: these points do not distinguish two terms"
             )
 
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:

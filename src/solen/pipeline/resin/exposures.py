@@ -2,15 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.cure.exposures import ExposureOptions, ExposureTrends, exposure_trends
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.plot import plot
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def exposures(
@@ -24,10 +21,4 @@ def exposures(
     """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured."""
     check_outputs(out, figure)
     result = exposure_trends([read(file, sheet=sheet) for file in files], options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.exposures import exposures_figure
-
-        return exposures_figure(result)
-
-    return write(result, "exposures", out, {"figure": (figure, draw)})
+    return write(result, "exposures", out, {"figure": (figure, lambda: plot(result))})

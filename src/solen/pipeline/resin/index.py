@@ -1,16 +1,13 @@
 """Index of a layer: a file of its spectra in, the result and its figure out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.plot import plot
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def index(
@@ -24,10 +21,4 @@ def index(
     """Index against wavelength from any file of spectra that `solen.recording.read` takes."""
     check_outputs(out, figure)
     result = index_of_layer(read(file, sheet=sheet), options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.index import index_figure
-
-        return index_figure(result)
-
-    return write(result, "index", out, {"figure": (figure, draw)})
+    return write(result, "index", out, {"figure": (figure, lambda: plot(result))})

@@ -1,15 +1,12 @@
 """Penetration depth of a resin: a file of its absorbance in, the result and its figure out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.cure.penetration import Penetration, PenetrationOptions, penetration_of
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
+from solen.report.plot import plot
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def penetration(
@@ -23,10 +20,4 @@ def penetration(
     """Penetration depth against wavelength, and in a lamp's light."""
     check_outputs(out, figure)
     result = penetration_of(read(file, sheet=sheet), options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.penetration import penetration_figure
-
-        return penetration_figure(result)
-
-    return write(result, "penetration", out, {"figure": (figure, draw)})
+    return write(result, "penetration", out, {"figure": (figure, lambda: plot(result))})

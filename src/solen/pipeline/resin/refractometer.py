@@ -2,14 +2,11 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.material.index.refractometer import RefractometerIndex, RefractometerOptions, refractometer_index
 from solen.pipeline.outputs import check_outputs, write
+from solen.report.plot import plot
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def refractometer(
@@ -18,10 +15,4 @@ def refractometer(
     """Index against wavelength from measured values and the dispersion that polymers have."""
     check_outputs(out, figure)
     result = refractometer_index(n, options)
-
-    def draw() -> "Figure":
-        from solen.report.resin.refractometer import refractometer_figure
-
-        return refractometer_figure(result)
-
-    return write(result, "refractometer", out, {"figure": (figure, draw)})
+    return write(result, "refractometer", out, {"figure": (figure, lambda: plot(result))})

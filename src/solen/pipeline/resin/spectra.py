@@ -1,15 +1,12 @@
 """The spectra in a file: the file in, what it holds and its figure out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.recording.spectrum import Listing, listing
+from solen.report.plot import plot
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def spectra(
@@ -18,10 +15,4 @@ def spectra(
     """Traces of a file, all or those of some names, with what each is and how far it reaches."""
     check_outputs(None, figure)
     result = listing(read(file, sheet=sheet), trace)
-
-    def draw() -> "Figure":
-        from solen.report.resin.spectra import spectra_figure
-
-        return spectra_figure(result)
-
-    return write(result, "spectra", None, {"figure": (figure, draw)})
+    return write(result, "spectra", None, {"figure": (figure, lambda: plot(result))})

@@ -16,7 +16,7 @@ TITLES = {
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
 }
-"""What each mode is, as a title says it."""
+"""What each mode is, as a title states it."""
 
 _NEAR = 0.2  # how far from n a band is still drawn
 
