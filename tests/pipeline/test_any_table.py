@@ -66,6 +66,7 @@ def test_any_table_of_discs(tmp_path: Path, rows: list[tuple[str, ...]]) -> None
     nm=st.sampled_from([350.0, 400.0]),
 )
 @example(rows=[("300.000", "0.1094"), ("363.000", "0.1094")], nm=350.0)  # flat: all of it may be an offset
+@example(rows=[("300.000", "1e-300"), ("363.000", "0")], nm=350.0)  # the light loses less than its rounding
 def test_any_absorbance(tmp_path: Path, rows: list[tuple[str, ...]], nm: float) -> None:
     path = kept(tmp_path / "resin.csv", "wavelength_nm,absorbance", rows)
     try:

@@ -104,7 +104,8 @@ class Attenuation:
 
     def between_um(self, upper_um: float, lower_um: float) -> float:
         """Penetration depth of the exponential through two depths."""
-        return (lower_um - upper_um) / (self._ln_share(upper_um) - self._ln_share(lower_um))
+        fall = self._ln_share(upper_um) - self._ln_share(lower_um)
+        return (lower_um - upper_um) / fall if fall > 0.0 else self.local_um(upper_um)  # too little light is taken off
 
     @property
     def _least(self) -> float:
