@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError
-from solen.fabricate.process import Images, dose_map, straight_edge_um, terms_at
+from solen.fabricate.process import FlatImage, dose_map, straight_edge_um, terms_at
 from solen.fabricate.process.field import fineness
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.material.cure import cure_depth_um, stack_dose, stack_print_through_um
@@ -33,7 +33,7 @@ def test_many_flat_layers_print_through_as_their_doses_add_up() -> None:
 def test_the_fast_dose_of_a_slab_is_that_of_the_stack_of_layers() -> None:
     one = settings()
     stack = stack_dose(one.Dp_um, one.layer_um, one.exposures(30))
-    images = Images.prism(np.ones((8, 12)), 30)
+    images = FlatImage(np.ones((8, 12)), 30)
     for height in (0.0, 3.0, 25.0, 140.0, 151.0, 500.0, 749.0):
         dose = dose_map(images, one, height).dose
         assert np.allclose(dose, stack.at(height), rtol=1e-8)  # layers fainter than 1e-9 are left out
@@ -42,10 +42,11 @@ def test_the_fast_dose_of_a_slab_is_that_of_the_stack_of_layers() -> None:
 def test_the_fast_dose_is_that_of_direct_sums() -> None:
     one = settings(**SMALL)
     rng = np.random.default_rng(7)
-    images = np.zeros((5, 40, 36))
-    images[:, 14:24, 14:22] = rng.random((5, 10, 8))
+    image = np.zeros((40, 36))
+    image[14:24, 14:22] = rng.random((10, 8))
+    images = np.repeat(image[None], 5, axis=0)
     for height in (10.0, 30.0, 112.5):
-        found = dose_map(Images.stack(list(images)), one, height)
+        found = dose_map(FlatImage(image, 5), one, height)
         rows, columns = rng.integers(50, 100, (2, 60))
         places = np.column_stack([columns, rows]) * found.step_um + found.first_um
         wanted = dose_at(images, one, places, height)
@@ -56,22 +57,13 @@ def test_the_fast_dose_is_that_of_direct_sums() -> None:
         assert np.allclose(found.log_excess(between), wanted, atol=1e-3)
 
 
-def test_like_images_are_one_image() -> None:
-    one = settings(**SMALL)
-    image = np.zeros((32, 32))
-    image[10:20, 12:22] = 1.0
-    together = dose_map(Images.prism(image, 9), one, 60.0).dose
-    apart = dose_map(Images.stack([image] * 9), one, 60.0).dose
-    assert np.allclose(together, apart, rtol=1e-10, atol=1e-12)
-
-
 def test_the_grid_is_as_fine_as_a_sharp_projector_needs() -> None:
     assert fineness(settings()) == 4
     sharp = settings(sigma_um=5.0)
     assert fineness(sharp) > 8
     image = np.zeros((30, 30))
     image[10:20, 10:20] = 1.0
-    found = dose_map(Images.prism(image, 2), sharp, 40.0)
+    found = dose_map(FlatImage(image, 2), sharp, 40.0)
     places = np.array([[290.0, 400.0], [265.0, 400.0], [400.0, 545.0]])
     wanted = np.log(dose_at(np.array([image, image]), sharp, places, 40.0) / sharp.Ec_mJ_per_cm2)
     assert np.allclose(found.log_excess(places), wanted, atol=2e-2)

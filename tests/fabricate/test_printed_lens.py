@@ -23,6 +23,7 @@ from solen.fabricate.process import (
     rings_of,
     walls_um,
 )
+from solen.fabricate.process.flat import beyond_dose_um
 from solen.geometry import Body
 from solen.material.cure import stack_print_through_um
 from tests.fabricate.print_support import box, process, ring, round_target, settings
@@ -95,7 +96,9 @@ def test_shrinkage_and_washing_do_what_they_say() -> None:
     washed = settings(pixel_um=9.0, wash_um=-4.0, taper_deg=1.0, **NARROW)
     there = FlatPrint.of([ring(0.5)], target, washed, 1.0)
     assert np.allclose(there.offsets_um(500.0), base - 4.0, atol=1e-6)
-    assert there.beyond_dose_um(1000.0) == pytest.approx(-4.0 + 500.0 * np.tan(np.radians(1.0)))
+    assert beyond_dose_um(there.settings, 1000.0, there.thickness_um) == pytest.approx(
+        -4.0 + 500.0 * np.tan(np.radians(1.0))
+    )
 
 
 def test_walls_lean_by_dose_alone() -> None:
@@ -225,7 +228,7 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
 
 def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -> None:
     rings = rings_of(as_designed(body))
-    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; what is printed and 6 widths of the halo"):
+    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the part and 6 widths of the halo"):
         FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
     with pytest.raises(DataError, match="the part would have 400,000 layers, at most 10,000"):
         FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)

@@ -26,8 +26,6 @@ from solen.spec.strict import Strict, Text, migrated, parse_toml, told_of
 MOST_PIXELS = 20_000
 """Along one side."""
 SURE = ("datasheet", "measured")
-GENERIC = "generic"
-"""The printer where none is named."""
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 

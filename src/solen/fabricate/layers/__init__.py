@@ -11,11 +11,10 @@ The interface: `printable_design` and `printable_mesh` in an `orientation`, slic
 printer that takes the STL.
 """
 
-from solen.fabricate.layers.archive import Stack, write_archive
+from solen.fabricate.layers.archive import Stack, as_png, write_archive
 from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.layered import LayeredPrint, layered_print
 from solen.fabricate.layers.orientation import orientation, turned
-from solen.fabricate.layers.png import as_png
 from solen.fabricate.layers.printable import MESH_READERS, Printable, printable_design, printable_mesh
 from solen.fabricate.layers.sheet import PrintSettings, as_sheet, print_settings
 from solen.fabricate.layers.slicing import Orientation, Slicing

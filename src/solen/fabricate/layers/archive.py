@@ -4,6 +4,7 @@ Pictures go into the archive as they are made. They are compressed already, so t
 date. job.json is written last, as the areas are known then.
 """
 
+import io
 import json
 import zipfile
 from collections.abc import Callable
@@ -11,9 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from solen.fabricate.label import WRITER
 from solen.fabricate.layers.job import Job, Layer
-from solen.fabricate.layers.png import as_png
 from solen.fabricate.layers.printable import Printable
 from solen.fabricate.meshfiles import NO_DATE
 
@@ -66,6 +69,15 @@ def write_archive(target: Path, job: Job, part: Printable | None = None, watch: 
         text = json.dumps(_described(job, stack, part) | {"layers": rows}, indent=1, allow_nan=False)
         archive.writestr(entry, f"{text}\n")
     return stack
+
+
+def as_png(image: NDArray[np.uint8], pitch_mm: float) -> bytes:
+    """PNG of grey values (rows, columns), the first row at the top, of pixels with a side of ``pitch_mm``."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(image).save(data, "PNG", dpi=(25.4 / pitch_mm, 25.4 / pitch_mm))
+    return data.getvalue()
 
 
 def _row(layer: Layer) -> dict[str, Any]:

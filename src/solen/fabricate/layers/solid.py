@@ -4,11 +4,12 @@ A part that is printed flat needs no mesh: between two of its heights it is one 
 Anything else is a mesh, cut by manifold3d.
 """
 
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,53 +27,45 @@ PLAN_MM = 1e-4
 """How closely the outlines of a plan are followed: a thousandth of the finest pixel or so."""
 MESH_MM = 2e-4
 """The same of a mesh."""
-
-
 LEVEL_MM = 1e-5
 """Faces whose corners differ in height by less are level."""
 
 
-class Solid(Protocol):
-    """A solid as it is printed: over the plate from Z = 0, its least X and Y at 0."""
-
-    @property
-    def size_mm(self) -> tuple[float, float, float]:
-        """Extent along X, Y and Z."""
-        ...
-
-    @property
-    def origin_mm(self) -> tuple[float, float]:
-        """X and Y at which the part's own origin lies."""
-        ...
-
-    @property
-    def volume_mm3(self) -> float:
-        """Its volume."""
-        ...
-
-    @property
-    def heights_mm(self) -> tuple[float, ...]:
-        """Heights of its level faces, ascending."""
-        ...
-
-    def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height, holes clockwise, and a number that equal sections share; None where that is not known."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
+class Solid(ABC):
+    """A solid as it is printed: over the plate from Z = 0, its least X and Y at 0.
+
+    Attributes
+    ----------
+    size_mm
+        Extent along X, Y and Z.
+    origin_mm
+        X and Y at which the part's own origin lies.
+    volume_mm3
+        Its volume.
+    heights_mm
+        Heights of its level faces, ascending.
+    """
 
     size_mm: tuple[float, float, float]
     origin_mm: tuple[float, float]
     volume_mm3: float
     heights_mm: tuple[float, ...]
+
+    @abstractmethod
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """Rings at a height, holes clockwise, and a number that equal sections share; None where that is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plan(Solid):
+    """Outlines that hold from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
+
     numbers: tuple[int, ...]
     rings: tuple[Rings, ...]
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height."""
+        """See `Solid.section`."""
         at = bisect_right(self.heights_mm, z_mm) - 1
         if not 0 <= at < len(self.numbers):
             return None, []
@@ -81,17 +74,13 @@ class Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class Slices:
+class Slices(Solid):
     """A closed mesh that is cut when asked; ``solid`` is manifold3d's."""
 
-    size_mm: tuple[float, float, float]
-    origin_mm: tuple[float, float]
-    volume_mm3: float
-    heights_mm: tuple[float, ...]
     solid: Any
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height."""
+        """See `Solid.section`."""
         return None, [np.asarray(ring) for ring in self.solid.slice(z_mm).to_polygons()]
 
 

@@ -13,7 +13,7 @@ from solen.fabricate.process.compensate import Compensation, compensated
 from solen.fabricate.process.compensation_files import compensation_files
 from solen.fabricate.process.drawing import DrawnFace, as_designed, curve_of, lens_face, redrawn, rings_of
 from solen.fabricate.process.features import MeasuredFeature, printed_mm, read_features
-from solen.fabricate.process.field import DoseMap, Images, dose_map
+from solen.fabricate.process.field import DoseMap, FlatImage, dose_map
 from solen.fabricate.process.flat import FlatPrint, walls_um
 from solen.fabricate.process.growth import growth_um, straight_edge_um, with_growth
 from solen.fabricate.process.predict import ORIENTATIONS, Orientation, Prediction, points_for, predicted
@@ -42,8 +42,8 @@ __all__ = [
     "DoseMap",
     "DrawnFace",
     "FittedFeature",
+    "FlatImage",
     "FlatPrint",
-    "Images",
     "MeasuredFeature",
     "Orientation",
     "Prediction",

@@ -1,14 +1,14 @@
-"""The same dose fast: images by Fourier transform, on a grid finer than the pixels, and between its points by splines.
+"""Dose in a part printed flat: its image by Fourier transform, on a grid finer than the pixels, splines between.
 
 The idea: every term of a dose is an image convolved with a pixel's square and a Gaussian, so its spectrum is a product:
 the image's, sinc·sinc, exp(-σ²k²/2). Terms of one image add up before anything is transformed back, which makes a part
-of any number of like layers one transform there and one back. The Gaussian ends the spectrum, so a fine grid holds the
-dose to rounding (the grid is chosen so that the narrowest blur is down to `FAINTEST` at its end), and a cubic spline of
-the logarithm, which is nearly a parabola at an edge, gives it in between.
+whose layers all show one image one transform there and one back. The Gaussian ends the spectrum, so a fine grid holds
+the dose to rounding (the grid is chosen so that the narrowest blur is down to `FAINTEST` at its end), and a cubic
+spline of the logarithm, which is nearly a parabola at an edge, gives it in between.
 
-A transform is periodic: images must be dark, or alike, within a few widths of the halo from their sides.
+A transform is periodic: an image must be dark, or even, within a few widths of the halo from its sides.
 
-The interface: `Images` of a part, `dose_map` at a height, `DoseMap.log_excess` at places.
+The interface: `FlatImage` of a part, `dose_map` at a height, `DoseMap.log_excess` at places.
 """
 
 import math
@@ -24,51 +24,75 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
+from solen.fabricate.raster import coverage
+from solen.plane import Point
 
 FAINTEST = 1e-6
 """Relative size of the narrowest blur's spectrum at the end of the fine grid's."""
 LEAST_FINE, MOST_FINE = 3, 16
 DARK = 1e-12
 """Share of the dose inside below which its logarithm is not followed."""
+MOST_POINTS = 20_000_000
+MOST_LAYERS = 10_000
+_FAR = 6.0  # widths of the halo that are kept free round the lens
+_DEEP = 3.0  # penetration depths at which the halo's width is taken for that
+_REACH_UM = 300.0
+_GREYS = 255
 
 
 @dataclass(frozen=True, eq=False)
-class Images:
-    """Images of a part: the distinct ones, and which of them each layer shows.
+class FlatImage:
+    """The image that all layers of a part printed flat show.
 
     Attributes
     ----------
-    images
-        Shares of light (rows, columns) each, all of one shape.
-    of_layer
-        Number of the image for each layer, the first printed first.
+    shares
+        Shares of light (rows, columns), 0 to 1.
+    layers
+        Number of layers.
     corner_um
         Lower left corner of the first pixel: along columns, along rows.
     """
 
-    images: tuple[FloatArray, ...]
-    of_layer: NDArray[np.int64]
+    shares: FloatArray
+    layers: int
     corner_um: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
-    def prism(cls, image: FloatArray, layers: int, corner_um: tuple[float, float] = (0.0, 0.0)) -> "Images":
-        """Part whose layers all show one image."""
-        return cls((image,), np.zeros(layers, np.int64), corner_um)
+    def of(
+        cls,
+        rings: Sequence[FloatArray],
+        extent: FloatArray,
+        centre: Point,
+        settings: Settings,
+        layers: int,
+        phase: tuple[float, float] = (0.0, 0.0),
+    ) -> "FlatImage":
+        """Image of closed polylines (N, 2) in mm, within and about the extent of some points (M, 2).
 
-    @classmethod
-    def stack(cls, images: Sequence[FloatArray], corner_um: tuple[float, float] = (0.0, 0.0)) -> "Images":
-        """Part with an image for each layer."""
-        return cls(tuple(images), np.arange(len(images)), corner_um)
+        A pixel's corner is at ``centre``, moved by ``phase`` pixels.
 
-    @property
-    def layers(self) -> int:
-        """Number of layers."""
-        return len(self.of_layer)
+        Raises
+        ------
+        DataError
+            Where a print would take more than a laptop's memory, or minutes for each height.
+        """
+        pitch = 1e-3 * settings.pixel_um
+        halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
+        margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
+        grid = np.asarray(centre) - pitch * np.asarray(phase)
+        first = np.floor((extent.min(axis=0) - margin - grid) / pitch)
+        last = np.ceil((extent.max(axis=0) + margin - grid) / pitch)
+        columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
+        x, z = (grid + first * pitch).tolist()
+        _check_size(rows * columns, layers, settings)
+        shares = np.round(coverage(rings, pitch, (x, z), (rows, columns)) * _GREYS) / _GREYS
+        return cls(shares, layers, (1e3 * x, 1e3 * z))
 
     @cached_property
-    def spectra(self) -> tuple[NDArray[np.complex128], ...]:
-        """Fourier transforms of the images, pixels taken as points."""
-        return tuple(fft.fft2(image) for image in self.images)
+    def spectrum(self) -> NDArray[np.complex128]:
+        """Fourier transform of the image, pixels taken as points."""
+        return np.asarray(fft.fft2(self.shares))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,23 +129,18 @@ class DoseMap:
         return np.asarray(ndimage.map_coordinates(self._spline, at, order=3, mode="nearest", prefilter=False))
 
 
-def dose_map(images: Images, settings: Settings, height_um: float) -> DoseMap:
+def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
     """Dose of a part at a height above the platform, on a grid some times finer than the pixels."""
     pitch, fine = settings.pixel_um, fineness(settings)
-    rows, columns = images.images[0].shape
-    terms = terms_at(settings, images.layers, height_um)
+    rows, columns = image.shares.shape
+    terms = terms_at(settings, image.layers, height_um)
     across = _frequencies(columns, fine, pitch)[: columns * fine // 2 + 1]
     along = _frequencies(rows, fine, pitch)
-    whole = np.zeros((len(along), len(across)), complex)
-    which = images.of_layer[terms.layer]
-    for number in np.unique(which):
-        chosen = which == number
-        blur = _blur(along, across, *_merged(terms.dose[chosen], terms.sigma_um[chosen]))
-        spectrum = np.tile(images.spectra[number], (fine, fine))[:, : len(across)]
-        whole += spectrum * blur
+    whole = np.tile(image.spectrum, (fine, fine))[:, : len(across)]
+    whole = whole * _blur(along, across, *_merged(terms.dose, terms.sigma_um))
     whole *= np.outer(np.sinc(along * pitch / math.tau), np.sinc(across * pitch / math.tau))
     dose = fft.irfft2(whole, s=(rows * fine, columns * fine)) * fine**2
-    first = (images.corner_um[0] + pitch / 2, images.corner_um[1] + pitch / 2)
+    first = (image.corner_um[0] + pitch / 2, image.corner_um[1] + pitch / 2)
     return DoseMap(dose, first, pitch / fine, settings.Ec_mJ_per_cm2)
 
 
@@ -140,6 +159,17 @@ def fineness(settings: Settings) -> int:
         limit = f"must be at least {least:.2g} µm for pixels of {settings.pixel_um:g} µm"
         raise DataError("process.sigma_um", value=settings.sigma_um, limit=limit, remedy="no projector is sharper")
     return max(needed, LEAST_FINE)
+
+
+def _check_size(pixels: int, layers: int, settings: Settings) -> None:
+    points = pixels * fineness(settings) ** 2
+    if points > MOST_POINTS:
+        limit = f"the part and {_FAR:g} widths of the halo would be {points:.2g} points, at most {MOST_POINTS:.1g}"
+        remedy = "take larger pixels, a narrower halo or a smaller part"
+        raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
+    if layers > MOST_LAYERS:
+        limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
 def _frequencies(count: int, fine: int, pitch: float) -> FloatArray:

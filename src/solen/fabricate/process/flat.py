@@ -3,14 +3,13 @@
 The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it:
 inside, all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in
 layers get more and stand out. So the walls taper by dose alone, and ripple once a layer. Light goes through the lens at
-half its thickness, where the emitter is: that height's profile, mean over its layer, is what is meant unless another is
-asked for.
+half its thickness, where the emitter is: that height's profile, mean over its layer, is the default.
 
 Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
 of the lens, and washing and taper move a wall along its normal.
 
-The interface: `FlatPrint.of` images; `offsets_um` and `profile` at a height, `ripple_um`, `walls_um` over the heights;
-`window` and `check_size` are the pixels about what is printed.
+The interface: `FlatPrint.of` an outline, with `offsets_um` and `profile_um` at a height, and `ripple_um`; `walls_um`
+over the heights.
 """
 
 import math
@@ -18,25 +17,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.fabricate.process.field import DoseMap, Images, dose_map, fineness
+from solen.fabricate.process.field import FlatImage, dose_map
 from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
-from solen.fabricate.raster import coverage
 
 STEP_UM = 2.0
-MOST_POINTS = 20_000_000
-MOST_LAYERS = 10_000
 FEWEST_PIXELS = 20
 """Pixels over a lens's width below which it is refused."""
-_FAR = 6.0  # widths of the halo that are kept free round the lens
-_DEEP = 3.0  # penetration depths at which the halo's width is taken for that
-_REACH_UM = 300.0
-_GREYS = 255
 _GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18))
 """Places within a layer, from its window side, and weights of Gauss and Legendre's quadrature."""
 _HEIGHTS = 16
@@ -47,7 +39,7 @@ class FlatPrint:
     """A part of some layers that all show one image, near its lens."""
 
     settings: Settings
-    images: Images
+    image: FlatImage
     target: Target
 
     @classmethod
@@ -83,53 +75,35 @@ class FlatPrint:
         if layers < 1:
             limit = f"a layer is {settings.layer_um:g} µm"
             raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="raise it")
-        low, high = target.points_mm.min(axis=0), target.points_mm.max(axis=0)
-        pitch = 1e-3 * settings.pixel_um
-        pixels = (high[0] - low[0]) / pitch
-        if pixels < FEWEST_PIXELS:
-            limit = f"the lens, {high[0] - low[0]:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
-            remedy = f"take a printer of pixels below {1e3 * (high[0] - low[0]) / FEWEST_PIXELS:.3g} µm"
+        width_mm = float(np.ptp(target.points_mm[:, 0]))
+        if width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
+            limit = f"the lens, {width_mm:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
+            remedy = f"take a printer of pixels below {1e3 * width_mm / FEWEST_PIXELS:.3g} µm"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
-        origin, shape = window(low, high, target.centre, settings, phase)
-        check_size(shape, layers, settings)
-        shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
-        corner_um = (1e3 * origin[0], 1e3 * origin[1])
-        return cls(settings, Images.prism(shares, layers, corner_um), target)
+        image = FlatImage.of(rings, target.points_mm, target.centre, settings, layers, phase)
+        return cls(settings, image, target)
 
     @property
     def layers(self) -> int:
         """Number of layers."""
-        return self.images.layers
+        return self.image.layers
 
     @property
     def thickness_um(self) -> float:
         """Height of the layers together."""
         return self.layers * self.settings.layer_um
 
-    def dose(self, height_um: float) -> DoseMap:
-        """Dose at a height."""
-        return dose_map(self.images, self.settings, height_um)
-
     def offsets_um(self, height_um: float) -> FloatArray:
         """How far the printed lens stands beyond the wanted one at a height, (N,) along its normals."""
-        found = self.dose(height_um)
+        dose = dose_map(self.image, self.settings, height_um)
         centre = np.asarray(self.target.centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
 
         def excess(places_mm: FloatArray) -> FloatArray:
-            return found.log_excess(1e3 * (centre + grown * (places_mm - centre)))
+            return dose.log_excess(1e3 * (centre + grown * (places_mm - centre)))
 
-        return exits_um(excess, self.target, STEP_UM) + self.beyond_dose_um(height_um)
-
-    def beyond_dose_um(self, height_um: float) -> float:
-        """What washing and the taper that is not the dose's move a wall by at a height."""
-        return self.beyond(self.settings, height_um, self.thickness_um)
-
-    @staticmethod
-    def beyond(settings: Settings, height_um: float, thickness_um: float) -> float:
-        """The same of a part of some thickness."""
-        lean = math.tan(math.radians(settings.taper_deg))
-        return settings.wash_um + lean * (height_um - 0.5 * thickness_um)
+        beyond = beyond_dose_um(self.settings, height_um, self.thickness_um)
+        return exits_um(excess, self.target, STEP_UM) + float(beyond)
 
     def profile_um(self, height_um: float | None = None) -> FloatArray:
         """Offsets (N,) at a height, mean over its layer; without a height, mean over the whole thickness."""
@@ -156,43 +130,15 @@ class FlatPrint:
         near, far = ((number + 1) * h - 1e-9 * h, number * h + 1e-9 * h)
         return straight_edge_um(self.settings, self.layers, near) - straight_edge_um(self.settings, self.layers, far)
 
-    def walls_um(self) -> tuple[FloatArray, FloatArray]:
-        """Middle heights of the layers in µm, and how far a straight wall stands beyond its image there, both (n,)."""
-        return walls_um(self.settings, self.layers)
+
+def beyond_dose_um(settings: Settings, height_um: ArrayLike, thickness_um: float) -> FloatArray:
+    """What washing and the taper that is not the dose's move a wall by at heights of a part, µm."""
+    lean = math.tan(math.radians(settings.taper_deg))
+    return np.asarray(settings.wash_um + lean * (np.asarray(height_um) - 0.5 * thickness_um))
 
 
 def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
     """Middle heights of some layers, and how far a straight wall stands beyond its image there, shrinkage left out."""
     heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
-    lean = math.tan(math.radians(settings.taper_deg))
-    beyond = settings.wash_um + lean * (heights - 0.5 * layers * settings.layer_um)
-    return heights, np.array([straight_edge_um(settings, layers, float(at)) for at in heights]) + beyond
-
-
-def check_size(shape: tuple[int, int], layers: int, settings: Settings) -> None:
-    """`DataError` where a print would take more than a laptop's memory, or minutes for each height."""
-    points = shape[0] * shape[1] * fineness(settings) ** 2
-    if points > MOST_POINTS:
-        limit = (
-            f"what is printed and {_FAR:g} widths of the halo would be {points:.2g} points, at most {MOST_POINTS:.1g}"
-        )
-        remedy = "take larger pixels, a narrower halo or a smaller part"
-        raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
-    if layers > MOST_LAYERS:
-        limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
-        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
-
-
-def window(
-    low: FloatArray, high: FloatArray, centre: tuple[float, float], settings: Settings, phase: tuple[float, float]
-) -> tuple[tuple[float, float], tuple[int, int]]:
-    """Corner in mm, and rows and columns, of the pixels about a lens: a pixel's corner is at the lens's middle."""
-    pitch = 1e-3 * settings.pixel_um
-    halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
-    margin = 1e-3 * (_FAR * max(halo, settings.sigma_um) + _REACH_UM)
-    grid = np.asarray(centre) - pitch * np.asarray(phase)
-    first = np.floor((low - margin - grid) / pitch)
-    last = np.ceil((high + margin - grid) / pitch)
-    columns, rows = (fft.next_fast_len(int(count), real=True) for count in (last - first))
-    x, z = (grid + first * pitch).tolist()
-    return (x, z), (rows, columns)
+    edges = np.array([straight_edge_um(settings, layers, height) for height in heights.tolist()])
+    return heights, edges + beyond_dose_um(settings, heights, layers * settings.layer_um)

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.mesh import Mesh, closed_mesh
-from solen.fabricate.process.field import Images, dose_map
-from solen.fabricate.process.flat import FlatPrint, check_size, window
+from solen.fabricate.process.field import FlatImage, dose_map
+from solen.fabricate.process.flat import beyond_dose_um
 from solen.fabricate.process.growth import straight_edge_um
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
-from solen.fabricate.raster import coverage
 
 SLAB_UM = 1.0
 """How far a straight wall may move within a slab."""
@@ -31,7 +30,6 @@ WITHIN_UM = 1.0
 OVERLAP_MM = 1e-4
 """So far a slab reaches into the one below, so that both are one."""
 _THIN_UM = 0.2
-_GREYS = 255
 
 
 @dataclass(frozen=True)
@@ -72,21 +70,15 @@ def outlines(
 
     Outer ones and holes are told apart by what lies within what (even and odd).
     """
-    pitch = 1e-3 * settings.pixel_um
-    points = np.vstack(rings)
-    origin, shape = window(
-        points.min(axis=0), points.max(axis=0), (float(centre[0]), float(centre[1])), settings, (0.0, 0.0)
-    )
-    check_size(shape, layers, settings)
-    shares = np.round(coverage(rings, pitch, origin, shape) * _GREYS) / _GREYS
-    images = Images.prism(shares, layers, (1e3 * origin[0], 1e3 * origin[1]))
+    middle = (float(centre[0]), float(centre[1]))
+    image = FlatImage.of(rings, np.vstack(rings), middle, settings, layers)
     height_um = _middle_um(settings, layer)
     if terms_at(settings, layers, height_um).total <= settings.Ec_mJ_per_cm2:
         raise DataError(
             "process.exposure_s", value=settings.exposure_s, limit="nothing sets", remedy="expose for longer"
         )
-    set_at = _critical(images, settings, height_um)
-    beyond_mm = 1e-3 * FlatPrint.beyond(settings, height_um, layers * settings.layer_um)
+    set_at = _critical(image, settings, height_um)
+    beyond_mm = 1e-3 * float(beyond_dose_um(settings, height_um, layers * settings.layer_um))
     return _grown([centre + (line - centre) * (1.0 - 0.01 * settings.shrinkage_percent) for line in set_at], beyond_mm)
 
 
@@ -131,11 +123,11 @@ def _middle_um(settings: Settings, layer: int) -> float:
     return (layer + 0.5) * settings.layer_um
 
 
-def _critical(images: Images, settings: Settings, height_um: float) -> list[FloatArray]:
+def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[FloatArray]:
     """Closed lines of the critical dose, in mm."""
     from contourpy import contour_generator
 
-    found = dose_map(images, settings, height_um)
+    found = dose_map(image, settings, height_um)
     floor = 1e-12 * float(found.dose.max())
     excess = np.log(np.maximum(found.dose, floor) / settings.Ec_mJ_per_cm2)
     lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as its default is
