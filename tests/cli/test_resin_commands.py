@@ -294,7 +294,7 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
         ),
         (("a:50", "b:50", "--total-g", "0"), "--total-g = '0'; must be greater than 0"),
         (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = '-1'; must be at least"),
-        (("a:50", "b:50", "--density", "c:1"), "density of c; is no component"),
+        (("a:50", "b:50", "--density", "c:1"), "density of c; is not a component"),
         (("a:50", "b:50", "--index", "a:0"), "index of a = 0.0; must be at least 1"),
     ],
 )

@@ -117,7 +117,7 @@ def test_what_is_no_mixture_is_told() -> None:
     assert "share of b = -1.0; must be above 0" in told(lambda: check_components([part("a", 50.0), part("b", -1.0)]))
     assert "density of a" in told(lambda: check_components([part("a", 50.0, 0.0), part("b", 50.0)]))
     assert "index of b = 0.9" in told(lambda: check_components([part("a", 50.0), part("b", 50.0, None, 0.9)]))
-    assert "density of LA; is no component" in told(lambda: with_known(PAPER, {"LA": 0.9}, {}))
+    assert "density of LA; is not a component" in told(lambda: with_known(PAPER, {"LA": 0.9}, {}))
     assert "did you mean RA-139?" in told(lambda: with_known(PAPER, {}, {"RA139": 1.5}))
 
 

@@ -137,7 +137,7 @@ def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
     found = of(path, fit=("none",))
     assert found.modulus_MPa == pytest.approx(100)
     assert "the machine's own E-Modul is 120 MPa: +20.0 % from this" in " ".join(found.warnings)
-    assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.said
+    assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.note
 
 
 def test_a_workbook_with_binary_digits(tmp_path: Path) -> None:

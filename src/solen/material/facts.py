@@ -105,8 +105,8 @@ class ResinFacts(Result):
     def warnings(self) -> tuple[str, ...]:
         """What a user of the resin must know."""
         others = {"cure": self.cure, "stiffness": self.stiffness}
-        told = (f"{name}: {text}" for name, table in others.items() if table is not None for text in table.warnings)
-        return (*self.contents.warnings, *told)
+        warnings = (f"{name}: {text}" for name, table in others.items() if table is not None for text in table.warnings)
+        return (*self.contents.warnings, *warnings)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -232,7 +232,7 @@ class _Line(_Result):
     def numbers(self) -> tuple[dict[str, Any], list[str]]:
         """Absorption of the resin with its uncertainty and interval, and what must be known of it.
 
-        A loss below 0 is none that there is: within its interval 0 is taken, and said.
+        A negative loss does not exist: where its interval reaches 0, 0 is used with a warning.
         """
         ends = self.interval95_loss_dB_per_cm
         interval = None if ends is None else tuple(end * PER_MM_OF_DB_PER_CM for end in ends)
@@ -265,16 +265,16 @@ class CutbackResult(_Line):
         if orientation and orientation not in lines:
             limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
-        numbers, told = (lines[orientation] if orientation else self).numbers()
+        numbers, warnings = (lines[orientation] if orientation else self).numbers()
         kept = tuple(text for text in self.remarks if not (orientation and text.startswith(DEPENDS)))
         if wavelength_nm is None:
-            told.append("the wavelength that it was measured at is not stated")
+            warnings.append("the wavelength that it was measured at is not stated")
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,
             orientation=orientation,
             by_orientation=tuple(LossOf(orientation=name, **line.numbers()[0]) for name, line in lines.items()),
-            warnings=(*kept, *told),
+            warnings=(*kept, *warnings),
         )
 
 

@@ -185,37 +185,37 @@ def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
 
     Shares that miss 100 % by rounding are scaled to it.
     """
-    total = math.fsum(one.percent for one in components)
+    total = math.fsum(part.percent for part in components)
     if abs(total - WHOLE) > OFF_WHOLE:
-        told = ", ".join(f"{one.name}:{one.percent / total * WHOLE:.4g}" for one in components)
+        ratio = ", ".join(f"{part.name}:{part.percent / total * WHOLE:.4g}" for part in components)
         limit = f"the shares must add up to {WHOLE:g} %, to within {OFF_WHOLE:g}"
-        raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"parts in this ratio are {told}")
-    return tuple(replace(one, percent=one.percent / total * WHOLE) for one in components)
+        raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"parts in this ratio are {ratio}")
+    return tuple(replace(part, percent=part.percent / total * WHOLE) for part in components)
 
 
 def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
     """The same percentages of all but the first read as grams for 100 g of the first, as shares of the whole."""
     base, *others = components
-    total = WHOLE + math.fsum(one.percent for one in others)
+    total = WHOLE + math.fsum(part.percent for part in others)
     parts = (replace(base, percent=WHOLE), *others)
-    return tuple(replace(one, percent=one.percent / total * WHOLE) for one in parts)
+    return tuple(replace(part, percent=part.percent / total * WHOLE) for part in parts)
 
 
 def check_components(components: Sequence[Component]) -> None:
     """`SpecError` where components are not two or more, each once, with a share, a density and an index that can be."""
     if len(components) < 2:
         raise SpecError("mixture", value=len(components), limit="takes at least 2 components", remedy='as in "LA:25"')
-    names = [one.name for one in components]
-    for one in components:
-        if names.count(one.name) > 1:
-            raise SpecError(one.name, limit="is named twice", remedy="add its shares up")
-        if not 0.0 < one.percent <= WHOLE:
-            raise SpecError(f"share of {one.name}", value=one.percent, limit="must be above 0 and at most 100 %")
-        if one.density_g_per_mL is not None and not 0.0 < one.density_g_per_mL < 30.0:
+    names = [part.name for part in components]
+    for part in components:
+        if names.count(part.name) > 1:
+            raise SpecError(part.name, limit="is named twice", remedy="add its shares up")
+        if not 0.0 < part.percent <= WHOLE:
+            raise SpecError(f"share of {part.name}", value=part.percent, limit="must be above 0 and at most 100 %")
+        if part.density_g_per_mL is not None and not 0.0 < part.density_g_per_mL < 30.0:
             limit = "must be above 0 and below 30 g/mL"
-            raise SpecError(f"density of {one.name}", value=one.density_g_per_mL, limit=limit)
-        if one.index is not None and not 1.0 <= one.index < 5.0:
-            raise SpecError(f"index of {one.name}", value=one.index, limit="must be at least 1 and below 5")
+            raise SpecError(f"density of {part.name}", value=part.density_g_per_mL, limit=limit)
+        if part.index is not None and not 1.0 <= part.index < 5.0:
+            raise SpecError(f"index of {part.name}", value=part.index, limit="must be at least 1 and below 5")
 
 
 def with_known(
@@ -224,15 +224,15 @@ def with_known(
     indices: dict[str, float],
 ) -> tuple[Component, ...]:
     """Components with their densities in g/mL and indices by name; `SpecError` for a name that there is not."""
-    names = [one.name for one in components]
+    names = [part.name for part in components]
     for what, known in (("density", densities), ("index", indices)):
         for name in known:
             if name not in names:
                 near = nearest(name, names)
                 remedy = f"did you mean {near}?" if near else f"there are {', '.join(names)}"
-                raise SpecError(f"{what} of {name}", limit="is no component of the mixture", remedy=remedy)
+                raise SpecError(f"{what} of {name}", limit="is not a component of the mixture", remedy=remedy)
     return tuple(
-        replace(one, density_g_per_mL=densities.get(one.name), index=indices.get(one.name)) for one in components
+        replace(part, density_g_per_mL=densities.get(part.name), index=indices.get(part.name)) for part in components
     )
 
 
@@ -254,27 +254,27 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
     base_g, resolution_g = options.base_g, options.resolution_g
     base = components[0]
     whole_g = (options.total_g or WHOLE) if base_g is None else base_g / base.percent * WHOLE
-    exact = [one.percent / WHOLE * whole_g for one in components]
+    exact = [part.percent / WHOLE * whole_g for part in components]
     masses = [float(round(grams / resolution_g) * Decimal(repr(resolution_g))) for grams in exact]
     if base_g is not None:
         masses[0] = base_g
-    for one, grams, mass in zip(components, exact, masses, strict=True):
+    for part, grams, mass in zip(components, exact, masses, strict=True):
         if mass <= 0.0:
             limit = f"is less than half a step of the balance, {resolution_g:g} g"
-            raise SpecError(f"mass of {one.name}", value=f"{grams:g} g", limit=limit, remedy="mix more at once")
+            raise SpecError(f"mass of {part.name}", value=f"{grams:g} g", limit=limit, remedy="mix more at once")
     sum_g = math.fsum(masses)
     volumes = [
-        None if one.density_g_per_mL is None else mass / one.density_g_per_mL
-        for one, mass in zip(components, masses, strict=True)
+        None if part.density_g_per_mL is None else mass / part.density_g_per_mL
+        for part, mass in zip(components, masses, strict=True)
     ]
     known = [volume for volume in volumes if volume is not None]
     sum_ml = math.fsum(known) if len(known) == len(volumes) else None
     return Mixture(
         tuple(
             Weighed(
-                name=one.name,
-                wt_percent=one.percent,
-                phr=one.percent / base.percent * WHOLE,
+                name=part.name,
+                wt_percent=part.percent,
+                phr=part.percent / base.percent * WHOLE,
                 exact_g=grams,
                 weighed_g=mass,
                 weighed_wt_percent=mass / sum_g * WHOLE,
@@ -282,9 +282,9 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
                 volume_mL=volume,
                 volume_percent=None if volume is None or sum_ml is None else volume / sum_ml * WHOLE,
             )
-            for one, grams, mass, volume in zip(components, exact, masses, volumes, strict=True)
+            for part, grams, mass, volume in zip(components, exact, masses, volumes, strict=True)
         ),
-        _index([one.index for one in components], volumes),
+        _index([part.index for part in components], volumes),
     )
 
 

@@ -183,10 +183,10 @@ class Resin(Strict):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user of its index and its loss must know."""
-        simulated = [one.of for one in self.sources if one.simulated and one.of in {"index", "loss"}]
-        told = [f"{of}: from simulated data, not measured" for of in dict.fromkeys(simulated)]
+        simulated = [source.of for source in self.sources if source.simulated and source.of in {"index", "loss"}]
+        warnings = [f"{of}: from simulated data, not measured" for of in dict.fromkeys(simulated)]
         tables = {"index": self.index.warnings, "loss": self.loss.warnings}
-        return (*told, *(f"{name}: {text}" for name, texts in tables.items() for text in texts))
+        return (*warnings, *(f"{name}: {text}" for name, texts in tables.items() for text in texts))
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:

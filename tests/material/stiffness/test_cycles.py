@@ -15,7 +15,7 @@ from solen.material.stiffness import (
     specimen_of,
 )
 from solen.material.stiffness.cycles import branches
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 
 BARE = specimen_of(Dimensions())
 

@@ -6,7 +6,7 @@ from scipy.stats import t
 
 from solen.errors import DataError
 from solen.material.stiffness import EQUIBIAXIAL, KINDS, PLANAR, UNIAXIAL, Curve, Mode, choose, fit, model
-from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.hyperelastic import Weighting
 
 TRUE = {

@@ -25,7 +25,7 @@ from solen.material.stiffness import (
     specimen_of,
     young,
 )
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 
 BARE = specimen_of(Dimensions())
 STRAIN = np.linspace(0, 0.01, 401)
@@ -145,8 +145,8 @@ def test_specimens_that_agree_by_chance_are_not_better_than_each_of_them() -> No
 @pytest.mark.parametrize(("preload", "displaced", "told"), [("0.2 N", True, "preload"), ("", False, "strain itself")])
 def test_toe_auto_trusts_the_machine(preload: str, displaced: bool, told: str) -> None:
     made = replace(straight(), preload=preload, from_displacement=displaced)
-    assert told in evaluate(made, StiffnessOptions()).toe.said
-    assert evaluate(made, StiffnessOptions(toe="none")).toe.said == "no toe compensation, as asked"
+    assert told in evaluate(made, StiffnessOptions()).toe.note
+    assert evaluate(made, StiffnessOptions(toe="none")).toe.note == "no toe compensation, as asked"
 
 
 def test_warnings_carry_numbers() -> None:

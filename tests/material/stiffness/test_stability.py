@@ -15,7 +15,7 @@ from solen.material.stiffness import (
     model,
     stable_range,
 )
-from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.cautions import cautions
 
 
 def test_a_neo_hookean_solid_is_stable_everywhere() -> None:

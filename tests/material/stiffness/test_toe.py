@@ -80,12 +80,12 @@ def test_a_slope_that_keeps_rising_is_left_alone() -> None:
     strain = np.linspace(0, 0.5, 1000)
     found = find_toe(as_test(strain, np.expm1(12 * strain), BARE, "tension"))
     assert found.shift == 0
-    assert "keeps rising" in found.said
+    assert "keeps rising" in found.note
 
 
 def test_few_points_are_no_toe() -> None:
     strain = np.linspace(0, 0.1, 9)
-    assert "too few points" in find_toe(as_test(strain, strain, BARE, "tension")).said
+    assert "too few points" in find_toe(as_test(strain, strain, BARE, "tension")).note
 
 
 def test_the_modulus_after_compensation_is_the_materials() -> None:

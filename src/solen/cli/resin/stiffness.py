@@ -84,7 +84,7 @@ def _of_material(material: MaterialStiffness) -> Iterator[str]:
     for each in material.specimens:
         young = each.young
         yield f"  {each.name}: {text(young.modulus_MPa)} ± {young.u_modulus_MPa:.2g} MPa; {_ends(each)}"
-        yield f"    {each.toe.said}"
+        yield f"    {each.toe.note}"
         yield from _of_cycles(each)
     for fit in material.fits:
         chosen = material.model is not None and fit.kind == material.model.kind

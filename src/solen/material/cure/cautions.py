@@ -15,37 +15,39 @@ _FEW_DF = 4.0
 _SHOWN = 4
 
 
-def cautions(found: WorkingCurve) -> list[str]:
+def cautions(curve: WorkingCurve) -> list[str]:
     """What does not follow from a working curve."""
-    return [*_of_discs(found), *_of_shape(found), *_of_intervals(found), *_of_threshold(found)]
+    return [*_of_discs(curve), *_of_shape(curve), *_of_intervals(curve), *_of_threshold(curve)]
 
 
-def _of_discs(found: WorkingCurve) -> list[str]:
-    told = []
+def _of_discs(curve: WorkingCurve) -> list[str]:
+    warnings = []
     by_reason: dict[str, list[LeftOut]] = {}
-    for one in found.left_out:
-        by_reason.setdefault(one.reason, []).append(one)
-    for reason, some in by_reason.items():
-        where = [f"row {one.disc.row} ({_size(one)} at {one.disc.dose_mJ_per_cm2:.3g} mJ/cm²)" for one in some[:_SHOWN]]
-        more = f" and {len(some) - _SHOWN} more" if len(some) > _SHOWN else ""
-        t = [abs(one.t) for one in some if one.t is not None]
+    for left in curve.left_out:
+        by_reason.setdefault(left.reason, []).append(left)
+    for reason, alike in by_reason.items():
+        where = [
+            f"row {left.disc.row} ({_size(left)} at {left.disc.dose_mJ_per_cm2:.3g} mJ/cm²)" for left in alike[:_SHOWN]
+        ]
+        more = f" and {len(alike) - _SHOWN} more" if len(alike) > _SHOWN else ""
+        t = [abs(left.t) for left in alike if left.t is not None]
         off = f" by {min(t):.1f} standard errors or more; --keep-all keeps it" if t else ""
-        told.append(f"left out, {reason}{off}: {', '.join(where)}{more}")
-    return told
+        warnings.append(f"left out, {reason}{off}: {', '.join(where)}{more}")
+    return warnings
 
 
-def _size(one: LeftOut) -> str:
-    thick = one.disc.thickness_um
+def _size(left: LeftOut) -> str:
+    thick = left.disc.thickness_um
     return "no number" if math.isnan(thick) else f"{thick:.3g} µm"
 
 
-def _of_shape(found: WorkingCurve) -> list[str]:
-    lack = found.lack_of_fit
-    doses = {disc.dose_mJ_per_cm2 for disc in found.used}
+def _of_shape(curve: WorkingCurve) -> list[str]:
+    lack = curve.lack_of_fit
+    doses = {disc.dose_mJ_per_cm2 for disc in curve.used}
     if len(doses) == 2:
-        return ["two doses: whether the points lie on a line cannot be told; add a third"]
+        return ["two doses cannot show whether the points lie on a line; add a third"]
     if lack is None:
-        if len(found.used) > len(doses):
+        if len(curve.used) > len(doses):
             return []
         return [
             "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the line "
@@ -55,13 +57,13 @@ def _of_shape(found: WorkingCurve) -> list[str]:
         return []
     return [
         f"the doses' means are off the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
-        f"{chance(lack.p)}): {_bend(found)}; each dose counts as one point for the intervals"
+        f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
     ]
 
 
-def _bend(found: WorkingCurve) -> str:
+def _bend(curve: WorkingCurve) -> str:
     """Which way doses' means bend, in the logarithm of dose."""
-    means = means_of(found.used)
+    means = means_of(curve.used)
     x = np.log([disc.dose_mJ_per_cm2 for disc in means])
     y = np.array([disc.thickness_um for disc in means])
     if len(x) < 4:
@@ -75,32 +77,32 @@ def _bend(found: WorkingCurve) -> str:
     return "without a clear bend: something changed from dose to dose"
 
 
-def _of_intervals(found: WorkingCurve) -> list[str]:
-    told = []
-    if found.fit.error_df < _FEW_DF:
-        told.append(
-            f"{found.fit.error_df} more points than numbers sought: intervals are "
-            f"{t_quantile(0.95, found.fit.error_df):.1f} standard uncertainties or more to each side"
+def _of_intervals(curve: WorkingCurve) -> list[str]:
+    warnings = []
+    if curve.fit.error_df < _FEW_DF:
+        warnings.append(
+            f"{curve.fit.error_df} more points than numbers sought: intervals are "
+            f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
         )
-    if found.interval95_Dp_um[0] <= 0.0 or found.interval95_Ec_mJ_per_cm2 is None:
-        told.append("the slope is so uncertain that the critical dose has no interval: take doses further apart")
-    return told
+    if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
+        warnings.append("the slope is so uncertain that the critical dose has no interval: take doses further apart")
+    return warnings
 
 
-def _of_threshold(found: WorkingCurve) -> list[str]:
-    told = []
-    lowest = min(disc.dose_mJ_per_cm2 for disc in found.used)
-    if lowest > _FAR * found.Ec_mJ_per_cm2:
-        told.append(
+def _of_threshold(curve: WorkingCurve) -> list[str]:
+    warnings = []
+    lowest = min(disc.dose_mJ_per_cm2 for disc in curve.used)
+    if lowest > _FAR * curve.Ec_mJ_per_cm2:
+        warnings.append(
             f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
-            f"{lowest / found.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
+            f"{lowest / curve.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
         )
-    set_below = [disc for disc in found.used if disc.dose_mJ_per_cm2 <= found.Ec_mJ_per_cm2]
+    set_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]
     if set_below:
         dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
-        told.append(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {found.Ec_mJ_per_cm2:.3g}")
-    liquid = [one.disc.dose_mJ_per_cm2 for one in found.left_out if one.disc.thickness_um == 0.0]
-    if liquid and max(liquid) > found.Ec_mJ_per_cm2:
-        depth = float(found.depth_um(max(liquid)))
-        told.append(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm")
-    return told
+        warnings.append(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g}")
+    liquid = [left.disc.dose_mJ_per_cm2 for left in curve.left_out if left.disc.thickness_um == 0.0]
+    if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
+        depth = float(curve.depth_um(max(liquid)))
+        warnings.append(f"nothing set at {max(liquid):.3g} mJ/cm², where the line has {depth:.3g} µm")
+    return warnings

@@ -32,7 +32,7 @@ Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
 """Powers of thickness that scatter may grow with."""
 THINNEST = 0.05
-"""Share of the thickest disc below which scatter is taken as that of a disc of this thickness."""
+"""Share of the thickest disc below which scatter is that of a disc of this thickness."""
 MOST_OUTLIERS = 0.2
 """Share of the discs, at least one disc, that may be set aside."""
 DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
@@ -169,12 +169,12 @@ class WorkingCurve(Result):
     def half_width_um(self, dose: ArrayLike, *, of_one_disc: bool = False) -> FloatArray:
         """Half width of the 95 % interval of the cure depth at a dose: of the curve, or of one more disc."""
         doses = np.atleast_1d(np.asarray(dose, float))
-        found = []
+        halves = []
         for ln_dose, depth in zip(np.log(doses).tolist(), self.depth_um(doses).tolist(), strict=True):
             more = self.disc_sigma_um(depth) ** 2 if of_one_disc else 0.0
             contrast = (1.0, ln_dose)
-            found.append(t_quantile(0.95, self.fit.df(contrast)) * math.sqrt(self.fit.u(contrast) ** 2 + more))
-        return np.reshape(found, np.shape(dose))
+            halves.append(t_quantile(0.95, self.fit.df(contrast)) * math.sqrt(self.fit.u(contrast) ** 2 + more))
+        return np.reshape(halves, np.shape(dose))
 
     def disc_sigma_um(self, depth_um: float) -> float:
         """Standard deviation of discs of a thickness."""
@@ -182,7 +182,7 @@ class WorkingCurve(Result):
         return float(self.sd_thickness_um * (thick / self.mean_thickness_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
-        """Dose that cures to a depth; infinite where it is no number."""
+        """Dose that cures to a depth; infinite where it overflows."""
         ln_dose = (depth_um - self.fit.parameters[0]) / self.fit.parameters[1]
         return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
@@ -238,7 +238,7 @@ def working_curve(
     Raises
     ------
     DataError
-        For a dose that is not above 0, a negative thickness, or what is out of all proportion; where fewer than two
+        For a dose that is not above 0, a negative thickness, or one beyond any print; where fewer than two
         doses or three discs are left; where thickness does not grow with dose.
     """
     discs = _discs(dose, thickness_um, rows)
@@ -246,7 +246,7 @@ def working_curve(
     used = _without(discs, out)
     _refuse_too_few(used, out)
     if not keep_all:
-        out += _not_belonging(used, scatter)
+        out += _outliers(used, scatter)
         used = _without(discs, out)
     fit, exponent = _fit(used, scatter)
     lack = _lack_of_fit(used, exponent, fit)
@@ -375,20 +375,20 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
     return fitted(design, y, weights=_weights(x, y, exponent), guessed=True), exponent
 
 
-def _not_belonging(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
-    """Discs to set aside. Where most discs of a dose are off together that is the line's matter, and they stay."""
+def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
+    """Outliers. Where most discs of a dose deviate together, the line is at fault, and they stay."""
     most = min(max(1, int(MOST_OUTLIERS * len(used))), len(used) - 4)
     if most < 1:
         return []
     x, y = _columns(used)
-    found = bad_points(lambda keep: _likeliest(x[keep], y[keep], scatter)[0], len(used), most)
+    outliers = bad_points(lambda keep: _likeliest(x[keep], y[keep], scatter)[0], len(used), most)
     doses = [disc.dose_mJ_per_cm2 for disc in used]
-    off = [doses[number] for number in found]
+    off = [doses[number] for number in outliers]
     alone = {dose for dose in off if 2 * off.count(dose) <= doses.count(dose) or doses.count(dose) == 1}
-    left = {dose for number, dose in enumerate(doses) if number not in found or dose not in alone}
+    left = {dose for number, dose in enumerate(doses) if number not in outliers or dose not in alone}
     return [
-        LeftOut(used[number], "does not belong to the rest", t)
-        for number, t in found.items()
+        LeftOut(used[number], "outlier", t)
+        for number, t in outliers.items()
         if doses[number] in alone and len(left) > 1
     ]
 

@@ -219,11 +219,11 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     names = (" ".join(texts).strip() for texts in zip(*columns, strict=True))
     keys = [(value, name or f"row {row}") for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))]
     means = group_means(keys, thickness_um)
-    told = []
+    warnings = []
     if len(means) < len(keys):
-        told = [f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
+        warnings = [f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
     doses = np.array([value for value, _ in means])
-    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], told)
+    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], warnings)
 
 
 def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> FloatArray:
@@ -312,16 +312,16 @@ def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposur
     """Warnings of a layer's exposure outside the doses of the discs, or that does not cure the layer for certain."""
     if exposure is None or layer_um is None:
         return []
-    told, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
+    warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
     if not lowest <= dose <= highest:
-        told.append(
+        warnings.append(
             f"an exposure of {dose:.3g} mJ/cm² lies outside the discs' {lowest:.3g} to {highest:.3g} mJ/cm²: "
             "its cure depth is an extrapolation"
         )
     low, _ = exposure.interval95_cure_depth_um
     if low < layer_um:
-        told.append(
+        warnings.append(
             f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
             f"a layer of {layer_um:g} µm may not reach the one before"
         )
-    return told
+    return warnings

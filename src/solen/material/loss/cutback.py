@@ -211,7 +211,7 @@ def cut_back(
     length_mm, level_dB
         Shape (n,), one entry a reading; levels as `solen.material.loss.levels.levels_dB` gives them.
     guide
-        Which guide was read; without it all readings at one length (and orientation) are taken as those of one guide.
+        Which guide was read; without it all readings at one length (and orientation) count as those of one guide.
     orientation
         How it was built.
     keep_all
@@ -265,12 +265,12 @@ def _bad(table: Table) -> dict[int, float]:
 
 
 def _outliers(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[Outlier, ...]:
-    ways, found = table.ways(keep), []
+    ways, outliers = table.ways(keep), []
     for number, t in bad.items():
         piece = table.pieces[number]
         start, slope = fit.parameters[ways.index(piece.orientation)], fit.parameters[-1]
-        found.append(Outlier(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
-    return tuple(found)
+        outliers.append(Outlier(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
+    return tuple(outliers)
 
 
 def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: float | None) -> Line:
@@ -336,25 +336,25 @@ def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
 
 
 def _of_pieces(loss: GuideLoss) -> list[str]:
-    told = []
+    warnings = []
     for outlier in loss.outliers:
         side = "above" if outlier.deviation_dB > 0.0 else "below"
-        told.append(
+        warnings.append(
             f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
             f"{abs(outlier.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
         )
     if loss.with_outliers is not None:
         low, high = loss.with_outliers.interval95_loss_dB_per_cm
-        told.append(
-            f"with {'it' if len(told) == 1 else 'them'} the loss is "
+        warnings.append(
+            f"with {'it' if len(warnings) == 1 else 'them'} the loss is "
             f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
         )
     if loss.degrees_of_freedom < 4.0:
-        told.append(
+        warnings.append(
             f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} degrees of freedom: "
             f"the interval is {t_quantile(0.95, loss.degrees_of_freedom):.1f} standard uncertainties to each side"
         )
-    return told
+    return warnings
 
 
 def _of_size(loss: GuideLoss) -> list[str]:
@@ -393,24 +393,24 @@ def _of_shape(loss: GuideLoss) -> list[str]:
 
 
 def _of_orientation(loss: GuideLoss) -> list[str]:
-    told = []
+    warnings = []
     named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
     if flat := [way for way in named if way not in {line.orientation for line in loss.by_orientation}]:
-        told.append(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}")
+        warnings.append(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}")
     if loss.p_orientation is None:
-        return told
+        return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
     if loss.p_orientation < SIGNIFICANCE:
-        told.append(
+        warnings.append(
             f"the loss depends on the build orientation (dB/cm: {values}; by chance {chance(loss.p_orientation)}): "
             "use the value of your orientation, not the common one"
         )
     else:
-        told.append(
+        warnings.append(
             f"no difference between orientations is seen (dB/cm: {values}; by chance {chance(loss.p_orientation)}); "
             "that does not prove that there is none"
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if lone:
-        told.append(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations")
-    return told
+        warnings.append(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations")
+    return warnings

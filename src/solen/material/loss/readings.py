@@ -86,11 +86,11 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     """
     rows = readings(recording, options.unit, options.dark)
     launched_dB = full_level_dB(rows.unit, options.launched, rows.values)
-    found = cut_back(
+    loss = cut_back(
         rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=options.keep_all, launched_dB=launched_dB
     )
     return replace(
-        found,
+        loss,
         wavelength_nm=options.wavelength_nm,
         power_unit=rows.unit or None,
         dark=options.dark,
@@ -100,8 +100,8 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
             *recording.warnings,
             *rows.warnings,
             *_launch_unknown(launched_dB),
-            *found.warnings,
-            *_unusual(found),
+            *loss.warnings,
+            *_unusual(loss),
         ),
     )
 

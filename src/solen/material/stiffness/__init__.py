@@ -9,7 +9,7 @@ does what `find_toe`, `young`, `cycles_of` and `extremes` do each; `mean_modulus
 and `choose` find a model, `cautions` what it cannot say.
 """
 
-from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
 from solen.material.stiffness.cycles import (
     Cycle,
@@ -28,7 +28,7 @@ from solen.material.stiffness.modes import EQUIBIAXIAL, MODES, PLANAR, UNIAXIAL,
 from solen.material.stiffness.modulus import Extremes, Young, default_range, extremes, ideal_ratio, secant, young
 from solen.material.stiffness.specimen import Dimensions, Specimen, held_ends, specimen_of
 from solen.material.stiffness.stability import StableRange, margin, stable_range
-from solen.material.stiffness.test import StressStrain, as_test
+from solen.material.stiffness.stress_strain import StressStrain, as_test
 from solen.material.stiffness.toe import Toe, find_toe
 
 __all__ = [

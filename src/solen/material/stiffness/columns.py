@@ -2,7 +2,7 @@
 
 The idea: the machine's own stress or strain is taken before one that is made of force and area, or of displacement and
 length, unless the user states the length. What the file says in words, a compression test, a preload, a width, is used
-and named; what it does not say is asked for.
+and named; what it does not say must be stated.
 
 The interface: `read_test` makes a `StressStrain` of a recording.
 """
@@ -17,7 +17,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.specimen import Specimen
-from solen.material.stiffness.test import StressStrain, as_test, sense
+from solen.material.stiffness.stress_strain import StressStrain, as_test, sense
 from solen.recording import Channel, Recording
 
 FORCE = ("force", "standard force", "load")
@@ -46,7 +46,7 @@ class _Column:
     """Stress or strain, what it is, whether it was made of force or displacement, and what to beware of."""
 
     values: FloatArray
-    told: str
+    origin: str
     made: bool = False
     warnings: tuple[str, ...] = ()
 
@@ -68,7 +68,7 @@ def read_test(
     mode
         None to take it from the signs and words of the file.
     compliance_mm_per_N
-        Of machine and fixture: force times it is taken off the displacement.
+        Of machine and fixture: force times it is subtracted from the displacement.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def read_test(
     )
     return replace(
         made,
-        made_from=f"stress: {stress.told}; strain: {strain.told}",
+        made_from=f"stress: {stress.origin}; strain: {strain.origin}",
         area_used=stress.made,
         from_displacement=strain.made,
         compliance_removed=removed,
@@ -110,8 +110,8 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
         if specimen.area_mm2 is None:
             remedy = "give --width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
             raise DataError(f"{_file(recording)}: area of the specimen", limit="is not stated", remedy=remedy)
-        told = f"{force.name} / {specimen.area_mm2:.6g} mm²"
-        return _Column(force.to("N") / specimen.area_mm2, told, made=True)
+        origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
+        return _Column(force.to("N") / specimen.area_mm2, origin, made=True)
     true = recording.find(*TRUE_STRESS)
     if true is not None:
         return _Column(true.to("MPa") / (1 + _strain(recording, specimen).values), f"{true.name} / stretch")
@@ -131,11 +131,11 @@ def _strain(recording: Recording, specimen: Specimen) -> _Column:
         moved = travel.to("mm")
         there = moved[np.isfinite(moved)]
         zero = float(there[0]) if absolute and len(there) else 0.0
-        told = f"{travel.name}{' since the first point' if absolute else ''} / {specimen.length_mm:.6g} mm"
-        return _Column((moved - zero) / specimen.length_mm, told, made=True)
+        origin = f"{travel.name}{' since the first point' if absolute else ''} / {specimen.length_mm:.6g} mm"
+        return _Column((moved - zero) / specimen.length_mm, origin, made=True)
     if strain is not None:
-        found = strain.to("1")
-        return _Column(found, strain.name, warnings=_other_length(recording, specimen, found, strain.name))
+        values = strain.to("1")
+        return _Column(values, strain.name, warnings=_other_length(recording, specimen, values, strain.name))
     if stretch is not None:
         return _Column(stretch.to("1") - 1, f"{stretch.name} - 1")
     if true is not None:
@@ -148,7 +148,7 @@ def _strain(recording: Recording, specimen: Specimen) -> _Column:
 
 
 def _without_compliance(strain: FloatArray, given: FloatArray) -> FloatArray:
-    """Strain of the specimen alone: what the machine gave way, by the same length, is taken off along the loading."""
+    """Strain of the specimen alone: the machine's share, over the same length, is subtracted along the loading."""
     return strain - sense(strain) * sense(given) * given
 
 

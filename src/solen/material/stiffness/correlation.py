@@ -7,7 +7,7 @@ along each curve, V_ij = ρ^|i−j|, and V is carried through the estimator, so 
 n(1 − ρ)/(1 + ρ) (Bayley & Hammersley 1946).
 
 Residuals of a fit are less correlated than the noise was, because the fit follows some of it. ρ is therefore the one
-at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the one found, where
+at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals that measured, where
 M = I − J(JᵀJ)⁻¹Jᵀ makes residuals of noise and S shifts by one.
 
 The interface: `scatter` of a linearised least-squares fit; `effective_points`; `log_likelihood` of residuals.
@@ -74,8 +74,8 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
     inverse = _inverse(_gram(jacobians, jacobians))
     if inverse is None:
         return Scatter(None, float(np.sqrt(variance)), lag_one, worth)
-    found = variance * inverse @ _gram(jacobians, [_smeared(j, lag_one) for j in jacobians]) @ inverse
-    return Scatter((found + found.T) / 2, float(np.sqrt(variance)), lag_one, worth)
+    covariance = variance * inverse @ _gram(jacobians, [_smeared(j, lag_one) for j in jacobians]) @ inverse
+    return Scatter((covariance + covariance.T) / 2, float(np.sqrt(variance)), lag_one, worth)
 
 
 def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
@@ -98,17 +98,17 @@ def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> float:
-    """ρ whose expected correlation of the residuals is the one found, 0 to 0.995."""
+    """ρ whose expected correlation of the residuals is that measured, 0 to 0.995."""
     from scipy.optimize import brentq
 
     power = sum(float(r @ r) for r in residuals)
     if power <= 0:
         return 0.0
-    found = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
+    measured = sum(float(r[1:] @ r[:-1]) for r in residuals) / power
     shifted = _gram(basis, [_shifted(q) for q in basis])
 
     def excess(lag_one: float) -> float:
-        return _expected(basis, shifted, lag_one) - found
+        return _expected(basis, shifted, lag_one) - measured
 
     if excess(0.0) >= 0:
         return 0.0
@@ -132,18 +132,18 @@ def _overlap(basis: Sequence[FloatArray], lag_one: float) -> float:
 
 def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
     """Sum over curves of LᵀR."""
-    found = np.zeros((left[0].shape[1], right[0].shape[1]))
-    for one, other in zip(left, right, strict=True):
-        found += one.T @ other
-    return found
+    total = np.zeros((left[0].shape[1], right[0].shape[1]))
+    for first, second in zip(left, right, strict=True):
+        total += first.T @ second
+    return total
 
 
 def _shifted(columns: FloatArray) -> FloatArray:
     """S times columns: half of the neighbour on each side."""
-    found = np.zeros_like(columns)
-    found[1:] += columns[:-1] / 2
-    found[:-1] += columns[1:] / 2
-    return found
+    shifted = np.zeros_like(columns)
+    shifted[1:] += columns[:-1] / 2
+    shifted[:-1] += columns[1:] / 2
+    return shifted
 
 
 def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:

@@ -24,7 +24,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.hyperelastic import Curve
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 from solen.results import HIDDEN, reported
 
 SWING = 0.1
@@ -142,25 +142,25 @@ def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
         return ()
     strain, stress = test.sign * test.strain, test.sign * test.stress_MPa
     parts = branches(strain)
-    found: list[Cycle] = []
+    cycles: list[Cycle] = []
     for at, (first, peak) in enumerate(parts):
         if strain[peak] <= strain[first]:
             continue
         unloading = parts[at + 1] if at + 1 < len(parts) else None
-        found.append(_cycle(strain, stress, len(found) + 1, (first, peak), unloading, found[:1]))
-    return tuple(found)
+        cycles.append(_cycle(strain, stress, len(cycles) + 1, (first, peak), unloading, cycles[:1]))
+    return tuple(cycles)
 
 
-def softening(found: Sequence[Cycle]) -> Softening | None:
+def softening(cycles: Sequence[Cycle]) -> Softening | None:
     """Last cycle against the first; None where there is one only, or the last does not reach the first's strain."""
-    if len(found) < 2:
+    if len(cycles) < 2:
         return None
-    first, last = found[0], found[-1]
+    first, last = cycles[0], cycles[-1]
     if last.peak_strain < 0.95 * first.peak_strain or min(first.peak_stress_MPa, first.work_in_mJ_per_mm3) <= 0:
         return None
     half = (first.stress_at_half_MPa, last.stress_at_half_MPa)
     return Softening(
-        cycles=len(found),
+        cycles=len(cycles),
         peak_stress=1 - last.peak_stress_MPa / first.peak_stress_MPa,
         stress_at_half=None if half[0] is None or half[1] is None or half[0] == 0 else 1 - half[1] / half[0],
         work_in=1 - last.work_in_mJ_per_mm3 / first.work_in_mJ_per_mm3,
@@ -189,7 +189,7 @@ def _cycle(
         end=unloading[1] if unloading else peak,
         peak_strain=float(strain[peak]),
         peak_stress_MPa=largest,
-        stress_at_half_MPa=_crossing(strain[up], stress[up], first_strain / 2),
+        stress_at_half_MPa=crossing(strain[up], stress[up], first_strain / 2),
         work_in_mJ_per_mm3=float(np.trapezoid(stress[up], strain[up])),
         work_out_mJ_per_mm3=None if down is None else -float(np.trapezoid(stress[down], strain[down])),
         residual_strain=None if down is None else _residual(strain[down], stress[down], first_stress),
@@ -204,12 +204,12 @@ def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | No
         return None
     last = np.flatnonzero(stress[: end[0]] <= high)
     if len(last) < 3 or float(np.ptp(stress[last])) == 0:
-        return _crossing(-stress, strain, -low)
+        return crossing(-stress, strain, -low)
     slope, zero = np.polyfit(stress[last], strain[last], 1)
-    return float(zero) if slope > 0 else _crossing(-stress, strain, -low)
+    return float(zero) if slope > 0 else crossing(-stress, strain, -low)
 
 
-def _crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:
+def crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:
     """Value where ``rising`` first reaches a level from below, linear between rows; None where it does not."""
     reached = np.flatnonzero(rising >= level)
     if len(reached) == 0 or reached[0] == 0:
@@ -246,10 +246,10 @@ def rereferenced(test: StressStrain) -> StressStrain:
     The start is where the cycle before left no stress; where that was not reached, or there is one cycle only, the test
     is returned as it is.
     """
-    found = cycles_of(test)
-    if len(found) < 2 or found[-2].residual_strain is None:
+    cycles = cycles_of(test)
+    if len(cycles) < 2 or cycles[-2].residual_strain is None:
         return test
-    left = 1 + test.sign * found[-2].residual_strain
+    left = 1 + test.sign * cycles[-2].residual_strain
     return replace(test, strain=test.stretch / left - 1, stress_MPa=test.stress_MPa * left)
 
 

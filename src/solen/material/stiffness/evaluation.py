@@ -32,7 +32,7 @@ from solen.material.stiffness.modulus import (
     young,
 )
 from solen.material.stiffness.specimen import held_ends
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
 from solen.results import Result, reported
 from solen.spec.strict import Finite, Options, refused
@@ -176,14 +176,14 @@ def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range 
     )
 
 
-def mean_modulus(found: Sequence[Young]) -> MeanModulus:
+def mean_modulus(moduli: Sequence[Young]) -> MeanModulus:
     """Mean over specimens of one kind of test."""
-    values = np.array([each.modulus_MPa for each in found])
+    values = np.array([each.modulus_MPa for each in moduli])
     mean, sd, root = float(values.mean()), None, math.sqrt(len(values))
     if len(values) == 1:
-        u, interval = found[0].u_modulus_MPa, found[0].interval95_modulus_MPa
+        u, interval = moduli[0].u_modulus_MPa, moduli[0].interval95_modulus_MPa
     else:
-        sd, own = float(values.std(ddof=1)), math.sqrt(float(np.mean([each.u_modulus_MPa**2 for each in found])))
+        sd, own = float(values.std(ddof=1)), math.sqrt(float(np.mean([each.u_modulus_MPa**2 for each in moduli])))
         half = max(t_quantile(0.95, len(values) - 1) * sd, 1.959964 * own) / root
         u, interval = max(sd, own) / root, (mean - half, mean + half)
     return MeanModulus(modulus_MPa=mean, u_modulus_MPa=u, interval95_modulus_MPa=interval, sd_modulus_MPa=sd)
@@ -199,17 +199,17 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
     return find_toe(test)
 
 
-def _warnings(test: StressStrain, found: Young, options: StiffnessOptions, cycled: Sequence[Cycle]) -> list[str]:
+def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cycles: Sequence[Cycle]) -> list[str]:
     """What the numbers of a test do not know."""
-    told = [
+    warnings = [
         _of_friction(test, options),
-        _of_dimensions(test, found),
-        _of_compliance(test, found),
-        _of_points(found),
-        _of_bending(test, found),
-        _of_loss(cycled),
+        _of_dimensions(test, modulus),
+        _of_compliance(test, modulus),
+        _of_points(modulus),
+        _of_bending(test, modulus),
+        _of_loss(cycles),
     ]
-    return [each for each in told if each]
+    return [each for each in warnings if each]
 
 
 def _of_friction(test: StressStrain, options: StiffnessOptions) -> str:
@@ -225,9 +225,9 @@ def _of_friction(test: StressStrain, options: StiffnessOptions) -> str:
     )
 
 
-def _of_dimensions(test: StressStrain, found: Young) -> str:
+def _of_dimensions(test: StressStrain, modulus: Young) -> str:
     per_mm = test.specimen.area_error_per_mm
-    if not test.area_used or found.u_dimensions_MPa is not None or per_mm is None:
+    if not test.area_used or modulus.u_dimensions_MPa is not None or per_mm is None:
         return ""
     return (
         "the uncertainty of the modulus leaves out the specimen's dimensions (--u-geometry-mm): "
@@ -235,30 +235,30 @@ def _of_dimensions(test: StressStrain, found: Young) -> str:
     )
 
 
-def _of_compliance(test: StressStrain, found: Young) -> str:
+def _of_compliance(test: StressStrain, modulus: Young) -> str:
     area, length = test.specimen.area_mm2, test.specimen.length_mm
     if not test.from_displacement or test.compliance_removed or area is None or length is None:
         return ""
-    stiffness = found.modulus_MPa * area / length
+    stiffness = modulus.modulus_MPa * area / length
     return (
         f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make it 1 % "
         f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
     )
 
 
-def _of_points(found: Young) -> str:
-    if found.effective_points >= _WORTH:
+def _of_points(modulus: Young) -> str:
+    if modulus.effective_points >= _WORTH:
         return ""
     return (
-        f"the {found.points} points of the modulus are worth {found.effective_points:.1f} independent ones, as "
+        f"the {modulus.points} points of the modulus are worth {modulus.effective_points:.1f} independent ones, as "
         "neighbouring residuals are alike; below 8 its interval is too narrow"
     )
 
 
-def _of_bending(test: StressStrain, found: Young) -> str:
+def _of_bending(test: StressStrain, modulus: Young) -> str:
     if test.loading == "both":
         return ""
-    low, high = found.strain_range
+    low, high = modulus.strain_range
     ratio = ideal_ratio(test.mode, test.sign, (low, min(high, 0.9) if test.sign < 0 else high))
     if abs(ratio - 1) < _BENT:
         return ""
@@ -269,8 +269,8 @@ def _of_bending(test: StressStrain, found: Young) -> str:
     )
 
 
-def _of_loss(cycled: Sequence[Cycle]) -> str:
-    losses = [each.loss_fraction for each in cycled if each.loss_fraction is not None]
+def _of_loss(cycles: Sequence[Cycle]) -> str:
+    losses = [each.loss_fraction for each in cycles if each.loss_fraction is not None]
     if not losses or losses[-1] < _LOSSY:
         return ""
     return (

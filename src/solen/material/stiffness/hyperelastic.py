@@ -255,8 +255,8 @@ def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatAr
         return np.hstack([terms.basis(powers), terms.by_power(powers) * searched[:order] * slope])
 
     def ended(start: FloatArray, tolerance: float) -> tuple[float, FloatArray]:
-        found = leastsq(residual, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_STEPS, full_output=True)
-        return float(np.sum(residual(np.asarray(found[0])) ** 2)), np.asarray(found[0])
+        solution = leastsq(residual, start, Dfun=jacobian, xtol=1e-12, ftol=tolerance, maxfev=_STEPS, full_output=True)
+        return float(np.sum(residual(np.asarray(solution[0])) ** 2)), np.asarray(solution[0])
 
     rough = [
         ended(np.concatenate([moduli, np.arcsin(powers / _STEEPEST)]), 1e-5) for moduli, powers in _starts(terms, order)
@@ -315,7 +315,7 @@ def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
 
 
 def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> tuple[ModeQuality, ...]:
-    found = []
+    qualities = []
     for name, mode in MODES.items():
         ours = [curve for curve in curves if curve.mode.name == name]
         if not ours:
@@ -325,7 +325,7 @@ def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> 
         error = fitted.stress(parameters, mode, stretch) - stress
         floored = np.maximum(np.abs(stress), _FLOOR * np.abs(stress).max())
         spread = float(np.sum((stress - stress.mean()) ** 2))
-        found.append(
+        qualities.append(
             ModeQuality(
                 mode=name,
                 points=len(stretch),
@@ -335,7 +335,7 @@ def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> 
                 r_squared=None if spread == 0 else 1 - float(error @ error) / spread,
             )
         )
-    return tuple(found)
+    return tuple(qualities)
 
 
 def _aicc(residuals: Sequence[FloatArray], lag_one: float, parameters: int) -> float | None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.errors import DataError
-from solen.material.stiffness.caution import cautions
+from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
 from solen.material.stiffness.evaluation import Evaluated, MeanModulus, StiffnessOptions, evaluate, mean_modulus
 from solen.material.stiffness.hyperelastic import Fit, choose, fit_each
@@ -20,7 +20,7 @@ from solen.material.stiffness.models import KINDS, model
 from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import Range
 from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 from solen.recording import Measured, Recording
 
 _RIGID_MPA = 100.0  # a stiffer thing is no rubber: auto fits no hyperelastic model to it
@@ -208,7 +208,7 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
     mean = mean_modulus(moduli)
     fits, unfitted = _fits(specimens, options, mean.modulus_MPa)
     chosen = choose(fits)
-    told = [*_of_specimens(specimens), *_of_count(len(moduli)), *unfitted, *_of_fits(fits, chosen)]
+    warnings = [*_of_specimens(specimens), *_of_count(len(moduli)), *unfitted, *_of_fits(fits, chosen)]
     label = specimens[0].label
     return MaterialStiffness(
         **vars(mean),
@@ -218,7 +218,7 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
         specimens=tuple(specimen.evaluated for specimen in specimens),
         model=chosen,
         fits=fits,
-        warnings=tuple(f"{label}: {warning}" if label else warning for warning in told),
+        warnings=tuple(f"{label}: {warning}" if label else warning for warning in warnings),
     )
 
 
@@ -240,11 +240,11 @@ def _fits(
 def _of_specimens(specimens: Sequence[_Specimen]) -> list[str]:
     """Warnings of the specimens, with their names where not all say the same."""
     shared = set.intersection(*(set(each.evaluated.warnings) for each in specimens))
-    told: list[str] = []
+    warnings: list[str] = []
     for each in specimens:
         own = (*each.evaluated.warnings, *each.recording.warnings, *_of_machine(each))
-        told += [warning if warning in shared else f"{each.evaluated.name}: {warning}" for warning in own]
-    return list(dict.fromkeys(told))
+        warnings += [warning if warning in shared else f"{each.evaluated.name}: {warning}" for warning in own]
+    return list(dict.fromkeys(warnings))
 
 
 def _of_machine(specimen: _Specimen) -> list[str]:

@@ -75,10 +75,10 @@ class Polynomial(Model):
 
     def energy(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
         a, b = _invariants((first, second, 1 / (first * second)))
-        found = np.zeros_like(a)
+        energy = np.zeros_like(a)
         for c, (i, j) in zip(np.asarray(parameters), self.terms, strict=True):
-            found += c * a**i * b**j
-        return found
+            energy += c * a**i * b**j
+        return energy
 
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:  # noqa: D102
         return np.asarray(self.jacobian(parameters, mode, stretch) @ np.asarray(parameters, dtype=float))
@@ -95,14 +95,14 @@ class Polynomial(Model):
         a, b = _invariants((first, second, 1 / (first * second)))
         by_a, by_b = _gradient(squares, 1), _gradient(1 / squares, -1)
         twice_a, twice_b = _curvature(squares), _curvature(1 / squares)
-        found = np.zeros((*a.shape, 2, 2))
+        matrix = np.zeros((*a.shape, 2, 2))
         for c, (i, j) in zip(np.asarray(parameters), self.terms, strict=True):
-            found += c * _times(_power(a, i, 1) * b**j, twice_a)
-            found += c * _times(a**i * _power(b, j, 1), twice_b)
-            found += c * _times(_power(a, i, 2) * b**j, _outer(by_a, by_a))
-            found += c * _times(a**i * _power(b, j, 2), _outer(by_b, by_b))
-            found += c * _times(_power(a, i, 1) * _power(b, j, 1), _outer(by_a, by_b) + _outer(by_b, by_a))
-        return found
+            matrix += c * _times(_power(a, i, 1) * b**j, twice_a)
+            matrix += c * _times(a**i * _power(b, j, 1), twice_b)
+            matrix += c * _times(_power(a, i, 2) * b**j, _outer(by_a, by_a))
+            matrix += c * _times(a**i * _power(b, j, 2), _outer(by_b, by_b))
+            matrix += c * _times(_power(a, i, 1) * _power(b, j, 1), _outer(by_a, by_b) + _outer(by_b, by_a))
+        return matrix
 
     def shear_modulus_row(self, parameters: ArrayLike) -> tuple[float, FloatArray]:  # noqa: D102
         row = np.array([2.0 if i + j == 1 else 0.0 for i, j in self.terms])
@@ -132,10 +132,10 @@ class Ogden(Model):
 
     def energy(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
         third = 1 / (first * second)
-        found = np.zeros_like(third)
+        energy = np.zeros_like(third)
         for modulus, power in zip(*self.split(parameters), strict=True):
-            found += modulus / power * (first**power + second**power + third**power - 3)
-        return found
+            energy += modulus / power * (first**power + second**power + third**power - 3)
+        return energy
 
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:  # noqa: D102
         moduli, powers = self.split(parameters)
@@ -149,10 +149,10 @@ class Ogden(Model):
 
     def hessian(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:  # noqa: D102
         stretches = np.stack([first, second, 1 / (first * second)])
-        found = np.zeros((*first.shape, 2, 2))
+        matrix = np.zeros((*first.shape, 2, 2))
         for modulus, power in zip(*self.split(parameters), strict=True):
-            found += modulus / 4 * power * _curvature(stretches**power)
-        return found
+            matrix += modulus / 4 * power * _curvature(stretches**power)
+        return matrix
 
     def shear_modulus_row(self, parameters: ArrayLike) -> tuple[float, FloatArray]:  # noqa: D102
         moduli, powers = self.split(parameters)

@@ -21,9 +21,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.regression import t_quantile
 from solen.material.stiffness.correlation import scatter
-from solen.material.stiffness.cycles import loading_branch
+from solen.material.stiffness.cycles import crossing, loading_branch
 from solen.material.stiffness.modes import Mode
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import measure
 
 Range = tuple[float, float]
@@ -101,8 +101,8 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     """
     low, high = strain_range
     if not 0 <= low < high < math.inf:
-        told = f"{100 * low:g} {100 * high:g}"
-        raise DataError("strain range in percent", value=told, limit="must be two numbers from 0 up, the lower first")
+        given = f"{100 * low:g} {100 * high:g}"
+        raise DataError("strain range in percent", value=given, limit="must be two numbers from 0 up, the lower first")
     strain, stress = _in_range(test, strain_range, cycle)
     if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
         reached = 100 * float(np.abs(test.strain).max())
@@ -122,8 +122,8 @@ def default_range(test: StressStrain, cycle: str = "first") -> Range:
         strain, stress = _in_range(test, wanted, cycle)
         if len(strain) < _ENOUGH or float(np.ptp(strain)) == 0 or float(np.ptp(strain)) < 0.5 * (wanted[1] - wanted[0]):
             continue
-        found = _regression(test, strain, stress, wanted)
-        if wanted[1] > 0.01 or found.u_scatter_MPa < _RESOLVED * found.modulus_MPa:
+        modulus = _regression(test, strain, stress, wanted)
+        if wanted[1] > 0.01 or modulus.u_scatter_MPa < _RESOLVED * modulus.modulus_MPa:
             return wanted
     sizes = np.unique(np.abs(test.strain[loading_branch(test, cycle)]))
     return 0.0, float(sizes[min(4, len(sizes) - 1)])
@@ -140,14 +140,10 @@ def secant(test: StressStrain, strain: float, cycle: str = "first") -> float | N
     """Stress over strain in MPa at a strain (magnitude) while loading; None where the test does not reach it."""
     rows = loading_branch(test, cycle)
     size, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
-    reached = np.flatnonzero(size >= strain)
-    if strain <= 0 or len(reached) == 0:
+    if strain <= 0:
         return None
-    at = int(reached[0])
-    if at == 0 or size[at] == strain:
-        return float(stress[at] / strain) if size[at] == strain else None
-    share = (strain - size[at - 1]) / (size[at] - size[at - 1])
-    return float((stress[at - 1] + share * (stress[at] - stress[at - 1])) / strain)
+    at_strain = float(stress[0]) if size[0] == strain else crossing(size, stress, strain)
+    return None if at_strain is None else at_strain / strain
 
 
 def extremes(test: StressStrain) -> Extremes:
@@ -183,12 +179,12 @@ def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, stra
     slope = float((strain - centre) @ stress / ((strain - centre) @ (strain - centre)))
     intercept = float(stress.mean() - slope * centre)
     residuals = stress - intercept - slope * strain
-    found = scatter([rows], [residuals])
-    u_slope = 0.0 if found.covariance is None else math.sqrt(max(float(found.covariance[1, 1]), 0.0))
+    noise = scatter([rows], [residuals])
+    u_slope = 0.0 if noise.covariance is None else math.sqrt(max(float(noise.covariance[1, 1]), 0.0))
     modulus, u_scatter = slope / test.mode.slope_ratio, u_slope / test.mode.slope_ratio
     u_dimensions = _u_dimensions(test, modulus)
     u_modulus = math.hypot(u_scatter, u_dimensions or 0.0)
-    wide = t_quantile(0.95, max(found.effective_points - 2, 1.0)) * u_scatter
+    wide = t_quantile(0.95, max(noise.effective_points - 2, 1.0)) * u_scatter
     half = math.hypot(wide, 1.959964 * (u_dimensions or 0.0))
     spread = float(np.sum((stress - stress.mean()) ** 2))
     return Young(
@@ -199,10 +195,10 @@ def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, stra
         interval95_modulus_MPa=(modulus - half, modulus + half),
         strain_range=strain_range,
         points=len(strain),
-        effective_points=found.effective_points,
-        lag_one=found.lag_one,
+        effective_points=noise.effective_points,
+        lag_one=noise.lag_one,
         r_squared=1 - float(residuals @ residuals) / spread if spread > 0 else 0.0,
-        residual_MPa=found.sigma,
+        residual_MPa=noise.sigma,
         intercept_MPa=intercept,
     )
 

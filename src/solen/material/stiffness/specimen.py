@@ -129,16 +129,16 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
     DataError
         Where the file's statement is no length or area above 0.
     """
-    found = _from_metadata(metadata or {})
+    in_file = _from_metadata(metadata or {})
     length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
     headings: list[str] = []
-    if length is None and "length" in found:
-        length, heading = found["length"]
+    if length is None and "length" in in_file:
+        length, heading = in_file["length"]
         headings.append(heading)
     if section is None:
-        names = next((names for names in _FILE_SECTIONS if set(names) <= found.keys()), ())
-        section = _section(**{name: found[name][0] for name in names})
-        headings += [found[name][1] for name in names]
+        names = next((names for names in _FILE_SECTIONS if set(names) <= in_file.keys()), ())
+        section = _section(**{name: in_file[name][0] for name in names})
+        headings += [in_file[name][1] for name in names]
     u_mm = stated.u_geometry_mm
     return Specimen(
         length_mm=length,
@@ -176,7 +176,7 @@ def number_in(text: str, unit: str, heading: str = "") -> float | None:
 def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
     """Dimensions that a file states, each with the words it does so."""
     plain = {_plain(heading): (heading, text) for heading, text in metadata.items()}
-    found: dict[str, tuple[float, str]] = {}
+    dimensions: dict[str, tuple[float, str]] = {}
     for dimension, words in _WORDS.items():
         for word in words.split(", "):
             heading, text = plain.get(word, ("", ""))
@@ -185,9 +185,9 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
                 continue
             if not 0 < value < math.inf:
                 raise DataError(heading, value=text, limit="must be above 0", remedy="state the dimension as an option")
-            found[dimension] = (value, heading)
+            dimensions[dimension] = (value, heading)
             break
-    return found
+    return dimensions
 
 
 def _plain(heading: str) -> str:

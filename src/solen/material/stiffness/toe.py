@@ -11,7 +11,7 @@ rises by more than 5 % a step. Through that step and the next a line is drawn to
 where it exceeds twice its uncertainty, which holds the scatter and what the first of the two steps alone would give;
 backwards only where the record begins under load.
 
-A slope that keeps rising cannot be told from a toe by anyone: then nothing is shifted, and it is said.
+A slope that keeps rising cannot be distinguished from a toe: then nothing is shifted, and the note says so.
 
 The interface: `find_toe` of a test.
 """
@@ -24,7 +24,7 @@ from solen.arrays import FloatArray
 from solen.material.stiffness.correlation import scatter
 from solen.material.stiffness.cycles import loading_branch
 from solen.material.stiffness.modes import Mode
-from solen.material.stiffness.test import StressStrain
+from solen.material.stiffness.stress_strain import StressStrain
 
 _STEPS = 40  # equal steps of stress that the loading branch is cut into
 _LOOKED = 20  # of them, how many may belong to the toe
@@ -36,7 +36,7 @@ _LEAST = 1e-5  # a shift of strain below it is not worth making
 
 @dataclass(frozen=True)
 class Toe:
-    """What was found at the beginning of a test.
+    """Toe of a test.
 
     Attributes
     ----------
@@ -46,14 +46,14 @@ class Toe:
         Its standard uncertainty; None where no line could be drawn.
     end
         Strain, counted from the shift, at which the toe ends: below it stresses are not the material's.
-    said
+    note
         What was done, in a sentence.
     """
 
     shift: float
     u_shift: float | None
     end: float
-    said: str
+    note: str
 
 
 def find_toe(test: StressStrain) -> Toe:
@@ -75,7 +75,7 @@ def measure(mode: Mode, strain: FloatArray) -> FloatArray:
 
 
 def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
-    """Toe by the line through the first step that is no toe; the measure depends on the shift, hence the rounds."""
+    """Toe by the line through the first step after it; the measure depends on the shift, hence the rounds."""
     shift, u_shift, slope = 0.0, 0.0, 0.0
     at: int | None = None
     for _ in range(_ROUNDS):
@@ -95,20 +95,20 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
     if abs(shift) <= max(2 * u_shift, _LEAST) or stress[0] < -0.5 * shift * slope:
         return Toe(0.0, u_shift, 0.0, f"no toe: the first tangent meets zero stress at {at_zero} strain")
     end = max(float(strain[steps[at].start]) - shift, 0.0)
-    said = f"strain counted from {at_zero} of the file's, where the tangent after the toe meets zero stress"
-    return Toe(test.sign * shift, u_shift, end, said)
+    note = f"strain counted from {at_zero} of the file's, where the tangent after the toe meets zero stress"
+    return Toe(test.sign * shift, u_shift, end, note)
 
 
 def _steps(stress: FloatArray) -> list[slice]:
     """Rows of equal steps of stress while loading, each of at least some rows."""
     highest = np.maximum.accumulate(stress)
     edges = np.searchsorted(highest, np.linspace(0, float(highest[-1]), _STEPS + 1)[1 : _LOOKED + 4])
-    found, start = [], 0
+    steps, start = [], 0
     for edge in edges:
         if edge - start >= _FEWEST:
-            found.append(slice(start, int(edge)))
+            steps.append(slice(start, int(edge)))
             start = int(edge)
-    return found
+    return steps
 
 
 def _end_of_toe(over: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
@@ -130,9 +130,9 @@ def _zero(over: FloatArray, stress: FloatArray) -> tuple[float, float, float]:
     """Where a line through points meets zero stress, its standard uncertainty, and the slope."""
     rows = np.column_stack([np.ones_like(over), over])
     start, slope = np.linalg.lstsq(rows, stress, rcond=None)[0]
-    found = scatter([rows], [stress - rows @ np.array([start, slope])])
+    residual = scatter([rows], [stress - rows @ np.array([start, slope])])
     zero = -start / slope
-    if found.covariance is None:
+    if residual.covariance is None:
         return float(zero), float("inf"), float(slope)
     by = np.array([-1 / slope, start / slope**2])
-    return float(zero), float(np.sqrt(max(by @ found.covariance @ by, 0.0))), float(slope)
+    return float(zero), float(np.sqrt(max(by @ residual.covariance @ by, 0.0))), float(slope)

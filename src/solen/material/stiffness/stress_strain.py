@@ -49,7 +49,7 @@ class StressStrain:
     from_displacement
         Whether the strain is a displacement over a length, with slack and the machine's compliance in it.
     compliance_removed
-        Whether the machine's has been taken off.
+        Whether the machine's has been subtracted.
     preload
         What the file says about a preload at which strain was set to zero; empty where nothing.
     notes, warnings
@@ -156,7 +156,7 @@ def as_test(
 
 
 def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
-    """Both without what is missing at their end; `DataError` for gaps, too few points or nothing deformed."""
+    """Both without missing rows at their end; `DataError` for gaps, too few points or no deformation."""
     if strain.shape != stress.shape or strain.ndim != 1:
         raise DataError(name, limit=f"strain and stress differ in length: {strain.shape} and {stress.shape}")
     there = np.isfinite(strain) & np.isfinite(stress)
@@ -207,23 +207,23 @@ def _loading(
     if mode in {None, "uniaxial"} and _two_sided(strain):
         return _both_ways(strain, stress, name)
     exported = (sense(strain), sense(stress))
-    said = f"exported with {'positive' if exported[0] > 0 else 'negative'} strain and "
-    said += f"{'positive' if exported[1] > 0 else 'negative'} force"
+    signs = f"exported with {'positive' if exported[0] > 0 else 'negative'} strain and "
+    signs += f"{'positive' if exported[1] > 0 else 'negative'} force"
     if mode == "tension" or mode == "compression":
-        return mode, (f"{mode}, {said}; compression is negative in the results",), ()
+        return mode, (f"{mode}, {signs}; compression is negative in the results",), ()
     if mode in {"planar", "equibiaxial"}:
-        return "tension", (f"{mode} tension, {said}",), ()
+        return "tension", (f"{mode} tension, {signs}",), ()
     if exported[0] != exported[1]:
-        limit = f"is {said}, which may be tension or compression"
+        limit = f"is {signs}, which may be tension or compression"
         raise DataError(name, limit=limit, remedy="state it: --mode tension or --mode compression")
     if exported[0] < 0:
-        return "compression", (f"compression, by its signs: {said}",), ()
+        return "compression", (f"compression, by its signs: {signs}",), ()
     warnings: tuple[str, ...] = ()
     if assumed:
         warnings = (
             "taken as tension: nothing in the file says so, and its signs are positive; --mode compression if not",
         )
-    return "tension", (f"tension, by its signs: {said}",), warnings
+    return "tension", (f"tension, by its signs: {signs}",), warnings
 
 
 def _both_ways(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Loading, tuple[str, ...], tuple[str, ...]]:

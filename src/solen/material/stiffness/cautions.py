@@ -1,0 +1,64 @@
+"""What does not follow from a hyperelastic fit, in sentences with numbers.
+
+The interface: `cautions` of a fit.
+"""
+
+import numpy as np
+
+from solen.material.stiffness.hyperelastic import Fit
+from solen.material.stiffness.modes import MODES
+
+_POOR = 0.1
+
+
+def cautions(fit: Fit) -> list[str]:
+    """Sentences: range of validity, modes not measured, instability, parameters not determined, misfit."""
+    warnings = [_range(fit), _unmeasured(fit), *_unstable(fit), _undetermined(fit), *_misfit(fit)]
+    return [each for each in warnings if each]
+
+
+def _range(fit: Fit) -> str:
+    ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in fit.quality)
+    return f"{fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates"
+
+
+def _unmeasured(fit: Fit) -> str:
+    missing = [name for name in MODES if name not in {q.mode for q in fit.quality}]
+    if not missing or len(fit.values) == 1:
+        return ""
+    return f"{' and '.join(missing)} deformation was not measured: models that agree on these data may differ there"
+
+
+def _unstable(fit: Fit) -> list[str]:
+    measured = {q.mode: q.stretch_range for q in fit.quality}
+    everywhere = (min(low for low, _ in measured.values()), max(high for _, high in measured.values()))
+    warnings = []
+    for name, stable in fit.stable.items():
+        low, high = measured.get(name, everywhere)
+        if stable.covers(low, high):
+            continue
+        where = "in its data" if name in measured else "within the stretches of the other modes"
+        ends = [f"below {stable.low:.4g}"] if stable.low is not None and stable.low > low else []
+        ends += [f"above {stable.high:.4g}"] if stable.high is not None and stable.high < high else []
+        warnings.append(f"{fit.model.kind} is unstable (Drucker) {where}: {name} stretch {' and '.join(ends)}")
+    return warnings
+
+
+def _undetermined(fit: Fit) -> str:
+    if fit.scatter.covariance is None:
+        return f"the parameters of {fit.model.kind} are not determined one by one: their covariance does not exist"
+    spread = np.sqrt(np.diag(fit.scatter.covariance))
+    loose = [n for n, p, u in zip(fit.model.names, fit.values, spread, strict=True) if u > abs(p)]
+    if not loose:
+        return ""
+    names = ", ".join(loose)
+    return f"{names} of {fit.model.kind}: uncertainty beyond the value itself; fewer parameters would do"
+
+
+def _misfit(fit: Fit) -> list[str]:
+    return [
+        f"{fit.model.kind} misses the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
+        f"({q.rms_MPa:.2g} MPa)"
+        for q in fit.quality
+        if q.rms_relative > _POOR
+    ]
