@@ -90,7 +90,7 @@ REFUSED: list[tuple[Change, str]] = [
     (lambda d: d["u_mm"].pop(), "u_mm = '200 numbers'; must be as many as x_mm has, 201"),
     (lambda d: d["u_mm"].__setitem__(7, -1e-4), "u_mm[7] = -0.0001; must be 0 to 1 mm"),
     (lambda d: d["x_mm"].__setitem__(7, d["x_mm"][5]), "x_mm[7] = -1.9; follows -1.88: x must ascend"),
-    (lambda d: d["x_mm"].reverse(), "x_mm = '2 to -2'; must ascend; turn the list round"),
+    (lambda d: d["x_mm"].reverse(), "x_mm = '2 to -2'; must ascend"),
     (lambda d: d.update({k: d[k][:15] for k in ("x_mm", "z_mm", "u_mm")}), "'15 points'; must be 16 to 100,000"),
     (lambda d: d.update(x_mm=[1e3 * x for x in d["x_mm"]]), "'4000 mm wide'; must be 0.02 to 200 mm wide"),
     (lambda d: d.update(x_mm=[1e-3 * x for x in d["x_mm"]]), "'0.004 mm wide'; must be 0.02 to 200 mm wide"),

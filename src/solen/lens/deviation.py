@@ -1,14 +1,14 @@
-"""What a measured profile deviates from the designed oval, smoothed by as much as its uncertainty asks for.
+"""The deviation of a measured profile from the designed oval, smoothed as its uncertainty requires.
 
 The idea: what is smoothed is not the profile but its deviation from the design. The vertex of an oval is its sharpest
 place, and a curve that is smoothed as a whole is flattened there first; its deviation from the design is small and
-gentle, and of that no more is smoothed away than the uncertainty of the points (`solen.lens.smoothing`). Points of a
-picture straight into a spline would not do: half a micrometre of noise at points 2 µm apart makes normals that are off
-by some 10 degrees, where a tenth of one already moves the focal spot by 10 µm.
+gentle, and no more of it is smoothed away than the uncertainty of the points (`solen.lens.smoothing`). A spline through
+the points of a picture would not do: half a micrometre of noise at points 2 µm apart makes normals that are off by some
+10 degrees, where a tenth of one already moves the focal spot by 10 µm.
 
-Where the profile ends before the lens does, as in a cropped picture, the design goes on beside it at the distance that
-the last points have; where more than `MOST_MISSING` of a half is missing it is refused. Points beyond the lens belong
-to the stem and are left out.
+Where the profile ends before the lens does, as in a cropped picture, the design continues at the distance of the last
+points; where more than `MOST_MISSING` of a half is missing, the profile is refused. Points beyond the lens belong to
+the stem and are left out.
 
 The interface: `FittedProfile` of a design and a profile.
 """
@@ -26,16 +26,16 @@ from solen.lens.optics import OvalLens
 from solen.lens.smoothing import Smooth, smoothed
 from solen.lens.track import Track
 
-MOST_MISSING, TOLD_MISSING = 0.25, 0.02
+MOST_MISSING, WARNED_MISSING = 0.25, 0.02
 """Share of a half width that a profile may lack, and from which on it is warned of."""
 FARTHEST = 0.5
-"""Deviation from the design, as a share of the half width, beyond which a profile is none of this lens."""
+"""Deviation from the design, as a share of the half width, beyond which a profile is of another lens."""
 NEAREST = 0.9
-"""Share of the emitter's distance that a profile may come near to it."""
+"""Share of the emitter's distance by which a profile may approach it."""
 LEAST_U_MM = 1e-6
-"""What a point is taken to be known to where it is said to be exact: 1 nm."""
+"""Standard uncertainty of points that are stated to be exact: 1 nm."""
 ROUGH = 1.3
-"""How many times their uncertainty points may scatter before it is warned of."""
+"""Scatter of the points over their uncertainty that is warned of."""
 LONGEST_CORRELATION = 0.25
 """Correlation length of errors that are drawn at most, as a share of the half width."""
 NODES_PER_LENGTH = 3.0
@@ -50,8 +50,8 @@ PLACES = 801
 class Deviation:
     """How a profile deviates from the designed oval along its normal, in micrometres; above 0 is more material.
 
-    ``rms_um`` and ``max_um`` are of all of it as it lies, ``max_um`` signed and at ``max_x_mm``. Of a deviation as from
-    a shift by ``shift_um`` (x, z) and a turn by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` remains.
+    ``rms_um`` and ``max_um`` are of the whole deviation, ``max_um`` signed and at ``max_x_mm``. Without a shift by
+    ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` (rms) remains.
     """
 
     rms_um: float
@@ -69,7 +69,7 @@ class FittedProfile:
     Raises
     ------
     DesignError
-        Where the profile lacks too much of the lens, or is none of it.
+        Where the profile lacks too much of the lens, or is of another one.
     """
 
     designed: OvalLens
@@ -199,30 +199,30 @@ class FittedProfile:
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What must be known of the profile before its response is believed."""
-        return (*self.profile.warnings, *filter(None, (self._told_missing(), self._told_rough())))
+        """What must be known of the profile before its response is trusted."""
+        return (*self.profile.warnings, *filter(None, (self._missing_warning(), self._scatter_warning())))
 
-    def _told_missing(self) -> str:
-        if self.missing <= TOLD_MISSING:
+    def _missing_warning(self) -> str:
+        if self.missing <= WARNED_MISSING:
             return ""
         low, high = self.reach_mm
         return (
             f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm: "
-            "beyond it the designed oval is taken, as far away as the last points lie, which is an assumption; "
-            f"{self.unseen:.0%} of the angles that the lens accepts meet that part"
+            "beyond it the designed oval is assumed, at the distance of the last points; "
+            f"{self.unseen:.0%} of the accepted angles meet that part"
         )
 
-    def _told_rough(self) -> str:
+    def _scatter_warning(self) -> str:
         stated_um = 1e3 * float(np.median(self.profile.u_mm))
         if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
             return (
                 f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their stated {stated_um:.2g} µm: "
-                "that is taken for their uncertainty"
+                "the scatter is taken as their uncertainty"
             )
         if self.smooth.residual > ROUGH:
             return (
-                f"the smoothed profile leaves its points by {self.smooth.residual:.2g} times their uncertainty: what "
-                f"is finer than {self.smooth.resolution:.2g} mm is smoothed away"
+                f"the residuals of the smoothed profile are {self.smooth.residual:.2g} times the uncertainty: details "
+                f"finer than {self.smooth.resolution:.2g} mm are smoothed away"
             )
         return ""
 

@@ -1,16 +1,15 @@
-"""The profile of a lens as a picture, a scan or a print model gives it: points, and how well each is known.
+"""The profile of a lens as a picture, a scan or a print model gives it: points and their uncertainties.
 
-The idea: whoever looks at a printed lens and whoever predicts one hand over the same thing, a :class:`MeasuredProfile`
-in the frame of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function
-of x; what folds back on itself is no face that a designed lens can be compared with. Its file is JSON that
-`profile_text` writes, or any table with the columns x and z, and u if the uncertainty is known.
+The idea: whatever measures a printed lens or predicts one gives the same thing, a :class:`MeasuredProfile` in the frame
+of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a
+profile that folds back on itself cannot be compared with a designed lens. Its file is JSON that `profile_text` writes,
+or any table with the columns x and z, and u if the uncertainty is known.
 
 The interface: `read_profile` a file, `profile_of` columns of numbers, `profile_text` for writing.
 """
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,9 @@ from solen import recording
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
-from solen.spec.objects import check_keys, parsed, value_of
+from solen.results import Result, plain
+from solen.spec.objects import made, parsed
+from solen.spec.strict import told_of
 
 KIND = "lens profile"
 SCHEMA = 1
@@ -34,14 +35,12 @@ NARROWEST_MM, WIDEST_MM = 0.02, 200.0
 """Widths between which a profile can be a lens: beyond them its numbers are of another unit."""
 LARGEST_U_MM = 1.0
 
-_KEYS = {"solen", "schema", "name", "simulated", "edge", "x_mm", "z_mm", "u_mm", "sources", "warnings"}
-_NEEDED = {"solen", "schema", "simulated", "edge", "x_mm", "z_mm", "u_mm"}
 _GAUSS_MAD = 1.4826
 """Standard deviation of normal numbers per median of their sizes."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredProfile:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredProfile(Result):
     """Profile of a lens as it is, in the sensor's frame: the vertex of the designed lens is the origin.
 
     Equality is identity: two measurements of one lens are two.
@@ -52,7 +51,7 @@ class MeasuredProfile:
         Places (N,), x strictly ascending; z grows into the body.
     u_mm
         Standard uncertainty of each along the profile's normal, (N,), without what all of them share (scale, place);
-        0 for what is exact by its making.
+        0 for exact points.
     simulated
         Whether it was computed, as by a print model or from a rendered picture, rather than measured.
     name
@@ -62,7 +61,7 @@ class MeasuredProfile:
     sources
         Provenance of the files that it comes from, as plain data.
     warnings
-        What cannot be concluded from it, in sentences.
+        What cannot be concluded from it.
     """
 
     x_mm: FloatArray
@@ -112,10 +111,10 @@ def profile_of(
     edge: str = "mean",
     sources: tuple[dict[str, Any], ...] = (),
 ) -> MeasuredProfile:
-    """Profile of columns of numbers (N,); from right to left they are turned round.
+    """Profile of columns of numbers (N,); those from right to left are reversed.
 
-    Where no uncertainty is given, that of one point is told from how neighbouring points scatter, and the profile
-    carries a warning: an error that all of them have in common is not seen so.
+    Where no uncertainty is given, that of a point is estimated from the scatter of neighbouring points, with a warning:
+    an error that all of them have in common is not in it.
     """
     x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
     if x.shape != z.shape:
@@ -126,7 +125,7 @@ def profile_of(
     if u_mm is None:
         u_each = scatter_mm(x, z)
         warnings = (
-            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is taken, by which neighbouring points scatter: "
+            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is taken, the scatter of neighbouring points: "
             "an error of scale or place that all points share is not in it",
         )
         u_mm = u_each
@@ -138,27 +137,16 @@ def profile_of(
 
 def profile_text(profile: MeasuredProfile) -> str:
     """JSON text of a profile; `read_profile` of it gives the same numbers to the last digit."""
-    data = {
-        "solen": KIND,
-        "schema": SCHEMA,
-        "name": profile.name,
-        "simulated": profile.simulated,
-        "edge": profile.edge,
-        "x_mm": profile.x_mm.tolist(),
-        "z_mm": profile.z_mm.tolist(),
-        "u_mm": profile.u_mm.tolist(),
-        "sources": list(profile.sources),
-        "warnings": list(profile.warnings),
-    }
+    data = {"solen": KIND, "schema": SCHEMA} | profile.to_dict()
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
     """Standard deviation, along the normal, of what is not common to neighbouring points.
 
-    Each point is compared with the straight line through those beside it; half of all deviations from that are larger
-    than 0.6745 standard deviations if they are normal, and few that are not, as at a step, do not change it. Where
-    z is no profile but its deviation from one, ``slope`` (N,) is that of the profile.
+    Each point is compared with the straight line through its neighbours; the median of the sizes of these deviations,
+    0.6745 standard deviations if they are normal, is robust against outliers as at a step. Where z is not a profile but
+    a deviation from one, ``slope`` (N,) is that of the profile.
     """
     if x_mm.size < 3:
         return 0.0
@@ -179,7 +167,7 @@ def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
 
 
 def _is_json(path: Path) -> bool:
-    """Whether a file begins as a JSON object does; one that cannot be read is left to its reader."""
+    """Whether a file begins as a JSON object does; a file that cannot be opened is judged by its name."""
     try:
         with path.open("rb") as file:
             return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))
@@ -187,58 +175,51 @@ def _is_json(path: Path) -> bool:
         return path.suffix.lower() == ".json"
 
 
+@dataclass(frozen=True)
+class _ProfileFile:
+    """What a profile's JSON holds beside its kind and schema."""
+
+    x_mm: tuple[float, ...]
+    z_mm: tuple[float, ...]
+    u_mm: tuple[float, ...]
+    simulated: bool
+    edge: str
+    name: str = ""
+    sources: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
 def _from_json(text: str, where: str) -> MeasuredProfile:
     data = parsed(text, where)
-    if not isinstance(data, dict) or data.get("solen") != KIND:
+    if not isinstance(data, dict) or data.pop("solen", None) != KIND:
         limit = f'not a profile of a lens: it has no "solen": "{KIND}"'
         raise DataError(where, limit=limit, remedy="solen print inspect writes one")
-    if data.get("schema") != SCHEMA:
-        raise DataError(f"{where}: schema", value=data.get("schema"), limit=f"this solen reads {SCHEMA}")
-    check_keys(data, _KEYS, _NEEDED, where)
-    hints: dict[str, Any] = {
-        **dict.fromkeys(("x_mm", "z_mm", "u_mm"), tuple[float, ...]),
-        "simulated": bool,
-        "name": str,
-        "edge": str,
-        "sources": tuple[dict[str, Any], ...],
-        "warnings": tuple[str, ...],
-    }
-    read = {key: value_of(hint, data[key], f"{where}: {key}") for key, hint in hints.items() if key in data}
-    return _made(where, {"name": Path(where).stem} | read)
+    if (schema := data.pop("schema", None)) != SCHEMA:
+        raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+    fields = vars(made(_ProfileFile, data, where))
+    with told_of(where):
+        return MeasuredProfile(
+            **{"name": Path(where).stem} | {key: value for key, value in fields.items() if value != ""}
+        )
 
 
 def _from_table(path: Path) -> MeasuredProfile:
     table = recording.read(path)
-    where = str(path)
-    columns = {key: table.need(key, f"{key}_mm").to("mm") for key in ("x", "z")}
+    x, z = (table.need(key, f"{key}_mm").to("mm") for key in ("x", "z"))
     u = table.find("u", "u_mm", "uncertainty")
-    try:
-        read = profile_of(
-            columns["x"],
-            columns["z"],
+    with told_of(str(path)):
+        return profile_of(
+            x,
+            z,
             None if u is None else u.to("mm"),
             name=path.stem,
             simulated=table.provenance.simulated,
-            sources=(table.provenance.as_dict(),),
+            sources=(plain(table.provenance),),
         )
-    except DataError as bad:
-        raise _told(where, bad) from None
-    return read
-
-
-def _made(where: str, fields: Mapping[str, Any]) -> MeasuredProfile:
-    try:
-        return MeasuredProfile(**fields)
-    except DataError as bad:
-        raise _told(where, bad) from None
-
-
-def _told(where: str, bad: DataError) -> DataError:
-    return DataError(f"{where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
 
 
 def _column(key: str, values: ArrayLike) -> FloatArray:
-    """Numbers (N,) that nobody can change any more; `DataError` where one is none."""
+    """Finite numbers (N,), read-only; `DataError` where they are not."""
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -278,12 +259,12 @@ def _check_order(x: FloatArray) -> None:
         return
     i = int(wrong[0])
     if np.all(step < 0.0):
-        remedy = "turn the list round"
+        remedy = "reverse the list"
         raise DataError("x_mm", value=f"{x[0]:g} to {x[-1]:g}", limit="must ascend", remedy=remedy)
     raise DataError(
         f"x_mm[{i + 1}]",
         value=float(x[i + 1]),
-        limit=f"follows {x[i]:.9g}: x must ascend, and the profile folds back or has a point twice there",
+        limit=f"follows {x[i]:.9g}: x must ascend; the profile folds back or repeats a point there",
         remedy="keep the face of the lens alone, one z for each x",
     )
 

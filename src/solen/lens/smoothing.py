@@ -1,10 +1,10 @@
-"""A smooth curve through points that are not exact, as smooth as their uncertainty allows.
+"""A smooth curve through uncertain points, as smooth as their uncertainty allows.
 
 The idea: P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots
-than are needed, and a penalty on the third differences of its coefficients. How strong the penalty is follows from the
-points themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which takes what
-differs from point to point for noise. Errors of neighbouring points that go together, as those of a blurred edge do, it
-would take for shape; so the curve is smoothed on until its residuals match the stated uncertainty (V. A. Morozov's
+than are needed, and a penalty on the third differences of its coefficients. Its strength follows from the points
+themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which takes for noise
+what differs from point to point. Correlated errors of neighbouring points, as those of a blurred edge, it would take
+for shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A. Morozov's
 discrepancy principle), where that is smoother.
 
 The interface: `smoothed` returns a `Smooth`.
@@ -18,7 +18,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 DEGREE, ORDER = 3, 3
-"""Of the spline's pieces, and of the differences that are kept small; what is left free of them is a parabola."""
+"""Of the spline's pieces, and of the penalised differences; a parabola is free of penalty."""
 MOST_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
 """Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""
@@ -102,11 +102,11 @@ def smoothed(place: FloatArray, value: FloatArray, u: FloatArray) -> Smooth:
     inside = np.clip(place, inner[0], inner[-1])
     weighted = diags_array(1.0 / u) @ BSpline.design_matrix(inside, knots, DEGREE)
     normal = (weighted.T @ weighted).toarray()
-    found = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), place.size)
-    strength = max(_likeliest(found), _matching(found))
-    residual = float(np.sqrt(found.residuals(strength) / place.size))
-    spline = BSpline(knots, found.coefficients(strength), DEGREE)
-    return Smooth(spline, float(place[-1] - place[0]), found.parameters(strength), residual)
+    fit = _penalised(normal, np.asarray(weighted.T @ (value / u)), float(np.sum((value / u) ** 2)), place.size)
+    strength = max(_likeliest(fit), _matching(fit))
+    residual = float(np.sqrt(fit.residuals(strength) / place.size))
+    spline = BSpline(knots, fit.coefficients(strength), DEGREE)
+    return Smooth(spline, float(place[-1] - place[0]), fit.parameters(strength), residual)
 
 
 def _penalised(normal: FloatArray, right: FloatArray, squares: float, count: int) -> _Penalised:
@@ -122,14 +122,14 @@ def _penalised(normal: FloatArray, right: FloatArray, squares: float, count: int
     return _Penalised(np.clip(data, 0.0, 1.0), np.asarray(back.T @ right), np.asarray(back), squares, count)
 
 
-def _likeliest(found: _Penalised) -> float:
+STRENGTHS = [float(strength) for strength in np.logspace(WEAKEST, STRONGEST, STEPS)]
+
+
+def _likeliest(fit: _Penalised) -> float:
     """Strength of the greatest restricted likelihood."""
-    strengths = np.logspace(WEAKEST, STRONGEST, STEPS)
-    return float(strengths[np.argmin([found.unlikeliness(float(one)) for one in strengths])])
+    return min(STRENGTHS, key=fit.unlikeliness)
 
 
-def _matching(found: _Penalised) -> float:
-    """Largest strength whose residuals are no larger than the uncertainties; 0 where even the least one's are."""
-    strengths = np.logspace(WEAKEST, STRONGEST, STEPS)
-    fits = [float(one) for one in strengths if found.residuals(float(one)) <= found.count]
-    return max(fits, default=0.0)
+def _matching(fit: _Penalised) -> float:
+    """Largest strength whose residuals are no larger than the uncertainties; 0 where all are larger."""
+    return max((strength for strength in STRENGTHS if fit.residuals(strength) <= fit.count), default=0.0)
