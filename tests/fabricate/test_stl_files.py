@@ -62,14 +62,14 @@ def test_windows_lines_capitals_and_exponents(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "line"),
     [
-        (b"", "is no STL"),
-        (b"<html>not found</html>", "is no STL"),
+        (b"", "is not an STL"),
+        (b"<html>not found</html>", "is not an STL"),
         (bytes(80) + struct.pack("<I", 0), "is empty"),
         (bytes(80) + struct.pack("<I", 3) + bytes(50), "announces 3 triangles"),
         (bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50), "announces 4000000000 triangles"),
         (b"solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n", "is cut off"),
         (b"solid a\nendsolid a\n", "is empty"),
-        (b"solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 x 0\nendsolid a\n", "a corner that is no number"),
+        (b"solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 x 0\nendsolid a\n", "not a number"),
         (b"solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 nan 0\nendsolid a\n", "not finite"),
         (bytes(80) + struct.pack("<I12fH", 1, *([np.inf] * 12), 0), "not finite"),
     ],

@@ -98,11 +98,11 @@ def test_objects_without_end_are_refused(tmp_path: Path) -> None:
 def test_what_is_no_3mf(tmp_path: Path) -> None:
     for name, data in (("a.3mf", b""), ("b.3mf", b"PK\x03\x04 and no more"), ("c.3mf", b"solid\nendsolid")):
         (tmp_path / name).write_bytes(data)
-        with pytest.raises(DataError, match="is no 3MF"):
+        with pytest.raises(DataError, match="is not a 3MF"):
             read_threemf(tmp_path / name)
     with zipfile.ZipFile(tmp_path / "d.3mf", "w") as archive:
         archive.writestr("readme.txt", "nothing")
-    with pytest.raises(DataError, match="is no 3MF"):
+    with pytest.raises(DataError, match="is not a 3MF"):
         read_threemf(tmp_path / "d.3mf")
     with pytest.raises(DataError, match="no such file"):
         read_threemf(tmp_path / "none.3mf")

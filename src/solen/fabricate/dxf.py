@@ -2,7 +2,7 @@
 
 The layers have the faces' names, so that `solen.geometry.drawing` reads the body back; the emitter is a point (a chip a
 line) on the layer ``emitter``, the pivot of the motion a point on the layer ``pivot``. Custom properties of the header
-say what it is. X is x, Y is z.
+state the label. X is x, Y is z.
 """
 
 import io

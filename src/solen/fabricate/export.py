@@ -44,7 +44,7 @@ class Export:
 
     @cached_property
     def label(self) -> Label:
-        """What the files say of themselves."""
+        """The label of the files."""
         seats = ", ".join(cut.name for cut in self.part.cuts)
         about = f"thickness {self.design.body.thickness_mm:g} mm" + (f", with {seats}" if seats else "")
         return label_of(self.design, about)
@@ -120,7 +120,7 @@ class ExportedSolid(Result):
     layers
         Layers for a printer; None where they are not asked for.
     warnings
-        What the files do not hold though the design says it.
+        What the design states and the files do not hold.
     """
 
     name: str

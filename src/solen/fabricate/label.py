@@ -1,4 +1,4 @@
-"""What a made file says of itself: which design it is, which solen wrote it, from which design file."""
+"""The label of a file: which design it holds, which solen wrote it, from which design file."""
 
 import hashlib
 from dataclasses import dataclass

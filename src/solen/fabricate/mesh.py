@@ -1,8 +1,8 @@
-"""A part as triangles: closed, every edge shared by two of them, outside told by the order of the corners.
+"""A part as triangles: closed, every edge shared by two of them, the corners in order as seen from outside.
 
 Outlines are followed by points of the exact curves, joined by straight lines that leave them by no more than a stated
 tolerance; top and bottom are triangulated, and cuts made, by manifold3d. Points nearer to one another than the 32 bits
-of an STL can tell apart are made one beforehand, so every format holds the same closed surface.
+of an STL can resolve are merged beforehand, so every format holds the same closed surface.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,9 @@
 """Meshes as files: STL, 3MF and GLB, each written whole from its specification.
 
-- STL (binary): 32-bit numbers, no unit of its own; the 80 bytes before the triangles say mm and what it is.
-- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata says what it is.
+- STL (binary): 32-bit numbers, no unit of its own; the 80 bytes before the triangles state mm and the label.
+- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata states the label.
 - GLB (Khronos Group, glTF 2.0): glTF is in metres with Y up, so a node scales the mm and stands the part up;
-  ``extras`` say what it is.
+  ``extras`` state the label.
 
 Nothing in them depends on when they are written.
 """

@@ -1,10 +1,10 @@
-"""What is made in one piece: outlines of exact curves drawn up along the thickness, joined, less what is cut away.
+"""A part made in one piece: outlines of exact curves extruded along the thickness, joined, less what is cut away.
 
 A `Part` stands on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
 sensor's y counts from the middle of its thickness and away from who sees x to the right and z up, so that
 y = thickness / 2 − Z. `Prism` is the one building block; where prisms are joined they touch and never overlap, and a
-`Cut` knows the outline of what it takes away, so volumes are those of the exact curves. Solids, meshes and drawings
-are made from these; nothing here knows a file or a CAD kernel.
+`Cut` has the outline of what it takes away, so volumes are those of the exact curves. Solids, meshes and drawings
+are made from these; nothing here depends on a file or a CAD kernel.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ TOUCH_MM2 = 1e-9
 
 @dataclass(frozen=True)
 class Prism:
-    """Closed outlines, material on their left, drawn up from ``from_mm`` to ``to_mm`` above the build plate."""
+    """Closed outlines, material on their left, extruded from ``from_mm`` to ``to_mm`` above the build plate."""
 
     name: str
     outlines: tuple[tuple[Face, ...], ...]
@@ -126,7 +126,7 @@ class Part:
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """A cut takes from the part what it says, no less and no more."""
+        """`DesignError` where a cut does not take exactly its stated volume from the part."""
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
             return

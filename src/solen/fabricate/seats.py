@@ -32,7 +32,7 @@ def sensor_part(design: Design, body: Body) -> Part:
     Raises
     ------
     DataError
-        Where the receiver's part cannot be read, is no receiver, or its package's size is not known.
+        Where the receiver's part cannot be read, is not a receiver, or its package's size is not known.
     DesignError
         Where the body cannot be built, or a seat does not fit.
     """
@@ -71,7 +71,7 @@ def _slots(design: Design, body: Body) -> list[Cut]:
 
 
 def _package(design: Design) -> tuple[float, float, float]:
-    """Width, height and depth in mm of what a pocket holds: the receiver's package, the depth as the design says."""
+    """Width, height and depth in mm of what a pocket holds: the receiver's package; the design may state the depth."""
     path, name = design.receiver_file, design.fabricate.receiver_part
     part = library_part(name) if path is None else load_part(path)
     if not isinstance(part, ReceiverPart):

@@ -1,7 +1,7 @@
 """STEP files of exact solids, by the Open CASCADE kernel (the extra ``cad``), which is loaded only here and only then.
 
 Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
-B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Drawn up they are planes,
+B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extruded they are planes,
 cylinders and surfaces of extrusion, so a CAD program gets the curves themselves and no facets. Faces carry the names of
 the body's faces, ``top`` and ``bottom``; those that a cut leaves carry its name.
 """
@@ -79,7 +79,7 @@ def _no_solid(part: Part, what: str) -> DesignError:
 
 
 def _after(operation: Any, face: Any) -> list[Any]:
-    """What became of a face: what it was changed into, nothing where it was removed, or itself."""
+    """Faces that an operation made of a face: its changed pieces, nothing where it was removed, or itself."""
     if operation.IsDeleted(face):
         return []
     changed = list(operation.Modified(face))
@@ -99,7 +99,7 @@ def _prism(prism: Prism, name: str) -> tuple[Any, Named]:
         base, edges = _face(region, prism.from_mm)
         drawn = BRepPrimAPI_MakePrism(base, gp_Vec(0.0, 0.0, prism.height_mm))
         if not drawn.IsDone():
-            raise DesignError(name, limit="the CAD kernel cannot draw it up")
+            raise DesignError(name, limit="the CAD kernel cannot extrude it")
         solids.append(drawn.Shape())
         named += [(drawn.FirstShape(), "bottom"), (drawn.LastShape(), "top")]
         named += [(side, edge_name) for edge, edge_name in edges for side in drawn.Generated(edge)]
@@ -258,7 +258,7 @@ def _text(text: str) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep the kernel from talking on stdout, which belongs to what the command answers."""
+    """Keep the kernel's messages off stdout, which holds the command's answer."""
     from OCP.Message import Message, Message_Gravity
 
     printers = list(Message.DefaultMessenger_s().Printers())

@@ -1,8 +1,8 @@
 """STL files read: triangles in mm, binary or as text, their corners made one where they are the same.
 
-An STL says no unit, and whether it is text cannot be told by its first word alone: a file whose length is that of the
+An STL states no unit, and its first word does not show whether it is text: a file whose length is that of the
 triangles it announces is binary, whatever it begins with. The normals that it states are not looked at; the order of
-the corners tells the outside.
+the corners defines the outside.
 """
 
 import re
@@ -31,7 +31,7 @@ def read_stl(path: Path) -> Mesh:
     Raises
     ------
     DataError
-        Where the file cannot be read, is no STL, is cut off, holds no triangle or a number that is not finite.
+        Where the file cannot be read, is not an STL, is cut off, holds no triangle or a number that is not finite.
     """
     data = _bytes(path)
     corners = _binary(data, path) if _is_binary(data) else _text(data, path)
@@ -72,11 +72,11 @@ def _is_binary(data: bytes) -> bool:
 def _binary(data: bytes, path: Path) -> Corners:
     """Corners (N, 3, 3) of a binary file, as they are there."""
     if len(data) < COUNT:
-        raise DataError(str(path), value=f"{len(data)} bytes", limit="is no STL", remedy=REMEDY)
+        raise DataError(str(path), value=f"{len(data)} bytes", limit="is not an STL", remedy=REMEDY)
     (count,) = struct.unpack_from("<I", data, STL_HEADER)
     announced = COUNT + count * TRIANGLE.itemsize
     if len(data) != announced:
-        limit = f"announces {count} triangles, which are {announced} bytes: is cut off, or no STL"
+        limit = f"announces {count} triangles, which are {announced} bytes: is cut off, or not an STL"
         raise DataError(str(path), value=f"{len(data)} bytes", limit=limit, remedy=REMEDY)
     return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float32)
 
@@ -85,8 +85,8 @@ def _text(data: bytes, path: Path) -> Corners:
     """Corners (N, 3, 3) of a text file."""
     found = VERTEX.findall(data)
     if b"endsolid" not in data.lower() or len(found) % 3:
-        raise DataError(str(path), value=f"{len(found)} corners", limit="is cut off, or no STL", remedy=REMEDY)
+        raise DataError(str(path), value=f"{len(found)} corners", limit="is cut off, or not an STL", remedy=REMEDY)
     try:
         return np.array(found, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
     except ValueError:
-        raise DataError(str(path), value="a corner that is no number", limit="is damaged", remedy=REMEDY) from None
+        raise DataError(str(path), value="a corner that is not a number", limit="is damaged", remedy=REMEDY) from None

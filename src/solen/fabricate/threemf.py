@@ -2,7 +2,7 @@
 
 A 3MF is a ZIP with a model in XML: objects, each a mesh or made of others, and the items to build, each an object and a
 transformation. Units are converted; materials, colours, and what extensions add are not looked at, but an extension
-that the file says is required is refused.
+that the file requires is refused.
 """
 
 import zipfile
@@ -49,7 +49,7 @@ def read_threemf(path: Path) -> Mesh:
     Raises
     ------
     DataError
-        Where the file cannot be read, is no 3MF, is damaged, needs an extension, or builds nothing.
+        Where the file cannot be read, is not a 3MF, is damaged, needs an extension, or builds nothing.
     """
     model = _model(path)
     scale = MM.get(model.get("unit", "millimeter"))
@@ -85,7 +85,7 @@ def _model(path: Path) -> ET.Element:
     except FileNotFoundError:
         raise DataError(str(path), limit="no such file", remedy="check the path") from None
     except (zipfile.BadZipFile, ValueError, KeyError, zlib.error, EOFError, NotImplementedError, RuntimeError):
-        raise DataError(str(path), limit="is no 3MF, or damaged", remedy=REMEDY) from None
+        raise DataError(str(path), limit="is not a 3MF, or damaged", remedy=REMEDY) from None
     except ET.ParseError as bad:
         raise DataError(str(path), limit=f"its model is damaged: {bad}", remedy=REMEDY) from None
     except OSError as bad:

@@ -1,8 +1,8 @@
 """Printers that project one layer at a time, as files, and a small library of them.
 
 The idea: to cut a part into layers one needs little of a printer: its pixels, how high it builds, how thin and thick
-its layers may be; its wavelength and the time between exposures are told beside. Each number says what it rests on, as
-in the datasheets of parts: `Printer.unconfirmed` names those that no document of the maker stands behind.
+its layers may be; its wavelength and the time between exposures are optional. Each number states its basis, as in the
+datasheets of parts: `Printer.unconfirmed` names those that no document of the maker confirms.
 
 The interface: `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, `library_printer`
 opens one of it; each gives a `Printer`. `printer_of` takes either, as a user types it.

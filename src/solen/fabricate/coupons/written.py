@@ -1,6 +1,6 @@
 """Coupons as files: solids, job and plan of each, and the numbers of what is written.
 
-The interface: `coupon_set` says what coupons are, `written_coupons` makes their files as well; `CouponOutput` says how.
+The interface: `coupon_set` summarises coupons, `written_coupons` makes their files by `CouponOutput` as well.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A ZIP of layers: a PNG for each, and a job.json that says what they are, how long each is lit and whence they come.
+"""A ZIP of layers: a PNG for each, and a job.json with their heights, exposures and source.
 
 Pictures go into the archive as they are made. They are compressed already, so the archive stores them; entries have no
 date. job.json is written last, as the areas are known then.
@@ -33,7 +33,7 @@ Watch = Callable[[Layer], object]
 
 @dataclass(frozen=True)
 class Stack:
-    """What a stack of layers came to: volume in mm³, areas in mm² of the first layer and of the largest, and islands.
+    """A stack of layers: volume in mm³, areas in mm² of the first layer and of the largest, and islands.
 
     ``islands`` are (number of the layer, pieces in it) that begin with nothing below them.
     """

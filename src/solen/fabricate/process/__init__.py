@@ -16,7 +16,7 @@ from solen.fabricate.process.features import MeasuredFeature, printed_mm, read_f
 from solen.fabricate.process.field import DoseMap, FlatImage, dose_map
 from solen.fabricate.process.flat import FlatPrint, walls_um
 from solen.fabricate.process.growth import growth_um, straight_edge_um, with_growth
-from solen.fabricate.process.predict import ORIENTATIONS, Orientation, Prediction, points_for, predicted
+from solen.fabricate.process.predict import Orientation, Prediction, points_for, predicted
 from solen.fabricate.process.print_design import PrintedDesign, PrintedPart, print_design, profile_of_print
 from solen.fabricate.process.settings import (
     Calibration,
@@ -34,7 +34,6 @@ from solen.fabricate.process.terms import Terms, terms_at
 from solen.fabricate.process.upright import SidePrint
 
 __all__ = [
-    "ORIENTATIONS",
     "CalibratedNumber",
     "Calibration",
     "Compensation",

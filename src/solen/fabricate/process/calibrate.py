@@ -29,7 +29,7 @@ from solen.results import HIDDEN, Result, reported
 
 SOUGHT = ("sigma_um", "Ec_mJ_per_cm2", "shrinkage_percent")
 WEAK = 3.0
-"""How many times as uncertain the process of before is taken to be as it says."""
+"""By how much the stated uncertainty of the process of before is multiplied for the prior."""
 WIDEST_GROWTH = 10.0
 """Uncertainty of before of a wall's growth, in pixels: as good as none."""
 WIDE: dict[str, float] = {
@@ -229,7 +229,7 @@ def _fitted(settings: Settings, used: Sequence[MeasuredFeature]) -> tuple[Fitted
 
 
 class _Problem:
-    """Least squares in numbers that coupons tell apart best: the growth of a straight wall for critical dose."""
+    """Least squares in numbers that coupons separate best: the growth of a straight wall in place of critical dose."""
 
     def __init__(self, process: Process, used: Sequence[MeasuredFeature], keys: tuple[str, ...]) -> None:
         self.process, self.used, self.keys = process, used, keys

@@ -1,4 +1,4 @@
-"""A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has one of its own.
+"""A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has its own.
 
 The idea: all layers of a flat sensor show one image. What a height gets depends on how many layers come after it:
 inside, all heights are alike but for the place within their layer; the last layers get less and stand back, the burn-in

@@ -1,7 +1,7 @@
 """How far straight edges grow, and the critical dose that makes them do so.
 
 The idea: seen from above a part is as wide as on the window side of a layer far inside, where all layers are alike. How
-far a long straight wall stands beyond its image there is the one number that coupons tell best: blur, scattering,
+far a long straight wall stands beyond its image there is the one number that coupons determine best: blur, scattering,
 critical dose, exposure and washing all go into it. So a calibrated process keeps it: when another number of it is
 varied within its uncertainty, the critical dose is varied with it so that walls still grow as measured.
 

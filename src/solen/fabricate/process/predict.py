@@ -2,15 +2,15 @@
 
 The idea: one answer for every orientation. The printed face is found twice for every uncertain number of the process,
 with that number larger and smaller by its standard uncertainty; half the difference is what the number contributes,
-point by point along the lens. Where in its pixel the lens comes to stand nobody knows beforehand either: that is one
-more contribution. Numbers that a calibration found together go in with their covariance.
+point by point along the lens. Where in its pixel the lens comes to stand is not known beforehand: that is one more
+contribution. Numbers that a calibration found together go in with their covariance.
 
-The interface: `predicted` gives a `Prediction`; `ORIENTATIONS` are those it knows.
+The interface: `predicted` gives a `Prediction`.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from solen.fabricate.process.target import Deviation, Target
 from solen.fabricate.process.upright import Side, SidePrint
 
 Orientation = Literal["flat", "upright", "upright-lens-first", "on-edge"]
-ORIENTATIONS: tuple[Orientation, ...] = get_args(Orientation)
-SIDE_OF: dict[str, Side] = {"upright": "upright", "upright-lens-first": "upright-lens-first", "on-edge": "on-edge"}
 PHASE = "place in the pixel"
 FLAT_POINTS, SIDE_POINTS = 601, 1501
 
@@ -92,24 +90,10 @@ def predicted(
     DataError
         Where pixels or layers are too coarse, or nothing is printed.
     """
-
-    def printed(settings: Settings, phase: tuple[float, float] = (0.0, 0.0), *, quick: bool = True) -> FloatArray:
-        if orientation == "flat":
-            made = FlatPrint.of(rings, target, settings, thickness_mm, phase)
-            if quick:
-                layer = made.layer_at(0.5 * made.thickness_um if height_um is None else height_um)
-                return made.offsets_um((layer + 0.5) * settings.layer_um)
-            return made.profile_um(height_um)
-        return SidePrint.of(rings, target, settings, SIDE_OF[orientation]).profile_um()
-
-    settings = process.process
-    offset = printed(settings, quick=False)
-    smooth, ripple, through = offset, np.zeros_like(offset), 0.0
     if orientation == "flat":
-        made = FlatPrint.of(rings, target, settings, thickness_mm)
-        through = made.ripple_um(0.5 * made.thickness_um if height_um is None else height_um)
+        smooth, ripple, through, printed = _flat(rings, target, process.process, thickness_mm, height_um)
     else:
-        smooth, ripple = SidePrint.of(rings, target, settings, SIDE_OF[orientation]).steps(offset)
+        smooth, ripple, through, printed = _standing(rings, target, process.process, orientation)
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     halves = []
@@ -118,16 +102,41 @@ def predicted(
         if progress is not None:
             progress(done / (len(keys) + 1))
     correlation = covariance / np.outer(scale, scale)
-    jacobian = np.array(halves).reshape(len(keys), len(offset))
+    jacobian = np.array(halves).reshape(len(keys), len(smooth))
     variance = np.einsum("in,ij,jn->n", jacobian, correlation, jacobian)
-    told = {key: float(np.sqrt(np.mean(half**2))) for key, half in zip(keys, halves, strict=True)}
+    contributions = {key: float(np.sqrt(np.mean(half**2))) for key, half in zip(keys, halves, strict=True)}
     if orientation == "flat":
-        moved = (printed(settings, (0.5, 0.5)) - printed(settings)) / np.sqrt(3.0)
+        moved = (printed(process.process, (0.5, 0.5)) - printed(process.process)) / np.sqrt(3.0)
         variance = variance + float(np.mean(moved**2))
-        told[PHASE] = float(np.sqrt(np.mean(moved**2)))
-    ordered = dict(sorted(told.items(), key=lambda one: -one[1]))
-    u = np.sqrt(np.maximum(variance, 0.0))
-    return Prediction(Deviation(target, smooth), u, ripple, through, ordered)
+        contributions[PHASE] = float(np.sqrt(np.mean(moved**2)))
+    ordered = dict(sorted(contributions.items(), key=lambda item: -item[1]))
+    return Prediction(Deviation(target, smooth), np.sqrt(np.maximum(variance, 0.0)), ripple, through, ordered)
+
+
+_Lens = tuple[FloatArray, FloatArray, float, Callable[..., FloatArray]]
+"""Offsets and their ripple (N,), the ripple through the thickness, and the offsets by other settings."""
+
+
+def _flat(
+    rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
+) -> _Lens:
+    flat = FlatPrint.of(rings, target, settings, thickness_mm)
+    at_um = 0.5 * flat.thickness_um if height_um is None else height_um
+    middle_um = (flat.layer_at(at_um) + 0.5) * settings.layer_um  # of one layer: quick, for differences
+
+    def printed(other: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+        return FlatPrint.of(rings, target, other, thickness_mm, phase).offsets_um(middle_um)
+
+    smooth = flat.profile_um(height_um)
+    return smooth, np.zeros_like(smooth), flat.ripple_um(at_um), printed
+
+
+def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> _Lens:
+    def printed(other: Settings) -> FloatArray:
+        return SidePrint.of(rings, target, other, side).profile_um()
+
+    made = SidePrint.of(rings, target, settings, side)
+    return *made.steps(made.profile_um()), 0.0, printed
 
 
 def _half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:

@@ -404,7 +404,7 @@ def _of_compensation(found: PrintedDesign) -> list[str]:
     if found.compensation is None or u_um < max(2.0 * found.compensation.printed.rms_um, _WELL_KNOWN_UM):
         return []
     return [
-        f"compensated, the lens is {found.compensation.printed.rms_um:.2g} µm off in the model, which knows it to "
+        f"compensated, the lens is {found.compensation.printed.rms_um:.2g} µm off in the model, whose uncertainty is "
         f"{u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the drawing"
     ]
 

@@ -2,7 +2,7 @@
 
 The idea: a prediction is worth what its numbers are worth. So the file holds three tables of one set of keys: the value
 (``[process]``), its standard uncertainty (``[uncertainty]``) and where it comes from (``[source]``), and the covariance
-where a calibration found several at once. What is left out is that of the default, and says so.
+where a calibration found several at once. A number that is left out is the default's, with its source.
 
 The default is drawn from the publication that solen is built around (Cafiso et al., Methods) where that states a
 number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. Of the working curve it states bounds alone, and of
@@ -103,7 +103,7 @@ class Settings(Strict):
 
     @property
     def q(self) -> float:
-        """What a layer lets through."""
+        """Share of the light that a layer transmits."""
         return math.exp(-self.layer_um / self.Dp_um)
 
     def exposures(self, layers: int) -> FloatArray:
@@ -222,7 +222,7 @@ class Process(Strict):
         return tuple(key for key in KEYS if self.source.get(key, "assumption").lower().startswith("assum"))
 
     def warnings(self) -> list[str]:
-        """What cannot be concluded from a print modelled with these numbers."""
+        """Limits of what a print modelled with these numbers shows."""
         found, s = [], self.process
         if s.cure_depth_um < s.layer_um:
             found.append(
@@ -232,7 +232,7 @@ class Process(Strict):
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
             found.append(
-                f"assumed, not measured: {', '.join(assumed)}; solen print calibrate finds what coupons can tell"
+                f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
             )
         if self.calibration is not None and self.calibration.simulated:
             found.append(

@@ -28,7 +28,7 @@ SLAB_UM = 1.0
 WITHIN_UM = 1.0
 """How far outlines may leave the place of the critical dose: by the fine grid's straight pieces, and by thinning."""
 OVERLAP_MM = 1e-4
-"""So far a slab reaches into the one below, so that both are one."""
+"""How far a slab reaches into the one below, so that both are one."""
 _THIN_UM = 0.2
 
 
@@ -68,7 +68,7 @@ def outlines(
 ) -> list[FloatArray]:
     """Outlines (N, 2) in mm where the resin sets in the middle of a layer, shrunk, washed and with its taper.
 
-    Outer ones and holes are told apart by what lies within what (even and odd).
+    Which of them are holes follows from what lies within what (even and odd).
     """
     middle = (float(centre[0]), float(centre[1]))
     image = FlatImage.of(rings, np.vstack(rings), middle, settings, layers)

@@ -1,7 +1,7 @@
 """A wanted face, as a print is held against it: points evenly along it, normals, and where a field ends along these.
 
 The idea: a deviation is measured where it is meant, along the wanted face's own normal: above 0 there is more material
-than wanted, below 0 less. Whatever a print model knows of a place (a dose over the critical one) is followed along the
+than wanted, below 0 less. What a print model computes at a place (a dose over the critical one) is followed along the
 normals from inside to outside, and the first place where it falls to 0 is the printed wall.
 
 The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of what was found.
@@ -20,7 +20,7 @@ from solen.plane import Point
 from solen.results import HIDDEN, reported
 
 Field = Callable[[FloatArray], FloatArray]
-"""What says of places (..., 2) in mm whether they are set: above 0 they are."""
+"""Function of places (..., 2) in mm that is above 0 where resin is set."""
 
 _DENSE = 4001
 _BISECTIONS = 30

@@ -30,7 +30,6 @@ from solen.fabricate.process.target import Target, exits_um
 from solen.fabricate.process.terms import FAINT
 
 Side = Literal["upright", "upright-lens-first", "on-edge"]
-SIDES: tuple[Side, ...] = ("upright", "upright-lens-first", "on-edge")
 STEP_UM = 1.0
 MOST_WORK = 2e10
 """Products that a side view may take: a minute's."""

@@ -1,9 +1,9 @@
-"""What a coupon is: features of nominal place and size on a slab, and what was read into the source that it follows.
+"""A coupon: features of nominal place and size on a slab, and how the source that it follows was read.
 
 A coupon lies on the build plate as seen from above: x to the right, y up, its middle at the origin; heights count from
 the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
-`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` says what
-the source prints and what was made of it, where it contradicts itself or leaves something open.
+`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` is what
+the source prints and how it was read, where it contradicts itself or leaves something open.
 
 Everything is a frozen dataclass of plain numbers; solids are made of them in `solen.fabricate`, and measurements are
 matched to them in `solen.metrology`.
@@ -57,7 +57,7 @@ class Feature(_Table):
     stage
         Name of the run in which it is printed.
     exposure_s
-        Exposure of its own, where it is not that of the layers.
+        Its own exposure, where it differs from that of the layers.
     """
 
     name: str
@@ -99,7 +99,7 @@ class Feature(_Table):
 
 @dataclass(frozen=True)
 class Gap(_Table):
-    """Free distance between two columns, which are told by their names."""
+    """Free distance between two columns, given by their names."""
 
     name: str
     between: tuple[str, str]
@@ -130,7 +130,7 @@ class Stage(_Table):
     """One run of the printer.
 
     ``z_offset_mm`` is how much farther from the vat's floor than usual the build platform must stand at its first
-    layer; ``note`` says what is done before.
+    layer; ``note`` is what is done before.
     """
 
     name: str = ""
@@ -140,7 +140,7 @@ class Stage(_Table):
 
 @dataclass(frozen=True)
 class Reading(_Table):
-    """What the source prints about something, and what was made of it."""
+    """What the source prints about something, and how it was read."""
 
     about: str
     printed: str
@@ -164,7 +164,7 @@ class Coupon(_Table):
     stages
         Runs of the printer.
     readings
-        What was read into the source.
+        How the source was read.
     cautions
         What the user must know before printing it.
 

@@ -78,7 +78,7 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Straight guides of several lengths, for the loss by cut-back; each is told by its length and carries no mark."""
+    """Straight guides of several lengths, for the loss by cut-back; each is known by its length and carries no mark."""
     wide, high = options.guide_width_mm, options.guide_height_mm
     pitch = wide + APART_MM
     lengths = options.guide_lengths_mm
