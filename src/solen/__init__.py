@@ -19,13 +19,24 @@ from typing import Any
 __version__ = "0.1.0"
 
 _NAMES = {
+    "Decoder": "solen.analysis.calibration",
+    "Outcome": "solen.results",
     "Result": "solen.results",
     "Sensor": "solen.sensor",
     "SolenError": "solen.errors",
-    "cutback": "solen.api",
+    "analyse": "solen.api",
+    "calibrate_printer": "solen.api",
+    "calibrate_sensor": "solen.api",
+    "diagnose": "solen.api",
+    "export": "solen.api",
+    "index_of_layer": "solen.api",
     "load": "solen.spec",
+    "loss_of_guide": "solen.api",
+    "measure_lens": "solen.api",
     "plot": "solen.report.plot",
     "read": "solen.recording",
+    "save": "solen.spec",
+    "working_curve": "solen.api",
 }
 """What the package offers, and the module that has it; `__init__.pyi` says the same to type checkers."""
 

@@ -1,17 +1,98 @@
-"""What a script calls: files in, typed results out, nothing written unless a file is named.
+"""What a script calls: files in, typed results out. Nothing is written but by `export`.
 
-Each function is what the command of that name does. Its options are the fields of the options class that its text
-names, given by keyword.
+Each function does what a command does before it writes. Options are given by keyword: they are the fields of the
+options class that the function's text names, which `help` of that class explains.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from solen.material.loss import CutbackOptions, GuideLoss
+if TYPE_CHECKING:
+    from solen.analysis import Study
+    from solen.analysis.calibration import SensorCalibrations
+    from solen.analysis.diagnosis import SensorDiagnoses
+    from solen.fabricate import ExportedSolid
+    from solen.fabricate.process import PrinterCalibration
+    from solen.material.cure import MeasuredCurve
+    from solen.material.index.layer import LayerIndex
+    from solen.material.loss import GuideLoss
+    from solen.metrology import LensInspection
+    from solen.results import Outcome
+    from solen.spec import Design
+
+FilePath = Path | str
 
 
-def cutback(file: Path | str, **options: Any) -> GuideLoss:
-    """Loss of a guide in dB/cm from a file of powers at several lengths; `CutbackOptions` lists the options."""
-    from solen.pipeline.resin.cutback import cutback as run
+def index_of_layer(file: FilePath, *, sheet: str | None = None, **options: Any) -> "LayerIndex":
+    """Refractive index of a printed layer from a file of its R and T; `solen.material.index.options.IndexOptions`."""
+    from solen.material.index.layer import index_of_layer as compute
+    from solen.material.index.options import IndexOptions
+    from solen.recording import read
 
-    return run(Path(file), CutbackOptions(**options)).result
+    return compute(read(file, sheet=sheet), IndexOptions(**options))
+
+
+def loss_of_guide(file: FilePath, *, sheet: str | None = None, **options: Any) -> "GuideLoss":
+    """Loss of a guide in dB/cm from a file of powers at several lengths; `solen.material.loss.CutbackOptions`."""
+    from solen.material.loss import CutbackOptions, guide_loss
+    from solen.recording import read
+
+    return guide_loss(read(file, sheet=sheet), CutbackOptions(**options))
+
+
+def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -> "MeasuredCurve":
+    """Working curve of a resin from a file of cured discs; `solen.material.cure.CureOptions`."""
+    from solen.material.cure import CureOptions
+    from solen.pipeline.resin.cure import cure
+
+    return cure(Path(file), CureOptions(**options), sheet=sheet).result
+
+
+def measure_lens(
+    picture: FilePath, design: "Design | FilePath", *, against: "Sequence[Design]" = (), **options: Any
+) -> "LensInspection":
+    """Printed lens in a picture, measured against its design; `solen.metrology.InspectOptions`."""
+    from solen.metrology import InspectOptions, read_image
+    from solen.metrology import measure_lens as measure
+    from solen.spec import Design, load
+
+    asked = InspectOptions(**options)
+    image = read_image(Path(picture), asked.um_per_px, asked.u_um_per_px)
+    part = design if isinstance(design, Design) else load(design)
+    return measure(image, part, edge=asked.edge, against=against)
+
+
+def analyse(*recordings: FilePath, **options: Any) -> "Study":
+    """Response and figures of merit of each recorded sensor; `solen.analysis.AnalysisOptions`."""
+    from solen.analysis import AnalysisOptions, study
+
+    return study([Path(file) for file in recordings], AnalysisOptions(**options))
+
+
+def diagnose(study: "Study", **options: Any) -> "SensorDiagnoses":
+    """Decentre, chip width, loss and gains of analysed sensors; `solen.analysis.diagnosis.DiagnosisOptions`."""
+    from solen.analysis.diagnosis import DiagnosisOptions, diagnosed_sensors
+
+    return diagnosed_sensors(study, DiagnosisOptions(**options))
+
+
+def calibrate_sensor(study: "Study", **options: Any) -> "SensorCalibrations":
+    """Calibrations of sensors that were analysed; `solen.analysis.calibration.CalibrationOptions`."""
+    from solen.analysis.calibration import CalibrationOptions, calibrated_sensors
+
+    return calibrated_sensors(study, CalibrationOptions(**options))
+
+
+def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) -> "PrinterCalibration":
+    """Blur, growth and shrinkage of a printer from files of measured coupons, as `solen print fidelity` writes them."""
+    from solen.pipeline.print.calibrate import calibrate_printer as run
+
+    return run([Path(file) for file in measurements], None if process is None else Path(process)).result
+
+
+def export(design: "Design | FilePath", folder: FilePath, *formats: str) -> "Outcome[ExportedSolid]":
+    """Write a design's solid and drawings into a folder: ``"stl"``, ``"step"``, …; without any, STL and 3MF."""
+    from solen.pipeline.design.export import export as run
+
+    return run(Path(design) if isinstance(design, str) else design, Path(folder), formats)

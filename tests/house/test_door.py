@@ -89,10 +89,17 @@ def test_a_file_of_an_instrument_is_read_and_evaluated(tmp_path: Path) -> None:
     rows = "".join(f"{guide},{mm},{1.0 * 10 ** (-0.02 * mm)}\n" for guide in "abc" for mm in (10, 20, 40, 60))
     path.write_text(f"guide,length_mm,power_mW\n{rows}", encoding="utf-8")
     assert [channel.name for channel in solen.read(path).channels]
-    loss = solen.cutback(path)
+    loss = solen.loss_of_guide(path)
     assert loss.loss_dB_per_cm == pytest.approx(2.0, abs=1e-6)
     assert len(repr(loss).splitlines()) < 20
     assert isinstance(solen.plot(loss), Figure)
+
+
+def test_a_design_is_exported_from_memory(file: Path, tmp_path: Path) -> None:
+    outcome = solen.export(solen.load(file).set(thickness_mm=3), tmp_path / "out", "stl")
+    assert [path.suffix for path in outcome.files.values()] == [".stl"]
+    assert outcome.result.thickness_mm == 3.0
+    assert all(path.exists() for path in outcome.files.values())
 
 
 def test_what_has_no_figure_is_refused_with_what_has_one() -> None:
@@ -103,7 +110,7 @@ def test_what_has_no_figure_is_refused_with_what_has_one() -> None:
 @pytest.mark.parametrize(("kind", "place"), FIGURES.items())
 def test_every_figure_takes_the_type_that_it_is_registered_for(kind: str, place: str) -> None:
     module, _, function = place.partition(":")
-    draw = getattr(import_module(module), function)
+    draw = getattr(import_module(f"solen.report.{module}"), function)
     first, *others = inspect.signature(draw).parameters.values()
     assert all(other.default is not inspect.Parameter.empty for other in others)
     taken = typing.get_type_hints(draw)[first.name]

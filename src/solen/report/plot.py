@@ -13,21 +13,29 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FIGURES = {
-    "Convergence": "solen.report.design.figures:convergence_figure",
-    "ExposureTrends": "solen.report.resin.exposures:exposures_figure",
-    "GuideLoss": "solen.report.resin.cutback:cutback_figure",
-    "LayerIndex": "solen.report.resin.index:index_figure",
-    "Listing": "solen.report.resin.spectra:spectra_figure",
-    "MeasuredCurve": "solen.report.resin.cure:cure_figure",
-    "MeasuredStiffness": "solen.report.resin.stiffness:stiffness_figure",
-    "OvalLens": "solen.report.design.figures:profile_figure",
-    "Penetration": "solen.report.resin.penetration:penetration_figure",
-    "RefractometerIndex": "solen.report.resin.refractometer:refractometer_figure",
-    "Resin": "solen.report.resin.library:index_figure",
-    "ResinFacts": "solen.report.resin.library:facts_figure",
-    "Sensor": "solen.report.design.figures:focus_figure",
+    "Convergence": "design.figures:convergence_figure",
+    "CouponMeasurement": "print.fidelity:fidelity_figure",
+    "Demodulation": "bench.demodulate:demodulation_figure",
+    "ExposureTrends": "resin.exposures:exposures_figure",
+    "GuideLoss": "resin.cutback:cutback_figure",
+    "LayerIndex": "resin.index:index_figure",
+    "LensInspection": "print.inspect:inspect_figure",
+    "Listing": "resin.spectra:spectra_figure",
+    "MeasuredCurve": "resin.cure:cure_figure",
+    "MeasuredStiffness": "resin.stiffness:stiffness_figure",
+    "OvalLens": "design.figures:profile_figure",
+    "Penetration": "resin.penetration:penetration_figure",
+    "PrintedDesign": "print.predict:printed_figure",
+    "PrinterCalibration": "print.calibrate:calibration_figure",
+    "RefractometerIndex": "resin.refractometer:refractometer_figure",
+    "Resin": "resin.library:index_figure",
+    "ResinFacts": "resin.library:facts_figure",
+    "Sensor": "design.figures:focus_figure",
+    "SensorCalibrations": "bench.calibrate:calibration_figure",
+    "SensorDiagnoses": "bench.diagnose:diagnoses_figure",
+    "Study": "bench.analyse:study_figure",
 }
-"""Functions that take one result, by the name of its type."""
+"""Functions of modules beside this one that take one result, by the name of its type."""
 
 
 def plot(result: Any) -> "Figure":
@@ -42,11 +50,6 @@ def plot(result: Any) -> "Figure":
     if not kinds:
         limit = f"there is no figure of a {type(result).__name__}"
         raise OutputError("plot", limit=limit, remedy=f"figures are drawn of {', '.join(FIGURES)}")
-    import matplotlib as mpl
-
-    from solen.report.canvas import STYLE
-
     module, _, function = FIGURES[kinds[0]].partition(":")
-    with mpl.rc_context(STYLE):
-        figure: Figure = getattr(import_module(module), function)(result)
+    figure: Figure = getattr(import_module(f"solen.report.{module}"), function)(result)
     return figure

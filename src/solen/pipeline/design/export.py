@@ -14,13 +14,14 @@ from solen.pipeline.outputs import check_figure
 from solen.pipeline.print.layers import layer_files, with_figure
 from solen.results import Outcome
 from solen.sensor import Sensor
+from solen.spec import Design
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 def export(
-    path: Path,
+    design: Path | Design,
     out: Path,
     formats: Sequence[str] = (),
     assignments: Sequence[str] = (),
@@ -34,14 +35,14 @@ def export(
 
     Parameters
     ----------
-    path
-        The design file; the files are called by its name.
+    design
+        The design or its file, by whose name the files are called.
     out
         Folder for them, made if need be; files of the same names are replaced.
     formats
         Some of `FORMATS`; none stands for `USUAL`, and with ``slicing`` for none.
     assignments
-        ``key=value`` of the design.
+        ``key=value`` of a design file.
     tolerance_mm
         How far a mesh may leave the exact walls.
     figure
@@ -60,8 +61,9 @@ def export(
     chosen = [kind for kind in FORMATS if kind in (formats or (USUAL if slicing is None else ()))]
     for kind in chosen:
         FORMATS[kind].needs()
-    design = open_design(path, assignments)
-    made = Export(design, Sensor.of(design).body(), tolerance_mm)
+    part = design if isinstance(design, Design) else open_design(design, assignments)
+    path = Path(f"{part.name}.toml") if isinstance(design, Design) else design
+    made = Export(part, Sensor.of(part).body(), tolerance_mm)
     stem = stem_of(path)
     with files.output_folder(out):
         targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure)
@@ -72,8 +74,8 @@ def export(
             contents[figure] = canvas.encoded(_figure(made), figure.suffix.lower(), "solid")
         layers = None
         if slicing is not None:
-            part = printable_design(design, made.part, path, slicing)
-            layers = layer_files(part, slicing, out, stem, None, progress)
+            printable = printable_design(part, made.part, path, slicing)
+            layers = layer_files(printable, slicing, out, stem, None, progress)
             targets |= layers.targets
             contents |= layers.contents()
         files.write_all(contents)

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis import SensorResponse
+from solen.analysis import SensorResponse, Study
 from solen.recording.column_roles import side_of
 from solen.report.canvas import LEFT, LOST, RIGHT, SERIES, STYLE
 
@@ -24,6 +24,11 @@ _OTHERS = SERIES[2:]
 def colour_of(name: str, place: int) -> str:
     """Colour of a receiver: by its side, else by its place."""
     return {"left": LEFT, "right": RIGHT}.get(side_of(name), _OTHERS[place % len(_OTHERS)])
+
+
+def study_figure(study: Study) -> Figure:
+    """The response of every sensor of a study."""
+    return response_figure(list(study.sensors.values()), simulated=study.simulated, remark=study.remark)
 
 
 def response_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark: str = "") -> Figure:

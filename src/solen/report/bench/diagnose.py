@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis.diagnosis import Diagnosis, words
+from solen.analysis.diagnosis import Diagnosis, SensorDiagnoses, words
 from solen.analysis.diagnosis.diagnose import model_V
 from solen.report.bench.analyse import colour_of
 from solen.report.canvas import INK, LOST, STYLE
@@ -19,6 +19,11 @@ _SHORT = {
     "angle.zero_deg": "angle's zero",
     "loss_per_mm": "loss",
 }
+
+
+def diagnoses_figure(result: SensorDiagnoses) -> Figure:
+    """A column for each diagnosed sensor of a study."""
+    return diagnosis_figure([one.diagnosis for one in result.sensors.values()], simulated=result.simulated)
 
 
 def diagnosis_figure(found: Sequence[Diagnosis], *, simulated: bool) -> Figure:
