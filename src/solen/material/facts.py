@@ -1,6 +1,6 @@
 """What a resin says, as a typed result: its tables, its index at some wavelengths, its warnings.
 
-The interface: `facts_of` a resin gives `ResinFacts`; `listed` gives the library, `Listing`.
+The interface: `facts_of` a resin gives `ResinFacts`; `listed` gives the library, `ResinList`.
 """
 
 import contextlib
@@ -110,7 +110,7 @@ class ResinFacts(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Listing(Result):
+class ResinList(Result):
     """The resins of the library."""
 
     resins: tuple[ResinFacts, ...]
@@ -130,9 +130,9 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
     return ResinFacts(name, tuple(_at(resin, nm) for nm in at_nm or LISTED_NM), resin)
 
 
-def listed() -> Listing:
+def listed() -> ResinList:
     """The library's resins with their index."""
-    return Listing(tuple(facts_of(library_resin(name), name) for name in library()))
+    return ResinList(tuple(facts_of(library_resin(name), name) for name in library()))
 
 
 def _at(resin: Resin, wavelength_nm: float) -> IndexAt:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 
 from solen.cli.app import FLAT, FigureFile, lines, listing, short, text
-from solen.material.facts import IndexAt, Listing, ResinFacts, ShowOptions
+from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions
 from solen.material.gather import BuildOptions
 from solen.material.mix import MixOptions, Mixtures, Weighed
 from solen.material.resin import Source
@@ -49,7 +49,7 @@ def build(
     return pipeline.build(out, results, options, force=force)
 
 
-def list_() -> Outcome[Listing]:
+def list_() -> Outcome[ResinList]:
     """List the resins that solen ships, with their index."""
     from solen.pipeline.resin import library as pipeline
 
@@ -123,7 +123,7 @@ def _source(source: Source) -> str:
 
 
 @lines.register
-def _(listing: Listing) -> Iterator[str]:
+def _(listing: ResinList) -> Iterator[str]:
     width = max(len(facts.resin) for facts in listing.resins)
     wavelengths = [f"{at.wavelength_nm:g} nm" for at in listing.resins[0].at]
     yield f"  {'':{width}}  {'  '.join(f'{name:>9}' for name in wavelengths)}  mode"

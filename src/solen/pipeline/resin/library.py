@@ -5,7 +5,7 @@ from pathlib import Path
 
 from solen import __version__, files
 from solen.errors import OutputError
-from solen.material.facts import Listing, ResinFacts, facts_of, listed
+from solen.material.facts import ResinFacts, ResinList, facts_of, listed
 from solen.material.gather import BuildOptions, gather
 from solen.material.mix import MixOptions, Mixtures, mixtures
 from solen.material.resin import dumps_resin, resin_of
@@ -33,7 +33,7 @@ def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, forc
     return Outcome(facts_of(resin, str(out)), {"resin": out})
 
 
-def list_() -> Outcome[Listing]:
+def list_() -> Outcome[ResinList]:
     """List the library's resins with their index."""
     return Outcome(listed())
 
