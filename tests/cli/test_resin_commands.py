@@ -174,7 +174,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
         (
             holding(b'{"kind": "cure"}', "cure"),
-            "bad.json: Dp_um; missing; add it: penetration depth in µm.; and 1 more",
+            "bad.json: cure.Dp_um; missing; add it: penetration depth in µm.; and 1 more",
         ),
         (damaged("index", mode="guess"), "bad.json: index.mode = 'guess'; must be one of measured"),
         (damaged("index", n=[1.5]), "bad.json: n = 1; must have 3 entries, one per wavelength"),
@@ -186,7 +186,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         ),
         (damaged("cutback", absorption_per_mm=0.03), "bad.json: absorption_per_mm = 0.03; 1 dB/cm is 0.0230259 per mm"),
         (damaged("cutback", interval95_loss_dB_per_cm=[1.0]), "bad.json: interval95_loss"),
-        (damaged("cure", Dp_um=-181.0), "bad.json: Dp_um = -181.0; must be greater than 0"),
+        (damaged("cure", Dp_um=-181.0), "bad.json: cure.Dp_um = -181.0; must be greater than 0"),
         (damaged("cure", covariance=[[1, 2], [2, 1]]), "bad.json: cure.covariance = -1.0; must have no negative"),
         (damaged("stiffness", modulus_MPa=0.0), "bad.json: modulus_MPa = 0.0; must be greater than 0"),
         (damaged("stiffness", modulus_MPa="1.5"), "bad.json: modulus_MPa = '1.5'; must be a number"),

@@ -203,12 +203,12 @@ def test_a_working_curve_is_kept() -> None:
 @pytest.mark.parametrize(
     ("changes", "line"),
     [
-        ({"Dp_um": -181.0}, "Dp_um = -181.0; must be greater than 0"),
+        ({"Dp_um": -181.0}, "cure.Dp_um = -181.0; must be greater than 0"),
         ({"covariance": [[1.0, 2.0], [2.0, 1.0]]}, "cure.covariance = -1.0; must have no negative eigenvalue"),
         ({"covariance": [[-1.0, 0.0], [0.0, 1.0]]}, "cure.covariance = -1.0; must have variances of at least 0"),
         ({"covariance": [[1.0, 0.5], [0.1, 1.0]]}, "cure.covariance"),
-        ({"interval95_Dp_um": [1.0]}, "interval95_Dp_um"),
-        ({"Ec_mJ_per_cm2": None}, "Ec_mJ_per_cm2; must be a number"),
+        ({"interval95_Dp_um": [1.0]}, "cure.interval95_Dp_um"),
+        ({"Ec_mJ_per_cm2": None}, "cure.Ec_mJ_per_cm2; must be a number"),
     ],
 )
 def test_a_working_curve_that_is_none_is_told(changes: dict[str, Any], line: str) -> None:

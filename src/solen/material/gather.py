@@ -19,7 +19,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
-from solen.material.dispersion import KINDS, Covariance, Dispersion, Tabulated
+from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused, told_of
@@ -278,32 +278,19 @@ class CutbackResult(_Line):
         )
 
 
-class CureResult(_Result):
+class CureResult(_Result, Cure):
     """Of `solen resin cure`."""
+
+    model_config = ConfigDict(extra="ignore")
 
     kinds: ClassVar[tuple[str, ...]] = ("cure",)
     of: ClassVar[str] = "cure"
 
-    Dp_um: Positive = Field(description="penetration depth in µm.")
-    Ec_mJ_per_cm2: Positive = Field(description="critical exposure in mJ/cm².")
-    covariance: Covariance | None = None
-    interval95_Dp_um: Interval | None = None
-    interval95_Ec_mJ_per_cm2: Interval | None = None
-    wavelength_nm: Positive | None = None
-    irradiance_mW_per_cm2: Positive | None = None
-
     def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
         """Working curve of the resin, of an exposure at a wavelength, where stated."""
-        return Cure(
-            Dp_um=self.Dp_um,
-            Ec_mJ_per_cm2=self.Ec_mJ_per_cm2,
-            covariance=self.covariance,
-            interval95_Dp_um=self.interval95_Dp_um,
-            interval95_Ec_mJ_per_cm2=self.interval95_Ec_mJ_per_cm2,
-            wavelength_nm=selection.cure_wavelength_nm or self.wavelength_nm,
-            irradiance_mW_per_cm2=self.irradiance_mW_per_cm2,
-            warnings=self.remarks,
-        )
+        stated = {name: getattr(self, name) for name in Cure.model_fields}
+        wavelength_nm = selection.cure_wavelength_nm or self.wavelength_nm
+        return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
 
 
 class _Model(_Result):

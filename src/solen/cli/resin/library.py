@@ -7,9 +7,9 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 
 from solen.cli.app import FLAT, FigureFile, lines, listing, short, text
-from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions
+from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions, listed
 from solen.material.gather import BuildOptions
-from solen.material.mix import MixOptions, Mixtures, Weighed
+from solen.material.mix import MixOptions, Mixtures, Weighed, mixtures
 from solen.material.resin import Source
 from solen.results import Outcome
 
@@ -51,9 +51,7 @@ def build(
 
 def list_() -> Outcome[ResinList]:
     """List the resins that solen ships, with their index."""
-    from solen.pipeline.resin import library as pipeline
-
-    return pipeline.list_()
+    return Outcome(listed())
 
 
 def show(
@@ -79,9 +77,7 @@ def mix(*components: str, options: Annotated[MixOptions, FLAT] = MixOptions()) -
     components
         Names with their shares of the whole in per cent by weight, the base first: "RA-139:75" "lauryl acrylate:25".
     """
-    from solen.pipeline.resin import library as pipeline
-
-    return pipeline.mix(components, options)
+    return Outcome(mixtures(components, options))
 
 
 @lines.register
@@ -135,10 +131,10 @@ def _(listing: ResinList) -> Iterator[str]:
 
 
 @lines.register
-def _(mixtures: Mixtures) -> Iterator[str]:
+def _(weighed: Mixtures) -> Iterator[str]:
     readings = {
-        "read as shares of the whole mixture": mixtures.of_whole,
-        "read as grams for 100 g of the base": mixtures.on_base,
+        "read as shares of the whole mixture": weighed.of_whole,
+        "read as grams for 100 g of the base": weighed.on_base,
     }
     for reading, mixture in readings.items():
         yield f"{reading}: {mixture.total_g:g} g in all"

@@ -91,7 +91,7 @@ def _of_intervals(curve: WorkingCurve) -> list[str]:
 
 def _of_threshold(curve: WorkingCurve) -> list[str]:
     warnings = []
-    lowest = min(disc.dose_mJ_per_cm2 for disc in curve.used)
+    lowest, _ = curve.dose_range_mJ_per_cm2
     if lowest > _FAR * curve.Ec_mJ_per_cm2:
         warnings.append(
             f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "

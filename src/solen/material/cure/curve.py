@@ -255,10 +255,10 @@ def working_curve(
         fit, exponent = _fit(means_of(used), scatter)
     a, b = fit.parameters
     if not (b > 0.0 and abs(a) < _FLATTEST * b):
-        low, high = min(disc.dose_mJ_per_cm2 for disc in used), max(disc.dose_mJ_per_cm2 for disc in used)
+        doses = [disc.dose_mJ_per_cm2 for disc in used]
         raise DataError(
             "working curve: slope",
-            value=f"{fit.parameters[1]:.3g} µm per factor e of dose from {low:.3g} to {high:.3g} mJ/cm²",
+            value=f"{b:.3g} µm per factor e of dose from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
             limit="thickness must grow with dose, or Ec is out of reach",
             remedy="check which column is which, or take doses further apart",
         )

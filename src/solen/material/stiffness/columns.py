@@ -41,7 +41,7 @@ _PULLED = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Column:
     """Stress or strain, what it is, whether it was made of force or displacement, and what to beware of."""
 

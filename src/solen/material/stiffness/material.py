@@ -38,7 +38,7 @@ _MACHINE = (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MechanicalTest:
     """A recording to evaluate.
 
@@ -121,7 +121,7 @@ class MeasuredStiffness(MaterialStiffness, Measured):
         return "\n".join(lines) + "\n"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Specimen:
     """One specimen with its material and recording."""
 

@@ -1,13 +1,12 @@
-"""Resins: a file built from results, the library listed, one resin shown, a mixture weighed in."""
+"""Resins: a file built from results, and one shown."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from solen import __version__, files
 from solen.errors import OutputError
-from solen.material.facts import ResinFacts, ResinList, facts_of, listed
+from solen.material.facts import ResinFacts, facts_of
 from solen.material.gather import BuildOptions, gather
-from solen.material.mix import MixOptions, Mixtures, mixtures
 from solen.material.resin import dumps_resin, resin_of
 from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
@@ -33,18 +32,8 @@ def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, forc
     return Outcome(facts_of(resin, str(out)), {"resin": out})
 
 
-def list_() -> Outcome[ResinList]:
-    """List the library's resins with their index."""
-    return Outcome(listed())
-
-
 def show(name: str, at_nm: Sequence[float] = (), *, figure: Path | None = None) -> Outcome[ResinFacts]:
     """Everything that a resin of the library or a file says, and its index at wavelengths."""
     check_outputs(None, figure)
     resin = resin_of(name, Path(name) if names_file(name) else None)
     return write(facts_of(resin, name, at_nm), "resin", figure=figure)
-
-
-def mix(components: Sequence[str], options: MixOptions = MixOptions()) -> Outcome[Mixtures]:
-    """Masses of a mixture in both readings of its percentages."""
-    return Outcome(mixtures(components, options))
