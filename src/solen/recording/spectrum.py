@@ -10,8 +10,8 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.recording.model import Channel, Provenance, Recording
-from solen.results import HIDDEN, Result
+from solen.recording.model import Channel, Measured, Recording
+from solen.results import HIDDEN
 
 _MOST_RATIO = 2.0  # a ratio of light beyond this has a percentage in it
 _MOST_NAMES = 4  # traces that a warning names
@@ -72,8 +72,8 @@ class Trace:
     note: str
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Listing(Result):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Listing(Measured):
     """The spectra in a file.
 
     Attributes
@@ -82,20 +82,11 @@ class Listing(Result):
         Name of the file, and what it was read as.
     traces
         What each spectrum is, in the order of the file.
-    simulated
-        Whether the spectra were simulated.
-    sources
-        Where they come from.
-    warnings
-        What must be known of the traces and their axes.
     """
 
     file: str
     format: str
     traces: tuple[Trace, ...]
-    simulated: bool
-    sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
     spectra: tuple[Spectrum, ...] = field(metadata=HIDDEN)
 
 
@@ -122,8 +113,14 @@ def listing(recording: Recording, names: Sequence[str] = ()) -> Listing:
         if channel.note and channel.name in used:
             remarks.setdefault(channel.note, []).append(channel.name)
     warnings = tuple(f"{_listed(channels)}: {note}" for note, channels in remarks.items())
-    traces = tuple(_trace(one) for one in chosen)
-    return Listing(source.file, source.format, traces, source.simulated, (source,), warnings, chosen)
+    return Listing(
+        file=source.file,
+        format=source.format,
+        traces=tuple(_trace(one) for one in chosen),
+        spectra=chosen,
+        sources=(source,),
+        warnings=warnings,
+    )
 
 
 def _trace(spectrum: Spectrum) -> Trace:

@@ -23,9 +23,10 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index import Length, measured, reading
 from solen.material.regression import fitted, t_tail
-from solen.recording import Provenance, Recording, Spectrum, spectra
+from solen.recording import Recording, Spectrum, spectra
+from solen.recording.model import Measured
 from solen.recording.optical import kind_of
-from solen.results import HIDDEN, Result
+from solen.results import HIDDEN
 from solen.spec.strict import Finite, Options, Wavelength
 from solen.units import factor
 
@@ -118,8 +119,8 @@ class AtWavelength:
     trend_n: Trend | None
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ExposureTrends(Result):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ExposureTrends(Measured):
     """Optics of layers against their exposure.
 
     Attributes
@@ -130,21 +131,12 @@ class ExposureTrends(Result):
         Exposure of each, and its dose; None without an irradiance.
     wavelengths
         Values and trends at each wavelength.
-    simulated
-        Whether spectra were simulated.
-    sources
-        Where the spectra come from.
-    warnings
-        What must be known of the result.
     """
 
     samples: tuple[str, ...]
     exposure_s: FloatArray
     dose_mJ_per_cm2: FloatArray | None
     wavelengths: tuple[AtWavelength, ...]
-    simulated: bool
-    sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
     layers: tuple[Sample, ...] = field(metadata=HIDDEN)
 
 
@@ -176,7 +168,6 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
         exposure_s=seconds,
         dose_mJ_per_cm2=None if irradiance is None else seconds * irradiance,
         wavelengths=tuple(at),
-        simulated=any(each.provenance.simulated for each in recordings),
         sources=tuple(each.provenance for each in recordings),
         warnings=(*notes, *_warnings(layers, kinds, at, options.thickness_um)),
         layers=tuple(layers),

@@ -24,9 +24,10 @@ from pydantic import Field, model_validator
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.illuminant import Illuminant, led, named_light
-from solen.recording import Provenance, Recording
+from solen.recording import Recording
+from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
-from solen.results import HIDDEN, Result
+from solen.results import HIDDEN
 from solen.spec.strict import Finite, Options, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
@@ -117,8 +118,8 @@ class Attenuation:
         return math.log(float(beside)) - depth_um * self._least
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Penetration(Result):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Penetration(Measured):
     """Penetration depth of a liquid resin, h/(A ln 10).
 
     Attributes
@@ -139,12 +140,6 @@ class Penetration(Result):
         Penetration depth at each wavelength, in µm, shape (n,); NaN where nothing absorbs.
     traces
         Names of the traces that were averaged.
-    simulated
-        Whether the spectra were simulated.
-    sources
-        Where the spectra come from.
-    warnings
-        What must be known of the result.
     """
 
     path_um: float
@@ -158,9 +153,6 @@ class Penetration(Result):
     absorbance: FloatArray
     spectral_Dp_um: FloatArray
     traces: tuple[str, ...]
-    simulated: bool
-    sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
     attenuation: Attenuation | None = field(metadata=HIDDEN)
 
 
@@ -201,7 +193,6 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         absorbance=absorbance,
         spectral_Dp_um=spectral,
         traces=next(iter(spectra.names.values())),
-        simulated=recording.provenance.simulated,
         sources=(recording.provenance,),
         warnings=(*spectra.warnings, *warnings, limits),
         attenuation=decay,

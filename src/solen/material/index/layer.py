@@ -24,16 +24,17 @@ from solen.material.index.options import IndexOptions
 from solen.material.index.reading import Reading, reading
 from solen.material.index.routes import BASES, is_absorbance, lossless_index
 from solen.material.index.spectrum import IndexSpectrum
-from solen.recording import Provenance, Recording
+from solen.recording import Recording
+from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
-from solen.results import HIDDEN, Result
+from solen.results import HIDDEN
 
 _ABOVE = 0.02  # share of the wavelengths with T > 1 from which on a baseline on a substrate is suspected
 _MOST_UNUSED = 3  # traces that are named when they are not used
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class LayerIndex(Result):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LayerIndex(Measured):
     """Index and extinction of a layer against wavelength; arrays of shape (n,), NaN where masked or not known.
 
     Attributes
@@ -44,8 +45,6 @@ class LayerIndex(Result):
         Route from the spectra to the index.
     measurement
         Whether n follows from what was measured.
-    simulated
-        Whether the spectra were simulated.
     baseline
         What the 100 % of T was taken on, air or substrate.
     bandwidth_nm
@@ -88,16 +87,11 @@ class LayerIndex(Result):
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n
         Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
-    sources
-        Where the spectra come from.
-    warnings
-        What must be known of the result.
     """
 
     file: str
     mode: str
     measurement: bool
-    simulated: bool
     baseline: str
     bandwidth_nm: float | None
     options: IndexOptions
@@ -127,8 +121,6 @@ class LayerIndex(Result):
     traces: Mapping[str, tuple[str, ...]]
     repeats_nm: float | None
     repeats_lossless_n: FloatArray | None
-    sources: tuple[Provenance, ...]
-    warnings: tuple[str, ...]
     spectrum: IndexSpectrum = field(metadata=HIDDEN)
 
 
@@ -162,7 +154,6 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         file=recording.provenance.file,
         mode=spectrum.mode,
         measurement=spectrum.measurement,
-        simulated=recording.provenance.simulated,
         baseline=options.baseline or "air",
         bandwidth_nm=bandwidth_nm,
         options=options,

@@ -40,8 +40,8 @@ from solen.material.index.literature import (
     check_index,
     materials,
 )
-from solen.recording import Provenance
-from solen.results import Result, reported
+from solen.recording.model import Measured, Provenance
+from solen.results import reported
 from solen.spec.strict import Finite, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
@@ -143,16 +143,16 @@ class RefractometerOptions(Options):
         return self
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class RefractometerIndex(Result):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class RefractometerIndex(Measured):
     """n(λ) from values at a few wavelengths and a prior.
 
     Attributes
     ----------
     mode
         How the index was found: ``refractometer``.
-    measurement, simulated
-        Whether n was measured, or simulated.
+    measurement
+        Whether n was measured.
     measured_nm, measured_n, u_measured_n
         _Values that went in, with their wavelengths and standard uncertainties, shape (values,).
     prior
@@ -172,10 +172,6 @@ class RefractometerIndex(Result):
         n in the light of the emitter that was asked for.
     options
         What was stated and asked for.
-    sources
-        Where the values come from.
-    warnings
-        What the numbers cannot be used for.
     """
 
     measured_nm: FloatArray
@@ -191,10 +187,8 @@ class RefractometerIndex(Result):
     chi2: float
     degrees_of_freedom: int
     fit: Cauchy
-    warnings: tuple[str, ...]
     mode: str = "refractometer"
     measurement: bool = True
-    simulated: bool = False
     at: tuple[Evaluated, ...] = ()
     led: Evaluated | None = None
     options: RefractometerOptions | None = None
