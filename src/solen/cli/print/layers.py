@@ -35,7 +35,7 @@ def layers(
         return pipeline.layers(file, out, slicing, set_ or (), figure=figure, progress=progress)
 
 
-def printers(name: str | None = None, /) -> Outcome[PrinterList] | Outcome[PrinterSummary]:
+def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:
     """List the printers that layers can be made for, or show one with the sources of its numbers.
 
     Parameters
@@ -45,7 +45,7 @@ def printers(name: str | None = None, /) -> Outcome[PrinterList] | Outcome[Print
     """
     if name is not None:
         return Outcome(PrinterSummary.of(name))
-    return Outcome(PrinterList(tuple(PrinterSummary.of(known) for known in library())))
+    return Outcome(PrinterList(tuple(map(PrinterSummary.of, library()))))
 
 
 @lines.register

@@ -56,33 +56,22 @@ class MeasuredFeature:
     """
 
     kind: Kind
-    nominal_mm: float
-    measured_mm: float | None
-    u_measured_mm: float | None
-    resolved: bool
-    diameter_mm: float = GAP_PILLAR_MM
-
-
-class _Row(Strict):
-    """A feature of a file; other keys, such as those that `solen print fidelity --out` adds, are left alone."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    kind: Kind
     nominal_mm: Length
-    measured_mm: Length | None = None
-    u_measured_mm: Length | None = None
+    measured_mm: Length | None
+    u_measured_mm: Length | None
     resolved: Annotated[bool, Field(strict=True)]
-    diameter_mm: Length | None = None
+    diameter_mm: Length = GAP_PILLAR_MM
 
 
 class _File(Strict):
+    """A file of features; other keys, such as those that `solen print fidelity --out` adds, are left alone."""
+
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
 
     coupon: str = ""
     simulated: Annotated[bool, Field(strict=True)] = False
-    features: tuple[_Row, ...]
+    features: tuple[MeasuredFeature, ...]
 
 
 def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
@@ -102,20 +91,23 @@ def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
         raise DataError(str(path), limit='not a file of features: it has no list "features"')
     with told_of(str(path)):
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
-    for number, row in enumerate(file.features):
-        if row.measured_mm is not None and row.u_measured_mm is None:
+    for number, feature in enumerate(file.features):
+        if feature.measured_mm is not None and feature.u_measured_mm is None:
             limit = "missing: a measured size without its uncertainty cannot be weighed"
             raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="state it")
-    rows = (row.model_dump() for row in file.features)
-    features = [MeasuredFeature(**row | {"diameter_mm": row["diameter_mm"] or GAP_PILLAR_MM}) for row in rows]
     about = {"coupon": file.coupon}
-    return features, Provenance(source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated)
+    return list(file.features), Provenance(
+        source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated
+    )
 
 
 def _sized(row: Any) -> Any:
     """A row without the sizes of what is not resolved, such as a step of no height: these are not used."""
-    resolved = not isinstance(row, dict) or row.get("resolved") is not False
-    return row if resolved else row | {"measured_mm": None, "u_measured_mm": None}
+    if not isinstance(row, dict):
+        return row
+    sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm")}
+    stated = {key: value for key, value in row.items() if key != "diameter_mm" or value is not None}
+    return stated | sizes
 
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
