@@ -7,7 +7,7 @@ oriented, and names the place where it is not.
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -79,7 +79,7 @@ class Body:
 
     faces: tuple[Face, ...]
     emitter: Pose
-    marks: dict[str, Point]
+    marks: dict[str, Point] = field(hash=False)
     others: tuple[tuple[Face, ...], ...] = ()
     apart: tuple[Face, ...] = ()
     embedded: bool = False

@@ -157,7 +157,7 @@ class Points:
         return np.array(rows).reshape(-1, self._receivers)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Light:
     """A source in a compiled scene: its points side by side, each in all its colours.
 
@@ -272,7 +272,7 @@ def _panel(at: Callable[[float], Found], rule: adapt.Rule, low: float, high: flo
     return Panel(error, low, high, together(found, (half * rule.kronrod).tolist()))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lights:
     """A scene with all its sources, compiled."""
 

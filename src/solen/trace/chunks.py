@@ -30,7 +30,7 @@ Device = Literal["cpu", "cuda"]
 Digits = Literal["double", "single"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Job:
     """What all chunks of a trace share."""
 
@@ -57,7 +57,7 @@ class Job:
         return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chunk:
     """Some rays of one source and one group: every ``step``-th from ``first`` on, numbered over all sources."""
 

@@ -135,7 +135,7 @@ def together(found: Sequence[Found], weights: Sequence[float]) -> Found:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cone:
     """One point of a source in one colour: its rays, in stretches of angles over which their intensity is smooth.
 

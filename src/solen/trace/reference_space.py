@@ -21,7 +21,7 @@ Light = tuple[Field, Field]
 UP: Vector = (0.0, 1.0, 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reading:
     """Sums over rays of what became of their power, and of its squares for the standard error."""
 

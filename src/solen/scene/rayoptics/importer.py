@@ -16,6 +16,7 @@ import numpy as np
 from solen import files
 from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError, SolenError
+from solen.results import Result
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
 from solen.scene.rayoptics.fields import LARGEST, Fields, NotUnderstood, UnreadError
@@ -57,8 +58,8 @@ class Counted(Protocol):
         """The same by bins."""
 
 
-@dataclass(frozen=True)
-class Reading:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reading(Result):
     """A detector's reading in the file's units: power, and power per length in bins beginning at each position."""
 
     power: float

@@ -1,0 +1,39 @@
+"""Values compare and hash by what they hold; results, which hold arrays, by identity."""
+
+from dataclasses import replace
+
+from solen.curve import Segment, Spline
+from solen.geometry import Body, Face, Pose
+from solen.scene import Fan, Interface, Monitor, Region, Scene, Surface
+from solen.trace import Trace, trace
+
+FACE = Interface("eye", Segment((1.0, 1.0), (-1.0, 1.0)), "air", "air", "receiver", "eye", Surface())
+
+
+def scene() -> Scene:
+    fan = Fan((0.0, 0.0), 0.0, 60.0, 5)
+    return Scene((Region("air", 1.0),), (FACE,), (fan,), (Monitor("m", (1.0, 0.5), (-1.0, 0.5)),))
+
+
+def test_scenes_and_curves_are_values() -> None:
+    assert scene() == scene()
+    assert len({scene(), scene(), replace(scene(), name="other")}) == 2
+    curve = Spline.through([(0.0, 0.0), (1.0, 1.0), (2.0, 0.0)])
+    assert len({curve, Spline(curve.control_points)}) == 1
+
+
+def test_a_body_is_a_value() -> None:
+    def body() -> Body:
+        return Body((Face("a", FACE.curve),), Pose((0.0, 0.0), 0.0), {"pivot": (0.0, 1.0)})
+
+    assert body() == body()
+    assert len({body(), body()}) == 1
+
+
+def test_a_trace_is_itself_alone() -> None:
+    one, other = trace(scene()), trace(scene())
+    assert one == one
+    assert one != other
+    assert len({one, other}) == 2
+    assert isinstance(one, Trace)
+    assert len(repr(one).splitlines()) < 30
