@@ -7,7 +7,7 @@ needed and no second hit is lost however close it is.
 
 Interface: `Curve` with its leaves `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, which `simple_pieces` splits into a few `Piece` each.
-`Measure` finds lengths along a curve; `fitted` makes a spline of what is no curve of its own.
+`Measure` finds lengths along a curve; `fitted` approximates any other curve by a spline.
 Coordinates are (x, z) in mm.
 """
 

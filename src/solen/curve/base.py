@@ -1,4 +1,4 @@
-"""What every curve promises, and what all of them share: checks of their numbers, tolerances, quadratic equations."""
+"""The interface of curves, and what all of them share: checks of numbers, tolerances, quadratic equations."""
 
 import math
 from abc import ABC, abstractmethod
@@ -17,20 +17,20 @@ ROUNDING = 4e-16
 """Relative to the lengths it was computed from, a residual that is nothing but rounding."""
 MOST_POINTS = 2**16
 SMALL = 1e-3
-"""How small the constant term of a quadratic must be for its root to be mended to first order."""
+"""How small the constant term of a quadratic must be for its root to be corrected to first order."""
 
 
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
     """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root next to t = 0 is divided out.
 
-    A double root is none: a line that only touches a curve does not cross it.
+    A double root does not count: a line that only touches a curve does not cross it.
 
-    The point a ray leaves from lies on its curve but for rounding, which leaves a tiny c. The other root −b/a is mended
-    by it to first order, or the rounding of many chords of one circle would add up until they leave it.
+    The point a ray leaves from lies on its curve up to rounding, which leaves a tiny c. The other root −b/a is
+    corrected for it to first order, or the rounding of many chords of one circle would add up until they leave it.
     """
     if leaving:
-        mend = c / b if abs(a * c) < SMALL * b * b else 0.0
-        return (-b / a + mend,) if a != 0.0 else ()
+        correction = c / b if abs(a * c) < SMALL * b * b else 0.0
+        return (-b / a + correction,) if a != 0.0 else ()
     discriminant = b * b - 4.0 * a * c
     if discriminant <= 0.0:
         return ()

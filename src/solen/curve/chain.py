@@ -1,10 +1,10 @@
 """Chains of cubic Bézier pieces, as rays meet them.
 
 A chain is kept as its simple pieces (see `solen.curve.cubic`). On which side of a ray's line the joint of two pieces
-lies is decided once and told to both: a ray can neither slip through a joint nor meet the curve twice there.
+lies is decided once for both: a ray can neither slip through a joint nor meet the curve twice there.
 
 A ray that leaves the chain stands at a point of one piece. That piece is cut there into two parts with a known root at
-their common end, which is divided out. The pieces behind their far ends are reckoned from the point it stands on too,
+their common end, which is divided out. The pieces behind their far ends are computed from the point it stands on too,
 over the joint and not by coordinates, so that a second hit just behind a joint is as exact as one on the same piece. A
 ray that stands on a joint itself has its known root on both pieces.
 """
@@ -242,7 +242,7 @@ class CubicChain(Curve):
         aside = ray.aside(steps)
         beside = sum(aside)
         for v in other_crossing(aside, beside > 0.0):
-            yield _mended(ray, here, steps, v, rest)
+            yield _corrected(ray, here, steps, v, rest)
         behind = self._next(place.piece, forwards)
         if not 0 <= behind < len(self.pieces):
             if beside != 0.0:
@@ -254,7 +254,7 @@ class CubicChain(Curve):
         far_side = sides[behind + 1] if forwards else sides[behind]
         known = beside == 0.0  # it stands on the joint, or slides along the line to it
         for v in other_crossing(aside, far_side) if known else crossings(beside, aside, beside > 0.0, far_side):
-            yield _mended(ray, control[0], steps, v, rest)
+            yield _corrected(ray, control[0], steps, v, rest)
 
     @cached_property
     def _boxes(self) -> tuple[tuple[float, float, float, float], ...]:
@@ -290,10 +290,10 @@ def _beside_chord(control: Control, point: Point) -> float:
     return solve(lambda v: start + risen(rises, v), lambda v: slope(rises, v), growing=True)
 
 
-def _mended(ray: Ray, start: Point, steps: Steps, v: float, rest: float) -> float:
-    """Distance to the root v of a cubic whose constant ``rest`` was left out, mended by it to first order.
+def _corrected(ray: Ray, start: Point, steps: Steps, v: float, rest: float) -> float:
+    """Distance to the root v of a cubic whose constant ``rest`` was left out, corrected for it to first order.
 
-    As in `solen.curve.quadratic_roots`: what the ray stands beside the curve is rounding, but it would add up.
+    As in `solen.curve.quadratic_roots`: the ray is off the curve by rounding only, but that would add up.
     """
     aside, onwards = ray.aside(steps), ray.onwards(steps)
     distance = ray.ahead(start) + risen(onwards, v)

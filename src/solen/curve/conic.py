@@ -80,7 +80,7 @@ class Parabola(Curve):
 
 
 WIDEST = 1e-6
-"""How near to where a conic is widest it may end, as 1 − (1 + K) c² r²: nearer, r no more tells how far along it is."""
+"""How near to where a conic is widest it may end, as 1 − (1 + K) c² r²: nearer, r does not determine the place."""
 SHEET = -1e-9
 """How far below 0 rounding may take 1 − (1 + K) c w where a conic is widest; on its other side it is further below."""
 
@@ -200,7 +200,7 @@ class Conic(Curve):
         return on_sheet and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """How far a point is past an end, along the tangent there: r alone would not tell near the widest place.
+        """How far a point is past an end, along the tangent there: near the widest place r alone does not determine it.
 
         From the vertex on the curve turns by less than 90 degrees either way, so this grows all the way.
         """

@@ -192,8 +192,8 @@ def parallel_to_line(rises: Rises) -> float:
 def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> list[float]:
     """Roots in [0, 1] of start + risen(v) for a simple piece, in order.
 
-    ``left_first`` and ``left_last`` say on which side of the line its ends lie. Two pieces that share an end are told
-    the same, so that none of the two, or both, can claim a root there.
+    ``left_first`` and ``left_last`` say on which side of the line its ends lie. Two pieces that share an end get
+    the same side there, so that they cannot both claim a root, nor both miss it.
     """
     stops = [(0.0, left_first), (1.0, left_last)]
     if (rises[0] > 0.0) != (rises[2] > 0.0):

@@ -1,4 +1,4 @@
-"""A spline through what can be computed but is no curve of its own: a bent wall, an ellipse, an offset.
+"""A spline that approximates a curve given by a function: a bent wall, an ellipse, an offset.
 
 Cubic pieces that agree with it in place and velocity at their ends (Hermite), halved until the middle and the quarters
 of every piece lie within a tolerance. The error of a piece falls with the fourth power of its length.

@@ -1,7 +1,7 @@
 """A body: closed outlines of named exact curves, and where its emitter stands.
 
-Geometry knows no optics. An outline is walked with the material on its left: the outer one counter-clockwise, a hole
-clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another and that they are so
+Geometry is independent of optics. An outline is walked with the material on its left: the outer one
+counter-clockwise, a hole clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another and that they are so
 oriented, and names the place where it is not.
 """
 
@@ -32,9 +32,8 @@ NEAR_MM = 1e-2
 class Face:
     """A named piece of an outline, or one that stands beside the body.
 
-    ``wall`` is the number of the design's wall table that covers it. Lengths along a face are told from its start, or
-    with ``from_end`` from its end; ``begins_mm`` is the length that this beginning has already, where some is
-    lacking.
+    ``wall`` is the number of the design's wall table that covers it. Lengths along a face count from its start, or
+    with ``from_end`` from its end; ``begins_mm`` is the length there, where the face starts late.
     """
 
     name: str
@@ -137,10 +136,10 @@ class Body:
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
-        for i, one in enumerate(lines):
+        for i, line in enumerate(lines):
             for other in lines[i + 1 :]:
-                if one.intersects(other):
-                    place = one.intersection(other).representative_point()
+                if line.intersects(other):
+                    place = line.intersection(other).representative_point()
                     raise self._crosses((place.x, place.y))
         polygons = [shapely.Polygon(ring) for ring in rings]
         for i, ring in enumerate(rings):
@@ -202,7 +201,7 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
 
 
 def place_text(point: Point) -> str:
-    """A place as errors tell it."""
+    """A place as errors print it."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
 

@@ -122,11 +122,11 @@ def _check_twice(joints: Joints) -> None:
         key = tuple(sorted(int(label) for label in joints.label[2 * i : 2 * i + 2]))
         for other in seen.setdefault(key, []):
             if _same(joints.strokes[i].curve, joints.strokes[other].curve, joints.join_mm):
-                one, two = joints.strokes[other], joints.strokes[i]
+                first, second = joints.strokes[other], joints.strokes[i]
                 raise DesignError(
                     "body outline",
-                    value=f"{two.name} drawn twice",
-                    limit=f"{one.what} and {two.what} lie on one another at {place_text(two.curve.middle_point)}",
+                    value=f"{second.name} drawn twice",
+                    limit=f"{first.what} and {second.what} coincide at {place_text(second.curve.middle_point)}",
                     remedy="delete one of them",
                 )
         seen[key].append(i)
@@ -165,7 +165,7 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
         return DesignError(
             "body outline",
             value=f"{len(members)} curves meet at {place_text(joints.point(faulty[0]))}",
-            limit=f"an outline goes on by one: {names}",
+            limit=f"an outline continues by a single curve; here are {names}",
             remedy="delete what does not belong to it, or draw notes on a layer that begins with _",
         )
     end = joints.members[single[0]][0]

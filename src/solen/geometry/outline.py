@@ -1,4 +1,4 @@
-"""A body of one's own: closed outlines read from a drawing, its emitter and receivers by name, in any state of motion.
+"""A drawn body: closed outlines read from a file, its emitter and receivers by name, in any state of motion.
 
 Faces have the names of their layers or elements, with a number where several have one name (``wall.2``). One that
 begins with ``receiver`` detects, ``mirror`` reflects, ``black`` absorbs; any other is a bare wall. Outlines inside
@@ -110,7 +110,7 @@ def _nearest_mm(at: Point, direction: Point, faces: Iterable[Face]) -> float:
 
 
 def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
-    """The one emitter of the drawing, or the one that the design places; decentred by its offset."""
+    """The emitter of the drawing, or that of the design; decentred by its offset."""
     stated = design.emitter
     if stated.point_mm is not None:
         pose = Pose(stated.point_mm, 0.0)

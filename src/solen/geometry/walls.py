@@ -92,8 +92,8 @@ def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
         return [face]
     measure = Measure(face.curve)
     begins, ends = face.begins_mm, face.begins_mm + measure.length_mm
-    told = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
-    cuts = [begins, *sorted(p for p in told if begins + SHORTEST_MM < p < ends - SHORTEST_MM), ends]
+    limits = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
+    cuts = [begins, *sorted(p for p in limits if begins + SHORTEST_MM < p < ends - SHORTEST_MM), ends]
     pieces = []
     for low, high in pairwise(cuts):
         middle = 0.5 * (low + high)

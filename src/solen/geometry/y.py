@@ -48,7 +48,7 @@ class _Half:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What of a design its Y follows from, and nothing else, so that designs that differ elsewhere share their bodies.
+    """The part of a design that determines its Y: designs that differ elsewhere share cached bodies.
 
     ``emitter`` is the emitter's place at rest.
     """
@@ -69,7 +69,7 @@ class _Plan:
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
     """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` where it cannot be.
 
-    It is built once for each state, whoever asks for it, as long as some hundred others have not been asked for since.
+    The last 256 bodies are cached.
     """
     check_numbers("angle_deg", angle_deg)
     return _built(_Plan.of(design, lens), angle_deg)

@@ -35,7 +35,7 @@ ROUNDING = 1e-14
 An arc's centre is among the coordinates, because a flat arc's ends are no better known than its centre.
 """
 APART_RAD = 1e-3
-"""Curves that leave a vertex less than this apart are told from each other a little further along."""
+"""Curves that leave a vertex less than this apart are distinguished a little further along."""
 TIED_RAD = 1e-9
 """Curves still less than this apart run on one line: whichever order fits will do."""
 BACK_MM = 1.0
@@ -117,7 +117,7 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
 
 
 def _free(interface: "Interface") -> bool:
-    """Whether it parts no media."""
+    """Whether it separates no media."""
     return interface.left == interface.right
 
 
@@ -180,7 +180,7 @@ def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
     angles = [branch.angle(0.0) for branch in vertex]
     order, gaps = _sorted(angles)
     if min(gaps) < APART_RAD:
-        # where tangents agree, curvature tells: rather near the vertex, before anything can cross
+        # where tangents agree, curvature decides: rather near the vertex, before anything can cross
         step_mm = 1e-3 * min(_size_mm(branch.interface.curve) for branch in vertex)
         order, gaps = _sorted([branch.angle(step_mm) for branch in vertex])
     groups: list[list[_Branch]] = []
@@ -235,7 +235,7 @@ def _holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
 
 
 def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list[_Branch]]) -> DesignError:
-    """What to say of a boundary that ends alone."""
+    """The error for a boundary that ends alone."""
     name = branch.interface.name
     others = ([b for b in group if b is not branch and not _free(b.interface)] for group in partners)
     other = min(next(filter(None, others)), key=lambda other: math.dist(other.at, branch.at))
@@ -265,7 +265,7 @@ def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[f
 
 
 def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
-    """What to say of media that do not fit."""
+    """The error for media that do not fit."""
     a, b = next((a, b) for a, b in _neighbours(vertex) if a.after != b.before)
     remedy = "swap left and right of the one that is wrong, or walk its curve the other way"
     if through:  # it has the same two media before and behind this point

@@ -100,7 +100,7 @@ def _fields(item: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A field's value as JSON knows it; a curve or a dispersion is left to who knows its kind."""
+    """A field's value for JSON; curves and dispersions are left to the callers that know their kinds."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, Curve):
@@ -113,7 +113,7 @@ def _region_fields(region: Region) -> dict[str, Any]:
     if isinstance(region.index, Dispersion):
         kinds = [name for name, cls in KINDS.items() if type(region.index) is cls]
         if not kinds:
-            raise DesignError(type(region.index).__name__, limit=f"JSON knows {', '.join(KINDS)}")
+            raise DesignError(type(region.index).__name__, limit=f"a scene file holds {', '.join(KINDS)} alone")
         fields["index"] = {"kind": kinds[0], **region.index.model_dump(mode="json", exclude_defaults=True)}
     return fields
 
@@ -135,7 +135,7 @@ def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
     for kind, cls in kinds.items():
         if type(item) is cls:
             return {"kind": kind, **_fields(item)}
-    raise DesignError(type(item).__name__, limit=f"JSON knows {', '.join(kinds)}")
+    raise DesignError(type(item).__name__, limit=f"a scene file holds {', '.join(kinds)} alone")
 
 
 def _interface(data: dict[str, Any], where: str) -> Interface:

@@ -2,10 +2,10 @@
 
 *Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
 right, with a behaviour: refracting, mirror, absorbing, receiver, or the ideal elements splitter and lens; a `Surface`
-says what else there is on it. *Sources* launch rays. Detectors come in two kinds:
+adds coatings, scatter and the like. *Sources* launch rays. Detectors come in two kinds:
 a **receiver** is made of interfaces; it absorbs what arrives, and what arrives on its left, its face, is detected and
 enters the ledger. A **monitor** is a line that counts the power crossing it, positive towards its left, changes no ray
-and is not in the ledger. There may be any number of each; nothing here knows what a Y is.
+and is not in the ledger. There may be any number of each; the model is independent of the kind of body.
 
 Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
 """
@@ -35,7 +35,7 @@ class Region:
 
     Where it is turbid, a ray is scattered after a free path of 1/``scattering_per_mm`` in the mean, by Henyey and
     Greenstein's phase function, whose mean cosine is ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
-    wrapped Cauchy distribution, which has the same form). Counting knows scattering but no absorption.
+    wrapped Cauchy distribution, which has the same form). Counting includes scattering but no absorption.
     """
 
     name: str
@@ -62,8 +62,8 @@ class Region:
 class Interface:
     """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any.
 
-    ``surface`` says what it is beyond smooth and bare. In an extruded scene an interface reaches from bottom to top,
-    but a receiver only over ``height_mm`` (from y, to y) where that is given: above and below it is refracting.
+    ``surface`` describes it where it is not smooth and bare. In an extruded scene an interface reaches from bottom to
+    top, but a receiver only over ``height_mm`` (from y, to y) where that is given: above and below it is refracting.
     """
 
     name: str
@@ -171,10 +171,10 @@ class Scene:
         return math.fsum(source.power for source in self.sources)
 
     def _check_wavelengths(self) -> None:
-        """Either all sources have a spectrum or none has, and every region has an index at every wavelength."""
+        """Either all sources have a spectrum or none, and every region has an index at every wavelength."""
         silent = [source for source in self.sources if not source.spectrum]
         if self.wavelengths_nm and silent:
-            limit = "all sources of a scene have a spectrum, or none has"
+            limit = "either all sources of a scene have a spectrum, or none"
             raise DesignError("source spectrum", value=f"missing in {len(silent)} of {len(self.sources)}", limit=limit)
         for region in self.regions:
             for wavelength_nm in self.wavelengths_nm or (None,):
@@ -266,5 +266,5 @@ def _unique(what: str, names: Iterable[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
-            raise DesignError(f"scene {what}", value=name, limit="the name is taken twice", remedy="rename one")
+            raise DesignError(f"scene {what}", value=name, limit="must be unique", remedy="rename one")
         seen.add(name)

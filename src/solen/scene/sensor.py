@@ -99,7 +99,7 @@ def _ambient(
 ) -> tuple[Source, ...]:
     """Ambient light through a circle that holds all faces and the emitter, with some room.
 
-    Where more ``rays`` are asked for than the design has for its emitter, there are as many times more of these.
+    Their number scales with ``rays`` over the design's number for its emitter.
     """
     stated = design.ambient
     if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):

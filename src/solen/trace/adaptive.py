@@ -22,7 +22,7 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene, Source
 from solen.scene.sources import Emission
-from solen.trace.cone import MOST_LEGS, RULE, Cone, Found, together
+from solen.trace.cone import MOST_LEGS, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
@@ -41,7 +41,7 @@ COARSE_TOLERANCE = 1e-5
 LEAST_SHARE = 0.01
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
-"""Of powers where none is asked for: for a point in one wavelength, and for any other source."""
+"""Default tolerance of powers: for a point in one wavelength, and for any other source."""
 
 # Kronrod's rule of 7 nodes, with the Gauss rule of 3.
 _NODES = (0.96049126870802028342, 0.77459666924148337704, 0.43424374934680255800)
@@ -76,7 +76,7 @@ def integrate(
     limits
         Where following a ray ends; by default the least weight is a hundredth of the tolerance.
     most_legs
-        After so many straight stretches of light from one point the integration ends, with whatever it has reached.
+        After so many straight stretches of light from one point the integration ends, whatever its uncertainty.
 
     Returns
     -------
@@ -107,15 +107,15 @@ def integrate_many(
         limit = f"must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}"
         raise DesignError("tolerance", value=tolerance, limit=limit)
     if mode == "roulette":
-        raise DesignError("mode", value=mode, limit="adaptive integration knows count and power")
+        raise DesignError("mode", value=mode, limit="adaptive integration needs count or power")
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     limits = limits or Limits(min_weight=LEAST_SHARE * tolerance)
     lights = [Lights.of(scene, mode, limits) for scene in scenes]
     if threads == 1 or len(lights) < 2:
-        return [one.trace(tolerance, most_legs) for one in lights]
+        return [light.trace(tolerance, most_legs) for light in lights]
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(lambda one: one.trace(tolerance, most_legs), lights))
+        return list(pool.map(lambda light: light.trace(tolerance, most_legs), lights))
 
 
 class Points:
@@ -136,7 +136,7 @@ class Points:
 
     def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
         if len(scene.sources) != 1:
-            raise DesignError("sources", value=len(scene.sources), limit="must be one, whose points are asked for")
+            raise DesignError("sources", value=len(scene.sources), limit="must be a single one")
         limits = Limits(min_weight=LEAST_SHARE * tolerance)
         (self._light,) = Lights.of(scene, "power", limits).each
         self._tolerance = tolerance
@@ -151,7 +151,7 @@ class Points:
         for place in places:
             found = self._light.point(float(place), self._tolerance, MOST_LEGS)
             if not (found.ended and found.u <= self._tolerance):
-                limit = f"the light of a point must be integrated to {self._tolerance:g}, and its ways part too often"
+                limit = f"the light of a point must be integrated to {self._tolerance:g}, and its paths split too often"
                 raise DesignError("emitter", value=f"place {place:.4g}", limit=limit, remedy="trace a fan")
             rows.append(found.share[: self._receivers])
         return np.array(rows).reshape(-1, self._receivers)
@@ -196,7 +196,7 @@ class Light:
         families = tuple(here._replace(**stretch._asdict()) for stretch in self.emission.stretches)
         return Cone(self.tables, self.ends, self.columns, families, self.emission.whole)
 
-    def integral(self, tolerance: float, most_legs: int) -> Found:
+    def integral(self, tolerance: float, most_legs: int) -> Integral:
         """Integrate over angles, places and colours."""
         if not self.emission.panels:
             return self.point(0.5, tolerance, most_legs)
@@ -204,10 +204,10 @@ class Light:
             lambda place: self.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
         )
 
-    def point(self, place: float, tolerance: float, most_legs: int) -> Found:
+    def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
         """All colours of the point at a place."""
         found = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
-        return found[0] if len(found) == 1 else together(found, [weight for _, weight in self.colours])
+        return found[0] if len(found) == 1 else weighted_sum(found, [weight for _, weight in self.colours])
 
 
 def why_not(scene: Scene) -> str:
@@ -230,7 +230,7 @@ def is_extended(scene: Scene) -> bool:
 
 
 def usual_tolerance(scene: Scene) -> float:
-    """Tolerance of a scene's powers where none is asked for."""
+    """Default tolerance of a scene's powers."""
     return EXTENDED_TOLERANCE if is_extended(scene) else POINT_TOLERANCE
 
 
@@ -241,10 +241,10 @@ class Panel(NamedTuple):
     """of the quadrature over places alone"""
     low: float
     high: float
-    found: Found
+    found: Integral
 
 
-def over_places(at: Callable[[float], Found], panels: int, tolerance: float) -> Found:
+def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) -> Integral:
     """Integral over places from 0 to 1 of what is found ``at`` each, the panel of the largest error halved first."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
@@ -259,17 +259,17 @@ def over_places(at: Callable[[float], Found], panels: int, tolerance: float) -> 
         change = float(np.max(np.abs(panel.found.share - halves[0].found.share - halves[1].found.share)))
         done.extend(half._replace(error=max(half.error, CHANGE_SHARE * change)) for half in halves)
         points += 2 * len(rule.nodes)
-    found = together([panel.found for panel in done], [1.0] * len(done))
+    found = weighted_sum([panel.found for panel in done], [1.0] * len(done))
     return found._replace(error=found.error + math.fsum(panel.error for panel in done))
 
 
-def _panel(at: Callable[[float], Found], rule: adapt.Rule, low: float, high: float) -> Panel:
+def _panel(at: Callable[[float], Integral], rule: adapt.Rule, low: float, high: float) -> Panel:
     """Gauss–Kronrod quadrature over one stretch of places."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     found = [at(middle + half * node) for node in rule.nodes.tolist()]
-    values = np.array([one.share for one in found])
+    values = np.array([place.share for place in found])
     error = half * float(np.max(np.abs((rule.kronrod - rule.gauss) @ values)))
-    return Panel(error, low, high, together(found, (half * rule.kronrod).tolist()))
+    return Panel(error, low, high, weighted_sum(found, (half * rule.kronrod).tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -294,15 +294,15 @@ class Lights:
         """Integrate over all sources."""
         return self.trace_of([light.integral(tolerance, most_legs) for light in self.each], tolerance)
 
-    def trace_of(self, found: Sequence[Found], tolerance: float) -> Trace:
+    def trace_of(self, found: Sequence[Integral], tolerance: float) -> Trace:
         """Result of what was found for each source."""
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
-        whole = found[0] if len(found) == 1 else together(found, weights)
+        whole = found[0] if len(found) == 1 else weighted_sum(found, weights)
         *detected, escaped, absorbed = (float(value) for value in whole.share)
         truncated = 1.0 - math.fsum(detected) - escaped - absorbed  # the gaps, and what was cut off on the way
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
-        by_source = np.array([weight * one.share for one, weight in zip(found, weights, strict=True)]) * whole.ended
-        why = f"{rays} rays reach {whole.u:.1e}: their ways part too often; trace a fan, or raise the least weight"
+        by_source = np.array([weight * part.share for part, weight in zip(found, weights, strict=True)]) * whole.ended
+        why = f"{rays} rays reach {whole.u:.1e}: their paths split too often; trace a fan, or raise the least weight"
         return Trace(
             mode=self.mode,
             method="adaptive",

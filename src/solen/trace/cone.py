@@ -101,7 +101,7 @@ class Parts(NamedTuple):
         return cls(low, high, tree, part_low, part_high, number[pieces.part_of[:parts][kept]])
 
 
-class Found(NamedTuple):
+class Integral(NamedTuple):
     """What an integration found.
 
     ``share`` (D + 2,) is the power by receiver, escaped and absorbed, ``error`` what the quadrature may be off by and
@@ -117,20 +117,20 @@ class Found(NamedTuple):
 
     @property
     def u(self) -> float:
-        """Uncertainty of every power: errors, and gaps or whatever else was not followed."""
+        """Uncertainty of every power: errors, and gaps or anything else that was not followed."""
         missing = 1.0 - math.fsum(self.share[:-2]) - float(self.share[-2]) - float(self.share[-1])
         return self.error + max(self.gaps, missing, 0.0) if self.ended else 1.0
 
 
-def together(found: Sequence[Found], weights: Sequence[float]) -> Found:
+def weighted_sum(found: Sequence[Integral], weights: Sequence[float]) -> Integral:
     """Weighted sum of what was found; nothing where one of them has not come to an end."""
-    ended = all(one.ended for one in found)
+    ended = all(part.ended for part in found)
     pairs = list(zip(found, weights, strict=True))
-    return Found(
-        share=np.sum([weight * one.share for one, weight in pairs], axis=0) * ended,
-        error=math.fsum(weight * one.error for one, weight in pairs) if ended else math.inf,
-        gaps=math.fsum(weight * one.gaps for one, weight in pairs),
-        counts=np.sum([one.counts for one in found], axis=0),
+    return Integral(
+        share=np.sum([weight * part.share for part, weight in pairs], axis=0) * ended,
+        error=math.fsum(weight * part.error for part, weight in pairs) if ended else math.inf,
+        gaps=math.fsum(weight * part.gaps for part, weight in pairs),
+        counts=np.sum([part.counts for part in found], axis=0),
         ended=ended,
     )
 
@@ -148,15 +148,15 @@ class Cone:
     families: tuple[Family, ...]
     whole: float
 
-    def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Found:
-        """Cut and integrate; ``parts`` takes how it was cut, where that is asked for."""
+    def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Integral:
+        """Cut and integrate; ``parts`` takes how it was cut, if given."""
         width = math.fsum(family.high - family.low for family in self.families)
         found = [self._stretch(family, width, tolerance, most_legs, parts) for family in self.families]
-        return found[0] if len(found) == 1 else together(found, [1.0] * len(found))
+        return found[0] if len(found) == 1 else weighted_sum(found, [1.0] * len(found))
 
     def _stretch(
         self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
-    ) -> Found:
+    ) -> Integral:
         """One stretch: its part of the source's power."""
         samples, pieces = room(most_legs, self.columns)
         total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
@@ -172,7 +172,7 @@ class Cone:
         if kept is not None:
             kept.append(Parts.of(pieces, int(samples.counts[adapt.PIECES]), parts, SLIVER * here))
         counts = samples.counts[[adapt.RAYS, adapt.ALL_LEGS, adapt.UNDEFINED, adapt.PIECES]]
-        return Found(total / self.whole * ended, error / self.whole, gaps * most / self.whole, counts, ended)
+        return Integral(total / self.whole * ended, error / self.whole, gaps * most / self.whole, counts, ended)
 
     def again(self, before: Sequence[Parts]) -> np.ndarray | None:
         """Powers (D + 2,) of this point over the pieces of another one that differs a little; None if they are lost."""
@@ -199,7 +199,7 @@ class Cone:
 
 
 class _Rooms(threading.local):
-    """The room of each thread, by what it was asked for."""
+    """Working memory of each thread, by its size."""
 
     def __init__(self) -> None:
         self.rooms: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}

@@ -31,7 +31,7 @@ DENSER = 4
 class Series(Result):
     """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power, and its stated u.
 
-    Powers are fractions of the emitted power; ``u_power`` is NaN where so few rays cannot tell.
+    Powers are fractions of the emitted power; ``u_power`` is NaN for too few rays.
     """
 
     method: Method
@@ -94,8 +94,8 @@ def convergence(
     reference = found.pop() if tight else trace(_with_rays(scene, DENSER * most_rays), whole, limits)
     numbers = [most_rays >> k for k in range(int(math.log2(most_rays / LEAST_RAYS)), -1, -1)]
     scenes = [_with_rays(scene, rays) for rays in numbers]
-    fans = [trace(one, mode, limits, seed=seed) for one in scenes]
-    samples = [trace(one, mode, limits, sampling="sobol", seed=seed) for one in scenes]
+    fans = [trace(variant, mode, limits, seed=seed) for variant in scenes]
+    samples = [trace(variant, mode, limits, sampling="sobol", seed=seed) for variant in scenes]
     series = tuple(_series(reference, traces) for traces in (fans, samples, found) if traces)
     return Convergence(mode, reference, series)
 
@@ -120,14 +120,14 @@ def _with_rays(scene: Scene, rays: int) -> Scene:
 
 def _series(reference: Trace, found: list[Trace]) -> Series:
     """Errors of traces by their number of rays: of two with the same, as of samples that round it up, the later one."""
-    traces = list({one.rays: one for one in found}.values())
+    traces = list({run.rays: run for run in found}.values())
 
-    def error(one: Trace) -> float:
-        return max(abs(one.detectors[name].power - it.power) for name, it in reference.detectors.items())
+    def error(of: Trace) -> float:
+        return max(abs(of.detectors[name].power - it.power) for name, it in reference.detectors.items())
 
     return Series(
         traces[0].method,
-        np.array([one.rays for one in traces]),
-        np.array([error(one) for one in traces]),
-        np.array([one.u_power for one in traces]),
+        np.array([run.rays for run in traces]),
+        np.array([error(run) for run in traces]),
+        np.array([run.u_power for run in traces]),
     )

@@ -1,6 +1,6 @@
 """A trace as an `xarray.Dataset` with named dimensions, and as a netCDF file.
 
-Every number of a trace is a variable that says its unit (``units``) and what it is (``long_name``). Dimensions:
+Every number of a trace is a variable with its unit (``units``) and what it is (``long_name``). Dimensions:
 ``receiver``, ``source``, ``face`` (an interface of a receiver), ``position_bin``, ``angle_bin``, ``monitor``,
 ``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place``, ``leg``. Where receivers have different numbers of
 interfaces, or monitors of bins, what is not there is NaN. What a trace has nothing of (monitors, bins, places, legs)
@@ -62,13 +62,13 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
     trace
         Result of any of the tracers.
     attributes
-        What else the data set shall say of itself, such as the name of the design.
+        Further attributes of the data set, such as the name of the design.
 
     Returns
     -------
     xarray.Dataset
-        Variables as told above. Its attributes say that it is simulated, by which version of solen, in which mode, and
-        how the rays were chosen.
+        Variables as listed above. Its attributes say that it is simulated, by which version of solen, in which mode,
+        and how the rays were chosen.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
     for part in (_whole(trace), _receivers(trace), _monitors(trace), _places(trace), _legs(trace)):
         for name, variable in part.items():
             (coordinates if variable[0] == (name,) else variables)[name] = variable
-    told: dict[str, str | int | float] = {
+    all_attributes: dict[str, str | int | float] = {
         "title": "Light traced through a scene",
         "comment": "Simulated, not measured. Powers are fractions of the emitted power.",
         "source": f"solen {solen.__version__}",
@@ -93,7 +93,7 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
         **(attributes or {}),
         "simulated": 1,
     }
-    return xr.Dataset(variables, coordinates, told)
+    return xr.Dataset(variables, coordinates, all_attributes)
 
 
 def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = None) -> Path:

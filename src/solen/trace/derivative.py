@@ -1,4 +1,4 @@
-"""Derivatives of received power with respect to whatever a scene is made from.
+"""Derivatives of received power with respect to a parameter of the scene.
 
 Received power is an integral over the launch angle whose integrand jumps where neighbouring rays part. When the scene
 changes, the integrand changes and the jumps move; both count. The power of a wall's tilt, for one, is nearly all in the
@@ -122,7 +122,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
             return Derivative(_slopes(names, wide, close, NOISE / step), step, reached=True)
         step *= 0.5
     nothing = {name: Slope(math.nan, math.nan) for name in names}
-    why = f"the ways of light change within {step:.1e} of {value:g}"
+    why = f"the paths of light change within {step:.1e} of {value:g}"
     return Derivative(nothing, step, reached=False, why=why)
 
 
@@ -145,7 +145,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
         for end in (low, high):
             if not end.reached:
                 raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
-        powers = [np.array([one.power for one in end.detectors.values()]) for end in (low, high)]
+        powers = [np.array([reading.power for reading in end.detectors.values()]) for end in (low, high)]
         differences.append((powers[1] - powers[0]) / (2.0 * half))
         u = (low.u_power + high.u_power) / (2.0 * half)
     return Derivative(_slopes(tuple(low.detectors), differences[0], differences[1], 5.0 / 3.0 * u), step, reached=True)

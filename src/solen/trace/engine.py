@@ -1,6 +1,6 @@
 """The compiled engine: scene → tables → kernel → result.
 
-Rays are traced in chunks of one size whatever the machine, on as many threads as asked for, and the chunks' sums are
+Rays are traced in chunks of one size whatever the machine, on any number of threads, and the chunks' sums are
 added in order: the same scene gives the same numbers to the last bit on one thread and on many. Memory is that of a few
 chunks, however many rays there are. Between chunks a trace can be interrupted.
 """
@@ -89,7 +89,7 @@ def trace(
     position_bins, angle_bins
         Bins of the histograms at receivers; see `solen.trace.Detected`.
     legs
-        Keep every straight stretch, so that ``paths()`` has the ways of all rays: some hundred bytes each.
+        Keep every straight stretch, so that ``paths()`` has the paths of all rays: some hundred bytes each.
     device
         ``"cuda"``: a graphics card follows the rays, all but the ``legs``; it needs the extra ``cuda``.
     threads
@@ -106,7 +106,7 @@ def trace(
     ------
     DesignError
         Unknown mode, sampling, precision or device, numbers out of range, a curve that the engine does not know, or
-        no graphics card where one is asked for.
+        no graphics card for ``"cuda"``.
     """
     check_mode(mode)
     check_choice("sampling", sampling, get_args(Sampling))
@@ -118,7 +118,7 @@ def trace(
         _check_extruded(scene, precision, device, legs)
     treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
     if treated and device == "cuda":
-        limit = "knows smooth, clean and bare surfaces alone, and no medium that scatters"
+        limit = "cuda traces smooth, clean and bare surfaces and clear media only"
         raise DesignError("device", value=device, limit=limit, remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)

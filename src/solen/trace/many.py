@@ -52,7 +52,7 @@ def trace_many(
     if not scenes:
         return []
     if any(scene.extrusion is not None for scene in scenes):
-        limit, remedy = "trace_many knows scenes of the plane", "trace each on its own"
+        limit, remedy = "trace_many is for scenes of the plane", "trace each on its own"
         raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
@@ -146,7 +146,7 @@ class _Batch:
     def results(self) -> list[Trace]:
         """Results scene by scene."""
         parts: list[list[list[loop.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
-        rays = [[np.zeros(job.groups(one), dtype=np.int64) for one in job.scene.sources] for job in self.jobs]
+        rays = [[np.zeros(job.groups(source), dtype=np.int64) for source in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):
             while len(parts[i][chunk.source]) < chunk.group:  # a group without rays has no task
                 parts[i][chunk.source].append(empty(self.jobs[i]))
@@ -165,21 +165,21 @@ def _starts(many: Iterable[int]) -> IntArray:
 
 def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
     """Tables one after the other, and where the rows of each begin."""
-    regions = max(one.refractive_index.shape[1] for one in tables)
+    regions = max(part.refractive_index.shape[1] for part in tables)
 
     def column(name: str) -> NDArray[Any]:
-        parts: list[NDArray[Any]] = [getattr(one, name) for one in tables]
+        parts: list[NDArray[Any]] = [getattr(part, name) for part in tables]
         if name in {"refractive_index", "absorption", "scattering", "anisotropy"}:
             parts = [np.pad(part, ((0, 0), (0, regions - part.shape[1]))) for part in parts]
         return np.concatenate(parts)
 
     starts = batch.Starts(
-        piece=_starts(len(one.kind) for one in tables),
-        wavelength=_starts(len(one.refractive_index) for one in tables),
-        monitor=_starts(len(one.bins) for one in tables),
-        cell=_starts(len(one.grid_first) for one in tables),
-        item=_starts(len(one.grid_item) for one in tables),
-        treatment=_starts(len(one.treatments) for one in tables),
-        layer=_starts(len(one.layers) for one in tables),
+        piece=_starts(len(part.kind) for part in tables),
+        wavelength=_starts(len(part.refractive_index) for part in tables),
+        monitor=_starts(len(part.bins) for part in tables),
+        cell=_starts(len(part.grid_first) for part in tables),
+        item=_starts(len(part.grid_item) for part in tables),
+        treatment=_starts(len(part.treatments) for part in tables),
+        layer=_starts(len(part.layers) for part in tables),
     )
     return Tables(**{name: column(name) for name in Tables._fields}), starts

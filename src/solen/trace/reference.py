@@ -303,7 +303,7 @@ class Tracer:
         return weaker
 
     def _escape(self, ray: Ray) -> None:
-        """To infinity: whatever a medium that absorbs at all takes in."""
+        """To infinity; a medium with any absorption takes all of it in."""
         self._monitor(ray, ray.region, math.inf)
         lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
         fate = ABSORBED if self.mode != "count" and lossy else ESCAPED

@@ -110,7 +110,7 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
 
 
 def _shut(coating: Coating, ray: Arrival) -> bool:
-    """Whether counting, which knows no waves, sees a total reflection by a film thicker than the wavelength."""
+    """Whether counting, without waves, has a total reflection by a film thicker than the wavelength."""
     axial = ray.n1 * math.sqrt(1.0 - ray.cos**2)
     return any(film.thickness_nm > (ray.wavelength_nm or math.inf) and film.index < axial for film in coating.layers)
 

@@ -1,11 +1,11 @@
-"""What a trace returns, whichever way it was computed: detectors, monitors, ledger, and paths where asked for.
+"""Results of traces, however they were computed: detectors, monitors, ledger, and paths if kept.
 
 All powers are fractions of the emitted power. The ledger's four parts add up to 1: what receivers **detected**, what
 **escaped** to infinity, what was **absorbed** by media, walls and the backs of receivers, and what was **truncated**:
 branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface from a medium
 they were not in (counted in ``undefined``, the others in ``truncated``, and located, never dropped).
 
-Whatever way the rays were chosen, a result is a value with ``u``, what it may be off by: for independent samples a
+Every power has an uncertainty ``u_power``, however the rays were chosen: for independent samples a
 standard error, for a fan and for adaptive integration an estimate of the error.
 """
 
@@ -102,7 +102,7 @@ class Detected(Result):
     Attributes
     ----------
     power, u_power
-        Power detected, and its uncertainty: NaN where one ray cannot tell.
+        Power detected, and its uncertainty: NaN for a single ray.
     rays
         Rays or branches that arrived; after an adaptive integration all rays that it took.
     power_by_source

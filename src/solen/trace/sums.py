@@ -1,6 +1,6 @@
-"""What chunks of rays add up, and the result that it makes.
+"""Sums over chunks of rays, and the result that they make.
 
-How far the groups of rays are apart says how far the whole can be trusted.
+The spread of the groups of rays gives the uncertainty of the whole.
 """
 
 import math

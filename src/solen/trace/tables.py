@@ -68,7 +68,7 @@ class Tables(NamedTuple):
     anisotropy: NDArray[np.floating[Any]]
     """(W, R) mean cosine of the angle of scattering"""
     wavelength: NDArray[np.floating[Any]]
-    """(W,) nm; NaN where no source says what it emits"""
+    """(W,) nm; NaN where no source has a spectrum"""
     treatments: NDArray[np.floating[Any]]
     """(T, 15) surfaces"""
     layers: NDArray[np.floating[Any]]
@@ -199,11 +199,11 @@ def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Cu
     return _whole(before)
 
 
-def _smooth(one: Curve, other: Curve) -> bool:
+def _smooth(first: Curve, second: Curve) -> bool:
     """Whether two pieces join without a corner: a ray that stands at one on either of them may meet the other."""
-    if not (isinstance(one, Bezier) and isinstance(other, Bezier)):
+    if not (isinstance(first, Bezier) and isinstance(second, Bezier)):
         return False
-    arriving, leaving = unit(minus(one.b, one.control_b)), unit(minus(other.control_a, other.a))
+    arriving, leaving = unit(minus(first.b, first.control_b)), unit(minus(second.control_a, second.a))
     return dot(arriving, leaving) > 0.0 and abs(cross(arriving, leaving)) < CORNER_RAD
 
 
@@ -227,7 +227,7 @@ def _pieces(curve: Curve) -> tuple[_Piece, ...]:
         rows_of = [(kind, row(curve), curve)]
     else:
         known = ", ".join(cls.__name__ for cls in COMPILED)
-        raise DesignError(f"curve {type(curve).__name__}", limit=f"the compiled engine knows {known}")
+        raise DesignError(f"curve {type(curve).__name__}", limit=f"must be one of {known} for the compiled engine")
     return tuple(
         _Piece(kind, tuple(row) + (0.0,) * (WIDTH - len(row)), part.middle_point, _box(part, row), part)
         for kind, row, part in rows_of

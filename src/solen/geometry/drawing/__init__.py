@@ -19,7 +19,7 @@ READERS = {".dxf": read_dxf, ".svg": read_svg, ".json": read_json}
 
 
 def read_drawing(path: Path, units: str | None = None) -> Drawing:
-    """Drawing of a file; ``units`` overrules what the file says of its unit.
+    """Drawing of a file; ``units`` overrides the unit stated in the file.
 
     Raises
     ------

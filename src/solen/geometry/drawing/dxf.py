@@ -50,7 +50,7 @@ INSUNITS_MM = {
     15: 1e4,
     16: 1e5,
 }
-"""Millimetres in a unit of the header's $INSUNITS; 0 is no unit (Autodesk's DXF reference)."""
+"""Millimetres in a unit of the header's $INSUNITS; 0 means unitless (Autodesk's DXF reference)."""
 NOTES = frozenset(
     {"TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH", "ATTRIB", "ATTDEF"}
     | {"TOLERANCE", "VIEWPORT", "IMAGE", "WIPEOUT", "XLINE", "RAY", "ACAD_TABLE"}
@@ -181,7 +181,7 @@ class _Reader:
 
         def derived(u: FloatArray, n: int) -> FloatArray:
             at = low + np.clip(u, 0.0, JUST_INSIDE) * (high - low)
-            return np.array([self._at(one[n]) for one in tool.derivatives(at.tolist(), n)]) * (high - low) ** n
+            return np.array([self._at(row[n]) for row in tool.derivatives(at.tolist(), n)]) * (high - low) ** n
 
         return fitted(lambda u: derived(u, 0), lambda u: derived(u, 1), SHAPE_TOLERANCE_MM)
 

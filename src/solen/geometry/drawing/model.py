@@ -1,4 +1,4 @@
-"""What a drawing holds, whatever its file's format."""
+"""Contents of a drawing, independent of its file's format."""
 
 import re
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ from solen.plane import Point
 PIVOT = "pivot"
 EMITTER = "emitter"
 WALL = "wall"
-"""Name of a face that has none of its own."""
+"""Name of a face without a name."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 NO_UNITS_REMEDY = 'say which: body.units = "mm"'
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One curve and the name of its face; ``what`` tells it from others in an error."""
+    """One curve and the name of its face; ``what`` identifies it in an error."""
 
     name: str
     curve: Curve

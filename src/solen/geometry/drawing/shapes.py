@@ -1,4 +1,4 @@
-"""Shapes of drawing programs as curves: ellipses, and Bézier pieces of whatever degree."""
+"""Shapes of drawing programs as curves: ellipses, and Bézier pieces up to degree 3."""
 
 import math
 from collections.abc import Sequence

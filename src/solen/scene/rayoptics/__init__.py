@@ -2,9 +2,9 @@
 
 The idea: a file lists objects that may lie upon one another; here each becomes exact curves, and the plane that they
 divide becomes regions and interfaces (`arrangement`). Sources become the very rays that ray-optics sends, detectors
-become monitors, and what is not understood is returned with the reason.
+become monitors, and what is not understood is listed with the reason.
 
-The interface: `load` and `loads` give an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas of
+The interface: `load` and `loads` give an `Imported`; `recognised` says whether parsed JSON is such a file. Formulas of
 curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
 """
 

@@ -84,7 +84,7 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
     The first glass of a common stretch lends it its name and says whether it reflects in part, unless an element stands
     there, which then decides what becomes of a ray. With ``colours`` indices depend on the wavelength.
     """
-    glasses = [one for one in parts if isinstance(one, Glass)]
+    glasses = [part for part in parts if isinstance(part, Glass)]
     known: dict[Levels, str] = {}
     interfaces: list[Interface] = []
     refused: dict[str, str] = {}
@@ -92,13 +92,13 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
     for stretch in _stretches(parts, tolerance):
         owners = [parts[i] for i in stretch.owners]
         left, right = (_levels(glasses, stretch.curve, way * 4.0 * tolerance) for way in (1.0, -1.0))
-        head = next((one for one in owners if isinstance(one, Element)), owners[0])
+        head = next((owner for owner in owners if isinstance(owner, Element)), owners[0])
         if left == right and isinstance(head, Glass):
             continue
         if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
             refused[head.name] = f"a {head.behaviour} on a surface of glass"
             continue
-        if sum(isinstance(one, Element) for one in owners) > 1:
+        if sum(isinstance(owner, Element) for owner in owners) > 1:
             refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
         counts[head.name] = counts.get(head.name, 0) + 1
         sides = (known.setdefault(levels, _region_name(glasses, levels)) for levels in (left, right))
@@ -115,7 +115,7 @@ def _interface(name: str, curve: Curve, head: Glass | Element, left: str, right:
 
 
 def _region_name(glasses: Sequence[Glass], levels: Levels) -> str:
-    names = [_power(one.name, level) for one, level in zip(glasses, levels, strict=True) if level]
+    names = [_power(glass.name, level) for glass, level in zip(glasses, levels, strict=True) if level]
     return "*".join(names) or AIR
 
 
@@ -124,24 +124,24 @@ def _power(name: str, level: int) -> str:
 
 
 def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) -> Region:
-    held = [(one, level) for one, level in zip(glasses, levels, strict=True) if level]
-    if not colours or not any(one.b_um2 for one, _ in held):
-        return Region(name, math.prod(one.a**level for one, level in held))
+    held = [(glass, level) for glass, level in zip(glasses, levels, strict=True) if level]
+    if not colours or not any(glass.b_um2 for glass, _ in held):
+        return Region(name, math.prod(glass.a**level for glass, level in held))
     if min(level for _, level in held) < 0:
         raise DesignError(
             f"region {name}", limit="a dispersive glass outside its outline: walk the outline the other way"
         )
-    return Region(name, _product([one for one, level in held for _ in range(level)]))
+    return Region(name, _product([glass for glass, level in held for _ in range(level)]))
 
 
 def _product(glasses: Iterable[Glass]) -> Cauchy:
     """Cauchy's formula of the product of two dispersive glasses at most: a third would need 1/λ⁶."""
     a, b, c = 1.0, 0.0, 0.0
-    for one in glasses:
-        if c and one.b_um2:
+    for glass in glasses:
+        if c and glass.b_um2:
             limit = "of overlapping glasses at most two may be dispersive"
-            raise DesignError(f"glass {one.name}", limit=limit, remedy="set cauchyB of the others to 0")
-        a, b, c = a * one.a, a * one.b_um2 + b * one.a, b * one.b_um2 + c * one.a
+            raise DesignError(f"glass {glass.name}", limit=limit, remedy="set cauchyB of the others to 0")
+        a, b, c = a * glass.a, a * glass.b_um2 + b * glass.a, b * glass.b_um2 + c * glass.a
     return Cauchy(A=a, B_um2=b, C_um4=c)
 
 
@@ -230,7 +230,7 @@ def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
     x, z = curve.points(np.array([SOMEWHERE]))[0].tolist()
     normal = curve.normal_at((x, z))
     point = (x + aside * normal[0], z + aside * normal[1])
-    return tuple(_level(one, point) for one in glasses)
+    return tuple(_level(glass, point) for glass in glasses)
 
 
 def _level(glass: Glass, point: Point) -> int:

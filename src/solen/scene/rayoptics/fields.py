@@ -1,4 +1,4 @@
-"""Fields of one object of the file, each with its default; what is missing, of the wrong kind or unknown is told.
+"""Fields of one object of the file, each with its default; what is missing, of the wrong type or unknown is an error.
 
 The file's y points down; solen's z points up, so that a picture stays as it is: (x, y) is (x, z) = (x, −y).
 """
@@ -48,7 +48,7 @@ class UnreadError(Exception):
 
 @dataclass
 class Fields:
-    """Object number ``number`` of the file; ``unread`` are the keys that nobody has asked for yet."""
+    """Object number ``number`` of the file; ``unread`` are the keys not read yet."""
 
     number: int
     type: str

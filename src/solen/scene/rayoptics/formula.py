@@ -131,7 +131,7 @@ def _tokens(text: str) -> list[Token]:
     while at < len(text):
         match = TOKEN.match(text, at)
         if match is None:
-            _refuse(text, at, text[at], "is no sign of a formula")
+            _refuse(text, at, text[at], "is not part of a formula")
         kind, value = next((name, value) for name, value in match.groupdict().items() if value is not None)
         if kind in ("command", "operator"):
             kind, value = ("sign", LATEX_SIGNS[value]) if value in LATEX_SIGNS else ("name", value)

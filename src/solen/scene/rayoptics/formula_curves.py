@@ -3,7 +3,7 @@
 A formula gives points only. Where `CHECKED` of them lie on one line, one circle or one cubic of the parameter, to
 rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points pass all others
 within `TOLERANCE` of its size. A place that halving does not mend is a jump, which ray-optics bridges by a straight
-line, or the end of a range in which the formula has no value, which is told.
+line, or the end of a range in which the formula has no value, which is an error.
 """
 
 import math
@@ -138,7 +138,7 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]
         if len(found) + len(waiting) > MOST_PIECES:
-            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="is too wild a curve")
+            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="needs too many pieces")
     return found
 
 

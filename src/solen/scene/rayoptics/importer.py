@@ -1,7 +1,7 @@
 """From a file of ray-optics to a scene: its objects one after the other, its detectors as monitors.
 
-Whatever a file holds that is not understood is left out and told, never guessed: a whole object, or one key of it.
-Only what is no scene of ray-optics at all, or cannot be traced, is refused.
+What is not understood is left out and listed, never guessed: a whole object, or one key of it. Only a file that is
+not a scene of ray-optics, or cannot be traced, is refused.
 """
 
 import json
@@ -47,7 +47,7 @@ MOST_MODULES_DEEP = 8
 
 
 class Counted(Protocol):
-    """What a trace says of a monitor."""
+    """A trace's reading of a monitor."""
 
     @property
     def power(self) -> float:
@@ -79,10 +79,10 @@ class Detector:
     def reading(self, monitors: Mapping[str, Counted], emitted: float) -> Reading:
         """Its reading from those of its monitors; bins that no monitor has are of no length and stay 0."""
         found = [monitors[monitor.name] for monitor in self.monitors]
-        power = emitted * math.fsum(one.power for one in found)
+        power = emitted * math.fsum(reading.power for reading in found)
         if not self.bins:
             return Reading(power)
-        parts = [one.power_by_bin if len(one.power_by_bin) else np.array([one.power]) for one in found]
+        parts = [r.power_by_bin if len(r.power_by_bin) else np.array([r.power]) for r in found]
         values = np.zeros(self.bins)
         joined = np.concatenate(parts)
         values[: len(joined)] = joined
@@ -129,7 +129,7 @@ class Imported:
 
     def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
         """Readings of all detectors from a trace's monitors."""
-        return {one.name: one.reading(monitors, self.scene.emitted) for one in self.detectors}
+        return {detector.name: detector.reading(monitors, self.scene.emitted) for detector in self.detectors}
 
 
 def load(path: Path | str, *, facets: bool = False) -> Imported:
@@ -153,7 +153,7 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
     Raises
     ------
     DataError
-        Where it is no scene of ray-optics of version 5.
+        Where it is not a scene of ray-optics, version 5.
     DesignError
         Where its scene cannot be traced: it has no light, or an index below 1.
     """
@@ -174,7 +174,7 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
 
 
 def recognised(data: object) -> bool:
-    """Whether parsed JSON has the form of a scene of ray-optics, of whatever version."""
+    """Whether parsed JSON has the form of a scene of ray-optics, of any version."""
     return isinstance(data, dict) and isinstance(data.get("objs"), list) and "version" in data
 
 
@@ -213,8 +213,8 @@ class _Scene:
         for name, reason in found.refused:
             self._miss(*self.named[name], None, reason)
         if not self.sources:
-            why = "; ".join(str(one) for one in self.missed[:2])
-            limit = f"no light that is understood{f' ({why})' if why else ''}"
+            why = "; ".join(map(str, self.missed[:2]))
+            limit = f"no source that is understood{f' ({why})' if why else ''}"
             raise DataError(self.where, limit=limit, remedy="add a source")
         scene = Scene(
             found.regions,
@@ -265,7 +265,7 @@ class _Scene:
             if isinstance(item, dict):
                 yield from self._unfolded(number, item, 0)
             else:
-                self._miss(number, "object", None, "is no object")
+                self._miss(number, "object", None, "is not an object")
 
     def _unfolded(self, number: int, item: dict[str, Any], depth: int) -> Iterator[tuple[int, dict[str, Any]]]:
         if item.get("type") != "ModuleObj":
@@ -275,15 +275,15 @@ class _Scene:
         modules = self.data.get("modules") or {}
         definition = modules.get(name) if isinstance(modules, dict) and isinstance(name, str) else None
         if not isinstance(definition, dict) or depth > MOST_MODULES_DEEP:
-            self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it is in itself")
+            self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it contains itself")
             return
         try:
             inner = unfolded(definition, item.get("points", []), item.get("params", {}))
         except SolenError as bad:
             self._miss(number, "ModuleObj", str(name), str(bad))
             return
-        for one in inner:
-            yield from self._unfolded(number, one, depth + 1)
+        for part in inner:
+            yield from self._unfolded(number, part, depth + 1)
 
     def _read(self, number: int, item: dict[str, Any]) -> None:
         """Take one object in, or say why not."""
@@ -361,7 +361,7 @@ def _span(objects: list[Any]) -> float:
         if isinstance(item, dict):
             waiting += item.values()
             numbers = (item.get(key) for key in ("x", "y"))
-            found += [float(one) for one in numbers if isinstance(one, int | float) and abs(one) <= LARGEST]
+            found += [float(x) for x in numbers if isinstance(x, int | float) and abs(x) <= LARGEST]
         elif isinstance(item, list):
             waiting += item
     return max(found) - min(found) if found else 0.0

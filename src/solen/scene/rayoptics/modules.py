@@ -43,7 +43,7 @@ class Scope:
         """With one definition more: a variable, or a function of variables."""
         if function := FUNCTION.match(text):
             name, names, body = function.groups()
-            variables = tuple(one.strip() for one in names.split(","))
+            variables = tuple(variable.strip() for variable in names.split(","))
             formula = parse(body, (*self.values, *variables), self.functions)
             values = dict(self.values)
 
@@ -69,7 +69,7 @@ class Expression:
         return replace(self, variables=(variable,))
 
     def compiled(self) -> Function:
-        """As a function of its variables in their order; `DataError` where it is no formula."""
+        """As a function of its variables in their order; `DataError` where it is not a formula."""
         formula = parse(self.text, (*self.scope.values, *self.variables), self.scope.functions)
         values, names = dict(self.scope.values), self.variables
 
@@ -85,7 +85,7 @@ def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> lis
     Raises
     ------
     DataError
-        For what is no formula, has no value, or is repeated too often.
+        Where a formula is invalid or has no value, or a loop is too long.
     """
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")
@@ -133,7 +133,7 @@ def _range(text: Any, scope: Scope) -> tuple[str, float, float, float, float]:
     parts = rest.split(":")
     if not equals or len(parts) not in (3, 4):
         raise DataError(f"range {text!r}", limit="must be name=start:step:end or name=start:step:end:default")
-    start, step, end = (scope.number(one) for one in parts[:3])
+    start, step, end = (scope.number(part) for part in parts[:3])
     return name.strip(), start, step, end, scope.number(parts[3]) if len(parts) == 4 else start
 
 
@@ -145,7 +145,7 @@ def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
             continue
         kept = {key: value for key, value in item.items() if key not in ("for", "if")}
         rounds = _rounds(item.get("for", []), scope, limit)
-        found += [_any(kept, one, limit) for one in rounds if "if" not in item or one.number(str(item["if"]))]
+        found += [_any(kept, turn, limit) for turn in rounds if "if" not in item or turn.number(str(item["if"]))]
     return found
 
 
@@ -159,7 +159,7 @@ def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
     if total > limit:
         raise DataError("for", value=f"{total} rounds", limit=f"must be at most {limit} (maxLoopLength)")
     for chosen in itertools.product(*series):
-        yield scope.with_values(dict(zip((one[0] for one in ranges), chosen, strict=True)))
+        yield scope.with_values(dict(zip((loop[0] for loop in ranges), chosen, strict=True)))
 
 
 def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:

@@ -1,4 +1,4 @@
-"""What stands in the light: glasses, mirrors, walls and ideal elements of the file, as outlines and curves."""
+"""Optical elements: glasses, mirrors, walls and ideal elements of the file, as outlines and curves."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -33,9 +33,9 @@ Outline = Callable[[Fields, "World"], Sequence[Curve]]
 
 @dataclass(frozen=True)
 class World:
-    """What objects must know of their scene: its length scale, whether colours count, how far it reaches.
+    """What objects need from their scene: its length scale, whether colours count, how far it reaches.
 
-    ``facets`` says that curves of formulas shall be the polylines that ray-optics makes of them.
+    With ``facets`` curves of formulas become the polylines that ray-optics makes of them.
     """
 
     length_scale: float
@@ -249,7 +249,7 @@ def _between_formulas(fields: Fields, world: World) -> list[Curve]:
 
 
 def _over(base: Segment, formula: Expression) -> At:
-    """Point over a place along a base: the formula knows the base as −1 to 1, and its half as the unit of heights."""
+    """Point over a place along a base, which runs from −1 to 1 in the formula; its half is the unit of heights."""
     half, direction, height = 0.5 * base.length_mm, unit(minus(base.b, base.a)), formula.compiled()
 
     def at(place: float) -> Point:

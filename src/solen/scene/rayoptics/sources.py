@@ -22,7 +22,7 @@ MOST_RAYS = 2_000_000
 PER_TURN = 500
 STEP = 1.0 / PER_TURN
 SHORT_OF_END = 1e-5
-"""How far in rad from the end of an angle there is no ray any more."""
+"""Angle in rad before the end of a cone in which no ray starts."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Placed:
 
 @dataclass
 class Lamps:
-    """What sources must know of their scene, and its random numbers."""
+    """What sources need from their scene, and its random numbers."""
 
     density: float
     length_scale: float

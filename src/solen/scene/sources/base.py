@@ -1,6 +1,6 @@
-"""What every source is: numbered rays, each a point of the unit cube.
+"""The interface of sources: numbered rays, each a point of the unit cube.
 
-In the plane a ray is placed by some numbers, in space by as many or more; a source that knows nothing of space stays in
+In the plane a ray is placed by some numbers, in space by as many or more; a source without a form in space stays in
 the plane y = 0 there.
 """
 
@@ -119,12 +119,12 @@ class Source(ABC):
         return (self.space_dimensions if in_space else self.shape_dimensions) + (len(self.spectrum) > 1)
 
     def check(self) -> None:
-        """`DesignError` where the source cannot launch what it says; a scene checks its sources."""
+        """`DesignError` where the source cannot launch its rays; a scene checks its sources."""
         check_count("source rays", self.rays, 1)
         check_numbers("source", self.power)
         if not LEAST_POWER <= self.power <= MOST_POWER:
             limit = f"must be from {LEAST_POWER:g} to {MOST_POWER:g}"
-            raise DesignError("source power", value=self.power, limit=limit, remedy="powers count against one another")
+            raise DesignError("source power", value=self.power, limit=limit, remedy="only ratios of powers matter")
         check_range("source s_share", self.s_share, 0.0, 1.0)
         for line in self.spectrum:
             _check_line(line)

@@ -29,7 +29,7 @@ class Emitter(LineSource):
     cone_deg
         Full opening angle beyond which nothing is emitted: 360 for light to the side and to the back.
     width_mm, height_mm
-        Size across the axis in the plane, and along y; 0 for a point or a line. The plane knows no height.
+        Size across the axis in the plane, and along y; 0 for a point or a line. In the plane the height has no effect.
     y_mm
         Height of its middle over the middle of the slab.
     """

@@ -209,8 +209,8 @@ class PatternTable(AngularPattern):
         for (low, first), (high, last) in pairwise(zip(angle, value, strict=True)):
             slope = (last - first) / (high - low)
             left.append(Stretch(low, high, first - slope * low, slope, 0.0))
-        right = [Stretch(-one.high, -one.low, one.base, -one.slope, 0.0) for one in reversed(left)]
-        return tuple(one for one in (*right, *left) if one.most > 0.0)
+        right = [Stretch(-part.high, -part.low, part.base, -part.slope, 0.0) for part in reversed(left)]
+        return tuple(part for part in (*right, *left) if part.most > 0.0)
 
     def solid_angle_sr(self, half: float) -> float:
         """See :meth:`AngularPattern.solid_angle_sr`."""

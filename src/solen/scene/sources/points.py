@@ -110,7 +110,7 @@ class Net:
         """What each value of a byte of the number contributes to a coordinate, by byte and coordinate."""
         digits = self.directions.shape[1]
         starts = range(0, digits, 8)
-        return [[_table(one[start : start + 8].tolist()) for one in self.directions] for start in starts]
+        return [[_table(row[start : start + 8].tolist()) for row in self.directions] for start in starts]
 
 
 def _table(directions: list[int]) -> IntArray:

@@ -91,7 +91,7 @@ class RayFile(Source):
         return found.line is not None and found.spectrum == self.spectrum
 
     def _which(self, u: FloatArray) -> IntArray:
-        """Which rays: one after the other where all are asked for, by their power otherwise."""
+        """Which rays: in turn where all of them are launched, else drawn by their power."""
         power = self.file.power
         if self.rays == len(power):
             return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)

@@ -6,7 +6,7 @@ with the format's number 1010, the number of rays, the unit of length and the ki
 Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, says in flags which numbers each ray
 has, and may hold tables of spectra; lengths are in mm (IES TM-25-13, section 4.7).
 
-What a file says is taken as it is or refused, with the place: nothing is guessed, and no ray is left out.
+A file is read as it is or refused, with the place: nothing is guessed, and no ray is left out.
 """
 
 import struct
@@ -39,7 +39,7 @@ class RaySet:
     """Rays of a file in its own frame: points in mm and unit directions (N, 3), powers (N,) that add up to 1.
 
     ``spectrum`` are wavelengths in nm with weights, none where the file states none; ``line`` (N,) is which of them
-    each ray has, or None where the rays are not told apart by colour.
+    each ray has, or None where the file states no wavelengths by ray.
     """
 
     point_mm: FloatArray
@@ -68,8 +68,8 @@ def read_rays(path: Path | str) -> RaySet:
     Raises
     ------
     DataError
-        Where the file cannot be read, is of another format, is cut short or holds more than it says, or where a ray is
-        none: with the place and the reason.
+        Where the file cannot be read, is of another format, truncated or longer than its header states, or where a ray
+        is invalid: with the place and the reason.
     """
     path = Path(path)
     try:
@@ -91,7 +91,9 @@ def _read(path: Path, _changed: int) -> RaySet:
         return _tm25(data, what)
     if len(data) >= 4 and struct.unpack_from("<i", data)[0] == ZEMAX_NUMBER:
         return _zemax(data, what)
-    raise DataError(what, limit="is no binary Zemax file of version 1010 and no TM-25 file", remedy="convert it to one")
+    raise DataError(
+        what, limit="is neither a binary Zemax file of version 1010 nor a TM-25 file", remedy="convert it to one"
+    )
 
 
 def _zemax(data: bytes, what: str) -> RaySet:
@@ -211,10 +213,10 @@ def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
 
 
 def _short(what: str, where: str, found: int, needed: int) -> DataError:
-    limit = f"is cut short in {where}: {found} bytes, at least {needed} needed"
+    limit = f"is truncated in {where}: {found} bytes, at least {needed} needed"
     return DataError(what, limit=limit, remedy="get the file again")
 
 
 def _no_power(what: str) -> DataError:
-    limit = "its flux is luminous, of no single wavelength: it says nothing of power"
+    limit = "its flux is luminous and of no single wavelength: the power is unknown"
     return DataError(what, limit=limit, remedy="get the file with radiant flux")
