@@ -237,7 +237,7 @@ SAMPLINGS = [
     (["--sampling", "sobol", "--tolerance", "1e-6"], "is of --sampling adaptive"),
     *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
     ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
-    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration knows count and power"),
+    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration needs count or power"),
     *(([*ADAPTIVE, *more], f"{more[0]}{{}}; has no meaning with --sampling adaptive".format(
         f" = '{more[1]}'" if len(more) > 1 and more[1][0].isalnum() else "")) for more in
       (["--seed", "1"], ["--precision", "single"], ["--histogram", "4"], ["--rays", "50"], ["--paths", "--json"])),

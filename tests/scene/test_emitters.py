@@ -156,7 +156,7 @@ def test_an_emission_is_where_the_rays_are() -> None:
 
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: CosinePower(-1.0), "exponent"),
-    (lambda: PatternTable((0.0, 10.0), (1.0,)), "as many of both"),
+    (lambda: PatternTable((0.0, 10.0), (1.0,)), "equal number"),
     (lambda: PatternTable((1.0, 10.0), (1.0, 1.0)), "ascend from 0"),
     (lambda: PatternTable((0.0, 50.0, 50.0), (1.0, 1.0, 1.0)), "ascend"),
     (lambda: PatternTable((0.0, 190.0), (1.0, 1.0)), "180"),

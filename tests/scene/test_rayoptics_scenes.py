@@ -263,10 +263,10 @@ def test_what_is_unknown_is_told_and_the_rest_is_read() -> None:
         "object 5, CircleGlass, refIndex: must be a number, not 'high'; the object is left out",
         "object 6, CustomMirror: formula 'x.real' at character 2 = '.'; is no sign of a formula; "
         "the object is left out",
-        "object 7, ModuleObj, module: there is no module 'none', or it is in itself",
+        "object 7, ModuleObj, module: there is no module 'none', or it contains itself",
         "object 8, Beam, random: the scene has no randomSeed, so that its rays differ from time to time; "
         "the object is left out",
-        "object 10, object: is no object",
+        "object 10, object: is not an object",
         "scene, weather: unknown key",
     ]
     assert [i.name for i in found.scene.interfaces] == ["mirror1.1"]
@@ -295,9 +295,9 @@ def test_a_bad_file_is_refused_in_one_line(content: str, told: str, tmp_path: Pa
 
 
 def test_a_scene_without_light_and_an_index_below_1_are_refused() -> None:
-    with pytest.raises(DataError, match="no light that is understood; add a source"):
+    with pytest.raises(DataError, match="no source that is understood; add a source"):
         scene(circle(0, 0, 1))
-    with pytest.raises(DataError, match=r"no light that is understood \(object 1, Lantern: .*\)"):
+    with pytest.raises(DataError, match=r"no source that is understood \(object 1, Lantern: .*\)"):
         scene({"type": "Lantern"})
     with pytest.raises(DesignError, match="at least 1"):
         scene(LAMP, circle(0, 0, 1, refIndex=0.8))

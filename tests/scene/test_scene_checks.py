@@ -52,9 +52,9 @@ def test_a_sound_scene_says_what_it_holds() -> None:
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"regions": (AIR, AIR)}, "scene region = 'air'; the name is taken twice"),
-        ({"interfaces": (FACE, FACE)}, "scene interface = 'face'; the name is taken twice"),
-        ({"interfaces": (EYE,), "monitors": (Monitor("eye", (0.0, 0.0), (1.0, 0.0)),)}, "'eye'; the name is taken"),
+        ({"regions": (AIR, AIR)}, "scene region = 'air'; must be unique"),
+        ({"interfaces": (FACE, FACE)}, "scene interface = 'face'; must be unique"),
+        ({"interfaces": (EYE,), "monitors": (Monitor("eye", (0.0, 0.0), (1.0, 0.0)),)}, "'eye'; must be unique"),
         ({"monitors": (Monitor("m", (0.0, 0.0), (1.0, 0.0)),) * 2}, "scene detector = 'm'"),
         ({"regions": (AIR,)}, "interface face = 'glass'; no such region; there are air"),
         ({"regions": (AIR, Region("glass", 0.99))}, "region glass index = 0.99; must be at least 1"),
@@ -272,13 +272,14 @@ def test_a_scene_knows_its_wavelengths() -> None:
 def test_all_sources_have_a_spectrum_or_none_has(sources: tuple[Source, ...]) -> None:
     line = refused(sources=sources)
     assert (
-        f"source spectrum = 'missing in 1 of {len(sources)}'; all sources of a scene have a spectrum, or none" in line
+        f"source spectrum = 'missing in 1 of {len(sources)}'; either all sources of a scene have a spectrum, or none"
+        in line
     )
 
 
 def test_an_index_that_depends_on_the_wavelength_needs_one() -> None:
     line = refused(regions=(AIR, Region("glass", RESIN)))
-    assert "region glass = 'an index that depends on the wavelength'; every source must say what it emits" in line
+    assert "region glass = 'an index that depends on the wavelength'; every source needs a spectrum" in line
     assert "give the sources a spectrum, or the region a number" in line
     assert scene(regions=(AIR, Region("glass", RESIN)), sources=(RED,)).regions[1].index == RESIN
 

@@ -264,7 +264,7 @@ class Bent(Segment):
 @pytest.mark.parametrize("curve", [Bent((0.0, 0.0), (1.0, 0.0))])
 def test_what_cannot_be_written_is_told(curve: Curve) -> None:
     scene = Scene((Region("air", 1.0),), (Interface("i", curve, "air", "air"),), (SOURCES_HERE[0],))
-    with pytest.raises(DesignError, match="Bent; JSON knows segment, arc, parabola, cartesian-oval") as refusal:
+    with pytest.raises(DesignError, match="Bent; a scene file holds segment, arc, parabola, cartesian-oval") as refusal:
         scenes.dumps(scene)
     assert len(str(refusal.value).splitlines()) == 1
 
@@ -362,7 +362,7 @@ class Own(Cauchy):
 def test_an_index_that_cannot_be_written_is_told() -> None:
     source = dataclasses.replace(SOURCES_HERE[0], spectrum=SPECTRUM)
     scene = Scene((Region("air", Own(A=1.2)),), (Interface("i", CURVES_HERE[0], "air", "air"),), (source,))
-    with pytest.raises(DesignError, match="Own; JSON knows number, table, cauchy, sellmeier"):
+    with pytest.raises(DesignError, match="Own; a scene file holds number, table, cauchy, sellmeier"):
         scenes.dumps(scene)
 
 

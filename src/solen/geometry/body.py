@@ -1,8 +1,8 @@
 """A body: closed outlines of named exact curves, and where its emitter stands.
 
 Geometry is independent of optics. An outline is walked with the material on its left: the outer one
-counter-clockwise, a hole clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another and that they are so
-oriented, and names the place where it is not.
+counter-clockwise, a hole clockwise. :meth:`Body.check` proves that each is closed and simple, that none crosses another
+and that they are so oriented, and names the place where it is not.
 """
 
 import math

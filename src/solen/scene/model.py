@@ -52,7 +52,7 @@ class Region:
             raise DesignError(
                 f"region {self.name}",
                 value="an index that depends on the wavelength",
-                limit="every source must say what it emits",
+                limit="every source needs a spectrum",
                 remedy="give the sources a spectrum, or the region a number",
             )
         return self.index.index(wavelength_nm)
@@ -197,20 +197,21 @@ class Scene:
     def _check_surface(self, interface: Interface) -> None:
         """What a surface says must mean something for its interface."""
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
-        if behaviour == "lens" and surface.focal_mm is None:
-            raise DesignError(what, limit="a lens needs surface.focal_mm")
-        if behaviour == "splitter" and interface.surface is None:
-            raise DesignError(what, limit="a splitter needs a surface with its transmitted share")
-        if behaviour in ("splitter", "lens") and interface.left != interface.right:
-            raise DesignError(what, value=behaviour, limit="must have the same region on both sides")
-        if (behaviour == "lens" or surface.focal_mm is not None) and not isinstance(interface.curve, Segment):
-            raise DesignError(what, value="focal_mm", limit="an ideal element is a straight segment")
-        if surface.focal_mm is not None and behaviour not in ("lens", "mirror"):
-            raise DesignError(what, value="focal_mm", limit=f"has no meaning for behaviour {behaviour}")
-        if behaviour in ("absorbing", "receiver") and (surface.is_random or surface.coating):
-            raise DesignError(what, value=behaviour, limit="takes all light: no scatter, texture or coating on it")
-        if surface.coating and behaviour != "refracting":
-            raise DesignError(what, value=behaviour, limit="a coating needs a refracting interface")
+        is_ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
+        absorbs, coated = behaviour in ("absorbing", "receiver"), surface.coating is not None
+        straight, one_medium = isinstance(interface.curve, Segment), interface.left == interface.right
+        refusals = (
+            (behaviour == "lens" and not focuses, None, "a lens needs surface.focal_mm"),
+            (behaviour == "splitter" and interface.surface is None, None, "needs a surface with its transmitted share"),
+            (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
+            (focuses and not straight, "focal_mm", "an ideal element is a straight segment"),
+            (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"has no meaning for behaviour {behaviour}"),
+            (absorbs and (surface.is_random or coated), behaviour, "absorbs all light: no scatter, texture or coating"),
+            (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
+        )
+        for wrong, value, limit in refusals:
+            if wrong:
+                raise DesignError(what, value=value, limit=limit)
         if surface.coating and not self.wavelengths_nm:
             limit = "a coating needs wavelengths"
             raise DesignError(what, value="sources without spectrum", limit=limit, remedy="give the sources a spectrum")

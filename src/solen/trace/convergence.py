@@ -85,7 +85,7 @@ def convergence(
     check_mode(mode)
     check_count("most_rays", most_rays, LEAST_RAYS)
     if not scene.receivers:
-        raise DesignError("convergence", value="no receiver", limit="is that of the power at receivers")
+        raise DesignError("convergence", value="no receiver", limit="needs a receiver, whose power converges")
     if any(isinstance(source, Rays) for source in scene.sources):
         raise DesignError("convergence", value="a list of rays", limit="needs sources of any number of rays")
     whole: Mode = "power" if mode == "roulette" else mode

@@ -10,14 +10,16 @@ never exceeds the logarithm of the least weight. The stronger part keeps the bra
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 
 from solen.curve import ROUNDING
 from solen.interface import fresnel, reflected, refracted
 from solen.plane import Point, Rigid, along, cross, dot, minus
-from solen.scene import Interface, Launch, Region, Scene, Surface
+from solen.scene import Interface, Region, Scene, Surface
 from solen.trace.kernel.surface import chance, chance_of
 from solen.trace.kernel.treated import FREE_PATH, PHASE
 from solen.trace.reference_surfaces import Arrival, draws, treated
@@ -79,23 +81,21 @@ def trace_reference(
     """Trace every ray of every source; see `solen.trace.engine.trace` for the parameters."""
     check_mode(mode)
     tracer = Tracer(scene, mode, limits or Limits(), seed)
-    number = 0
-    for which, source in enumerate(scene.sources):
-        launch = source.launch()
-        for i in range(len(launch)):
-            wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
-            ray = launched(launch, i, number, tracer.limits)
-            tracer.follow(replace(ray, source=which, wavelength_nm=wavelength_nm))
-            number += 1
+    for ray in launched(scene, tracer.limits):
+        tracer.follow(ray)
     return tracer.result(legs)
 
 
-def launched(launch: Launch, i: int, number: int, limits: Limits) -> Ray:
-    """Ray i of a launch, under the number that it has among all sources'."""
-    s, p = float(launch.power_s[i]), float(launch.power_p[i])
-    origin = (float(launch.x_mm[i]), float(launch.z_mm[i]))
-    direction = (float(launch.dx[i]), float(launch.dz[i]))
-    return Ray(number, 0, origin, direction, s, p, limits.min_weight * (s + p))
+def launched(scene: Scene, limits: Limits) -> Iterator[Ray]:
+    """Rays of all sources as they start, numbered over all of them."""
+    number = count()
+    for which, source in enumerate(scene.sources):
+        launch = source.launch()
+        columns = (launch.x_mm, launch.z_mm, launch.dx, launch.dz, launch.power_s, launch.power_p)
+        for x, z, dx, dz, s, p, line in zip(*(column.tolist() for column in columns), launch.line, strict=True):
+            nm = source.spectrum[line][0] if source.spectrum else None
+            least = limits.min_weight * (s + p)
+            yield Ray(next(number), 0, (x, z), (dx, dz), s, p, least, source=which, wavelength_nm=nm)
 
 
 class Tracer:

@@ -82,7 +82,9 @@ class _InTurns(Tracer):
 
     def run(self) -> None:
         """Rounds until no ray is left."""
-        self.places = [_Place(ray, alone, []) for ray, alone in self._launched()]
+        fresh = self.turns.fresh or (False,) * self.scene.rays
+        rays = zip(launched(self.scene, self.limits), fresh, strict=True)
+        self.places = [_Place(ray, alone, []) for ray, alone in rays]
         left = True
         while left:
             left, last, self.turn = False, NOTHING, 0
@@ -92,16 +94,6 @@ class _InTurns(Tracer):
                     last = self._meet(place, last)
                     left = left or self.places[self.turn] is not None
                 self.turn += 1
-
-    def _launched(self) -> list[tuple[Ray, bool]]:
-        found: list[tuple[Ray, bool]] = []
-        for which, source in enumerate(self.scene.sources):
-            launch = source.launch()
-            for i in range(len(launch)):
-                wavelength_nm = source.spectrum[launch.line[i]][0] if source.spectrum else None
-                ray = replace(launched(launch, i, len(found), self.limits), source=which, wavelength_nm=wavelength_nm)
-                found.append((ray, bool(self.turns.fresh) and self.turns.fresh[len(found)]))
-        return found
 
     def _meet(self, place: _Place, last: str) -> str:
         """Take one turn, and say what was met; ``last`` is what the ray before met."""

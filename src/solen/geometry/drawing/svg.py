@@ -122,7 +122,7 @@ class _Reader:
         target = next((element.get(key) for key in HREFS if element.get(key)), "")
         original = self._by_id.get((target or "").removeprefix("#"))
         if original is None or depth > MOST_CLONES:
-            raise DataError(f"{self._where}: use", value=target, limit="clones nothing, or itself")
+            raise DataError(f"{self._where}: use", value=target, limit="must refer to another element of the drawing")
         shift = Affine(1.0, 0.0, 0.0, 1.0, _number(element.attrib, "x"), _number(element.attrib, "y"))
         self._element(original, onto.after(shift), name, depth + 1)
 

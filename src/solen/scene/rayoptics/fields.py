@@ -62,12 +62,17 @@ class Fields:
         self.unread.discard(key)
         return self.data.get(key)
 
-    def number_of(self, key: str, default: float | None = None) -> float:
-        """A finite number."""
+    def number_of(
+        self, key: str, default: float | None = None, *, above: float = -math.inf, least: float = -math.inf
+    ) -> float:
+        """A finite number within limits."""
         value = self._value(key)
-        if value is None and default is not None and key not in self.data:
-            return default
-        return finite(key, value)
+        number = default if default is not None and key not in self.data else finite(key, value)
+        if not number > above:
+            raise UnreadError(key, f"must be above {above:g}, not {number:g}")
+        if not number >= least:
+            raise UnreadError(key, f"must be at least {least:g}, not {number:g}")
+        return number
 
     def _of_type(self, key: str, kind: builtins.type[T], default: T, what: str) -> T:
         value = self._value(key)

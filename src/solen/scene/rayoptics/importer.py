@@ -231,9 +231,7 @@ class _Scene:
         )
 
     def _world(self) -> World:
-        scale = self.settings.number_of("lengthScale", 1.0)
-        if not scale > 0.0:
-            raise UnreadError("lengthScale", f"must be above 0, not {scale:g}")
+        scale = self.settings.number_of("lengthScale", 1.0, above=0.0)
         return World(scale, self.settings.flag("simulateColors"), _span(self.data["objs"]), self.facets)
 
     def _lamps(self) -> Lamps:

@@ -46,9 +46,7 @@ class World:
 
 def glass(fields: Fields, name: str, outline: Sequence[Curve], world: World, **how: bool) -> list[Glass]:
     """A glass with the keys that all glasses have."""
-    index, b = fields.number_of("refIndex", 1.5), fields.number_of("cauchyB", 0.004)
-    if not index > 0.0:
-        raise UnreadError("refIndex", f"must be above 0, not {index:g}")
+    index, b = fields.number_of("refIndex", 1.5, above=0.0), fields.number_of("cauchyB", 0.004)
     partial = fields.flag("partialReflect", True)
     return [Glass(name, tuple(outline), index, b if world.colours else 0.0, partial, **how)]
 

@@ -68,9 +68,7 @@ Emission = Callable[[Fields, Lamps], list[Placed]]
 
 def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
     """Sources of one object, of rays of one brightness each, and which rays begin anew."""
-    wavelength_nm = fields.number_of("wavelength", GREEN_NM)
-    if not wavelength_nm > 0.0:
-        raise UnreadError("wavelength", f"must be above 0, not {wavelength_nm:g}")
+    wavelength_nm = fields.number_of("wavelength", GREEN_NM, above=0.0)
     placed = [ray for ray in EMISSIONS[fields.type](fields, lamps) if ray.brightness >= LEAST_POWER]
     spectrum = ((wavelength_nm, 1.0),) if lamps.colours else ()
     groups = [list(group) for _, group in groupby(placed, key=lambda ray: ray.brightness)]
@@ -86,13 +84,6 @@ def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ..
     return sources, tuple(ray.fresh for ray in placed)
 
 
-def _brightness(fields: Fields, default: float) -> float:
-    brightness = fields.number_of("brightness", default)
-    if brightness < 0.0:
-        raise UnreadError("brightness", f"must be at least 0, not {brightness:g}")
-    return brightness
-
-
 def _per_turn(density: float) -> int:
     """Directions in a full turn."""
     count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
@@ -105,7 +96,7 @@ def _single(fields: Fields, lamps: Lamps) -> list[Placed]:  # noqa: ARG001  one 
     origin, other = fields.point("p1"), fields.point("p2")
     if origin == other:
         raise UnreadError("p2", "is the same point as p1")
-    return [Placed(origin, minus(other, origin), _brightness(fields, 1.0), fresh=True)]
+    return [Placed(origin, minus(other, origin), fields.number_of("brightness", 1.0, least=0.0), fresh=True)]
 
 
 def _upwards(angle: float) -> Point:
@@ -124,7 +115,7 @@ def _angles(start: float, end: float, step: float) -> Iterator[float]:
 def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
     """All directions from a point."""
     origin = (fields.number_of("x"), -fields.number_of("y"))
-    brightness = _brightness(fields, 0.5)
+    brightness = fields.number_of("brightness", 0.5, least=0.0)
     density = lamps.settled(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
     first = -2.0 * step + 1e-6 if lamps.observed else 0.0
@@ -136,7 +127,10 @@ def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
 def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
     """Directions from a point about a line, or from the line on."""
     origin, aim = fields.point("p1"), fields.point("p2")
-    brightness, spread = _brightness(fields, 0.5), math.radians(fields.number_of("emisAngle", 36.001))
+    brightness, spread = (
+        fields.number_of("brightness", 0.5, least=0.0),
+        math.radians(fields.number_of("emisAngle", 36.001)),
+    )
     symmetric = fields.flag("symmetric", True)
     density = lamps.settled(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
@@ -155,7 +149,10 @@ def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
     a, b = fields.point("p1"), fields.point("p2")
     if a == b:
         raise UnreadError("p2", "is the same point as p1")
-    brightness, half = _brightness(fields, 0.5), math.radians(fields.number_of("emisAngle", 0.0)) / 2.0
+    brightness, half = (
+        fields.number_of("brightness", 0.5, least=0.0),
+        math.radians(fields.number_of("emisAngle", 0.0)) / 2.0,
+    )
     lambert, random = fields.flag("lambert"), fields.flag("random")
     scale = lamps.length_scale
 

@@ -125,7 +125,7 @@ class Rays(Source):
         super().check()
         if len(self.origins) != len(self.directions):
             found = f"{len(self.origins)} origins, {len(self.directions)} directions"
-            raise DesignError("rays", value=found, limit="must be as many of both")
+            raise DesignError("rays", value=found, limit="must be of equal number")
         check_points("rays", *self.origins, *self.directions)
         if any(not math.hypot(*direction) > 0.0 for direction in self.directions):
             raise DesignError("rays", value="a direction (0, 0)", limit="must have a length")

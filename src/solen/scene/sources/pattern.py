@@ -162,7 +162,7 @@ class PatternTable(AngularPattern):
         check_numbers("pattern relative", *self.relative)
         if len(self.angle_deg) != len(self.relative) or len(self.angle_deg) < 2:
             found = f"{len(self.angle_deg)} angles, {len(self.relative)} intensities"
-            raise DesignError("pattern", value=found, limit="must be as many of both, at least 2")
+            raise DesignError("pattern", value=found, limit="must be of equal number, at least 2")
         if self.angle_deg[0] != 0.0 or self.angle_deg[-1] > 180.0 or any(a >= b for a, b in pairwise(self.angle_deg)):
             raise DesignError("pattern angle_deg", value=self.angle_deg, limit="must ascend from 0, up to 180 at most")
         if not min(self.relative) >= 0.0 or not max(self.relative) > 0.0:
