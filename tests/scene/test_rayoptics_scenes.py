@@ -261,7 +261,7 @@ def test_what_is_unknown_is_told_and_the_rest_is_read() -> None:
         "object 3, Mirror, shiny: unknown key",
         "object 4, Mirror, p2: is missing; the object is left out",
         "object 5, CircleGlass, refIndex: must be a number, not 'high'; the object is left out",
-        "object 6, CustomMirror: formula 'x.real' at character 2 = '.'; is no sign of a formula; "
+        "object 6, CustomMirror: formula 'x.real' at character 2 = '.'; is not part of a formula; "
         "the object is left out",
         "object 7, ModuleObj, module: there is no module 'none', or it contains itself",
         "object 8, Beam, random: the scene has no randomSeed, so that its rays differ from time to time; "

@@ -95,7 +95,7 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
 
 def _fields(item: Any) -> dict[str, Any]:
     """Fields that differ from their defaults; those that all sources share come last."""
-    ordered = sorted(dataclasses.fields(item), key=lambda field: field.kw_only)
+    ordered = sorted(dataclasses.fields(item), key=lambda field: field.kw_only is True)
     fields = {field.name: (getattr(item, field.name), field.default) for field in ordered}
     return {name: _plain(value) for name, (value, default) in fields.items() if value != default or name == "kind"}
 
