@@ -208,7 +208,7 @@ def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[st
     rows = np.column_stack([1e3 * (signals.time_s[::5] + 7.25), signals.angle_deg[::5]])
     np.savetxt(log, rows, delimiter=";", header="t_ms;pos_deg", comments="", fmt="%.6f")
     found = result(capsys, str(volts), "--angle-file", str(log))
-    assert found["alignment"][0]["lag_s"] == pytest.approx(7.25, abs=1e-3)
+    assert found["alignment"]["daq"]["lag_s"] == pytest.approx(7.25, abs=1e-3)
     assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert len(found["sources"]) == 2
 

@@ -61,7 +61,7 @@ def test_states_may_be_words(tmp_path: Path, words: tuple[str, str], states: tup
         written(tmp_path / "a.csv", "time_s,right (V),lamp", time, values[:, 0], texts),
         DemodulationOptions(state="lamp"),
     )
-    assert found.emitters == (states[1],)
+    assert found.readings.emitters == (states[1],)
 
 
 def test_voltages_are_found_by_their_units_and_by_their_names(tmp_path: Path) -> None:

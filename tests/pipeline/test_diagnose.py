@@ -84,7 +84,7 @@ def test_a_table_and_a_design(tmp_path: Path, design: Path, capfd: pytest.Captur
     assert sensor["parameters"]["loss_per_mm"]["value"] is None
     assert sensor["parameters"]["loss_per_mm"]["determined"] is False
     assert set(sensor["not_determined"]["loss_per_mm"]) >= {"gain right", "gain left"}
-    assert len(sensor["correlations"]["of"]) == len(sensor["correlations"]["matrix"])
+    assert len(sensor["correlated"]) == len(sensor["correlations"])
     assert any("in proportion to the light" in line for line in found["warnings"])
     assert found["simulated"] is False
     assert found["sources"][0]["file"] == "S1.csv"

@@ -13,7 +13,7 @@ The interface: `align` gives an `Alignment`, whose `angle_deg` is the log's angl
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import BSpline, make_lsq_spline
@@ -22,6 +22,7 @@ from scipy.signal import fftconvolve
 from solen.analysis.motion import Motion, find_motion
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
+from solen.results import HIDDEN, Result
 
 _CELLS = 512
 _PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
@@ -36,8 +37,8 @@ _MOST = 1 << 20
 _INNER = 0.05  # share of the range at each end where a curve's slope is not known well
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Alignment(Result):
     """What a log's clock reads beside the recorder's.
 
     Attributes
@@ -57,8 +58,8 @@ class Alignment:
     u_lag_s: float
     rate_ppm: float
     u_rate_ppm: float
-    angle_deg: FloatArray
-    warnings: tuple[str, ...]
+    angle_deg: FloatArray = field(metadata=HIDDEN)
+    warnings: tuple[str, ...] = field(metadata=HIDDEN)
 
 
 def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: FloatArray) -> Alignment:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solen.analysis.alignment import align
+from solen.analysis.alignment import Alignment, align
 from solen.analysis.figures_of_merit import NEAR_ZERO_DEG
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
@@ -27,18 +27,6 @@ from solen.results import HIDDEN, Result, reported
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 """Parameters of a file that name its sensors without a lens."""
-
-
-@dataclass(frozen=True)
-class ClockOffset:
-    """How the clock of a stage's log differs from the recorder's; see `solen.analysis.alignment.Alignment`."""
-
-    file: str
-    angle_file: str
-    lag_s: float
-    u_lag_s: float
-    rate_ppm: float
-    u_rate_ppm: float
 
 
 @dataclass(frozen=True)
@@ -63,7 +51,7 @@ class Study(Result):
     lens_beside_none
         Swing without a lens beside that with one, by receiver; None unless there are both.
     alignment
-        How the clocks of logs differ from the recorders'.
+        How the clock of the log differs from the recorder's, by recording.
     options
         How the recordings were analysed.
     dark_V
@@ -80,7 +68,7 @@ class Study(Result):
     mean_of_sensors: SensorGroup | None
     mean_of_controls: SensorGroup | None
     lens_beside_none: dict[str, SwingWithoutLens] | None
-    alignment: tuple[ClockOffset, ...]
+    alignment: dict[str, Alignment]
     options: AnalysisOptions
     dark_V: float | None
     ambient_subtracted: bool
@@ -110,13 +98,13 @@ class Study(Result):
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """What one recording of a file holds."""
+    """One recording of a file: its samples with their angle, where it comes from, and how the log's clock differs."""
 
-    signals: tuple[Signals, ...]
-    provenances: tuple[Provenance, ...]
-    alignment: tuple[ClockOffset, ...]
-    ambient_subtracted: bool
-    warnings: tuple[str, ...]
+    label: str
+    samples: Waveforms
+    recording: Recording
+    log: Recording | None = None
+    alignment: Alignment | None = None
 
 
 def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
@@ -130,20 +118,22 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     options = options or AnalysisOptions()
     _check_files(files, options)
     sensors: dict[str, list[Signals]] = {}
-    parts = []
-    for part in _parts(files, options):
-        for one in part.signals:
+    provenances, alignment, warnings, bare = [], {}, list[str](), True
+    for path, part in _parts(files, options):
+        for one in _signals(part, options, path, len(files)):
             sensors.setdefault(one.label, []).append(one)
-        parts.append(replace(part, signals=()))
+        provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
+        bare &= part.samples.ambient_subtracted
+        warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
+        if part.alignment is not None:
+            alignment[part.label] = part.alignment
     _check_controls(options, sensors)
-    bare = all(part.ambient_subtracted for part in parts)
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
     lens, control = ([one for one in responses.values() if (one.lens is False) == without] for without in (False, True))
     groups = [group_of(ones) if ones else None for ones in (lens, control)]
-    warnings = [
-        *(line for part in parts for line in part.warnings),
+    warnings += [
         *_pooling_warnings(options, sensors),
         *(
             f"{one.label}: {line}" if len(responses) > 1 else line
@@ -157,11 +147,11 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         mean_of_sensors=groups[0],
         mean_of_controls=groups[1],
         lens_beside_none=_compared(*groups),
-        alignment=tuple(one for part in parts for one in part.alignment),
+        alignment=alignment,
         options=options,
         dark_V=used.dark_V,
         ambient_subtracted=bare,
-        provenances=tuple(one for part in parts for one in part.provenances),
+        provenances=tuple(provenances),
         warnings=tuple(dict.fromkeys(warnings)),
     )
 
@@ -195,7 +185,7 @@ def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dic
         raise DataError(f"{file}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
 
 
-def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[_Part]:
+def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Path, _Part]]:
     """Each recording of each file, by emitter, one after the other."""
     elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
     for number, path in enumerate(files):
@@ -204,14 +194,8 @@ def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[_Part]:
             by_emitter = waveforms(recording, options, angle="elsewhere" if elsewhere else "required")
             for emitter, samples in by_emitter.items():
                 own = ".".join(filter(None, (group, emitter)))
-                label = _label(path, stated.get("sensor"), own, len(files))
-                part = _with_angle(samples, recording, options, path, number)
-                prefix = f"{path.name}: " if len(files) > 1 else ""
-                yield replace(
-                    part[1],
-                    signals=tuple(_signals(part[0], recording, options, label, path, stated.get("lens"), len(files))),
-                    warnings=tuple(prefix + line for line in part[1].warnings),
-                )
+                part = _Part(_label(path, stated.get("sensor"), own, len(files)), samples, recording)
+                yield path, _with_angle(part, options, number)
 
 
 def _label(path: Path, stated: str | None, own: str, files: int) -> str:
@@ -222,28 +206,24 @@ def _label(path: Path, stated: str | None, own: str, files: int) -> str:
     return own if files == 1 and stated is None else f"{label}.{own}"
 
 
-def _with_angle(
-    samples: Waveforms, recording: Recording, options: AnalysisOptions, path: Path, number: int
-) -> tuple[Waveforms, _Part]:
-    """Samples with the angle that was recorded beside them, in a log, or that the protocol asked for."""
-    part = _Part((), (recording.provenance,), (), samples.ambient_subtracted, samples.warnings)
+def _with_angle(part: _Part, options: AnalysisOptions, number: int) -> _Part:
+    """The recording with the angle of a log, or of the commanded protocol, where it has none of its own."""
+    samples = part.samples
     if options.angle_file:
         log = read(options.angle_file[number if len(options.angle_file) > 1 else 0])
-        samples, offset, warnings = _with_log(samples, log, options, path)
-        provenances = (recording.provenance, log.provenance)
-        return samples, replace(
-            part, provenances=provenances, alignment=(offset,), warnings=(*part.warnings, *warnings)
-        )
-    if options.protocol is not None:
-        found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
-        return replace(samples, angle_deg=found.angle_deg), replace(part, warnings=(*part.warnings, *found.warnings))
-    return samples, part
+        alignment, warnings = _aligned(samples, log, options)
+        kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
+        kept = replace(kept, warnings=(*samples.warnings, *warnings, *alignment.warnings))
+        return replace(part, samples=kept, log=log, alignment=alignment)
+    if options.protocol is None:
+        return part
+    found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
+    warnings = [*samples.warnings, *found.warnings]
+    return replace(part, samples=replace(samples, angle_deg=found.angle_deg, warnings=tuple(warnings)))
 
 
-def _with_log(
-    samples: Waveforms, log: Recording, options: AnalysisOptions, path: Path
-) -> tuple[Waveforms, ClockOffset, list[str]]:
-    """Samples with the angle of a log on another clock, how the clocks differ, and warnings."""
+def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[str]]:
+    """How a log's clock differs from the recorder's, and assumptions about the log."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": None})
     warnings: list[str] = []
     base = sample_times(log, own, warnings)
@@ -253,31 +233,17 @@ def _with_log(
         raise DataError(file, limit="no column is recognised as the angle", remedy="name it with --angle")
     angle = logged[base.order]
     held = np.isfinite(angle)
-    found = align(samples.time_s, samples.volts, base.time_s[held], angle[held])
-    aligned = replace(samples, angle_deg=found.angle_deg).rows(np.isfinite(found.angle_deg))
-    offset = ClockOffset(path.name, file, found.lag_s, found.u_lag_s, found.rate_ppm, found.u_rate_ppm)
-    return aligned, offset, [*(f"{file}: {line}" for line in (*base.warnings, *warnings)), *found.warnings]
+    alignment = align(samples.time_s, samples.volts, base.time_s[held], angle[held])
+    return alignment, [f"{file}: {line}" for line in (*base.warnings, *warnings)]
 
 
-def _signals(
-    samples: Waveforms,
-    recording: Recording,
-    options: AnalysisOptions,
-    label: str,
-    path: Path,
-    lens: str | None,
-    files: int,
-) -> Iterator[Signals]:
+def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
     """Signals of each sensor of a recording."""
-    metadata = recording.provenance.metadata
-    stated = lens or metadata.get("lens")
-    has = None if stated is None else has_lens(stated)
-    texts = [value for key, value in metadata.items() if key.strip().casefold() in CONTROL_KEYS]
-    controls = {*options.control, *(name for text in texts for name in re.split(r"[,;\s]+", text) if name)}
-    ambient_V = ambient_by_side(recording)
-    for sensor, receivers in by_sensor(samples.receivers, label, alone=files == 1).items():
+    samples, provenance = part.samples, part.recording.provenance
+    has, controls = _stated_lens(provenance, options, path)
+    ambient_V = ambient_by_side(part.recording)
+    for sensor, receivers in by_sensor(samples.receivers, part.label, alone=files == 1).items():
         places = list(receivers.values())
-        clipped = None if samples.clipped is None else samples.clipped[:, places]
         own = has if has is not None or not controls else True
         if controls & {sensor, sensor.rpartition(".")[2]}:
             own = False
@@ -290,10 +256,19 @@ def _signals(
             volts=samples.volts[:, places],
             lens=own,
             source=path.name,
-            clipped=clipped,
-            provenance=recording.provenance,
+            clipped=None if samples.clipped is None else samples.clipped[:, places],
+            provenance=provenance,
             ambient_V=ambient_V,
         )
+
+
+def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
+    """Whether a recording is of sensors with a lens (None where nothing says so), and the labels of those without."""
+    in_name = {} if options.pattern is None else labels(path, options.pattern)
+    word = in_name.get("lens") or provenance.metadata.get("lens")
+    texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]
+    controls = {*options.control, *(name for text in texts for name in re.split(r"[,;\s]+", text) if name)}
+    return (None if word is None else has_lens(word)), controls
 
 
 def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str, SwingWithoutLens] | None:

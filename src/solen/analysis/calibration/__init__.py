@@ -10,12 +10,7 @@ The interface: `calibrated_sensors` of a `Study`; its steps `training_of` a `Sen
 `StreamDecoder` a whole stream.
 """
 
-from solen.analysis.calibration.calibrate import (
-    CalibrationOptions,
-    SensorCalibration,
-    SensorCalibrations,
-    calibrated_sensors,
-)
+from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
 from solen.analysis.calibration.decoder import Decoded, Decoder
 from solen.analysis.calibration.decoding import DecodeOptions, Decoding, StreamDecoder
@@ -35,7 +30,6 @@ __all__ = [
     "Decoding",
     "Headings",
     "Samples",
-    "SensorCalibration",
     "SensorCalibrations",
     "StreamDecoder",
     "Tracker",

@@ -11,13 +11,13 @@ from solen import __version__
 from solen.analysis.calibration.conditions import ConditionOptions, conditions
 from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
-from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Checked, Circuit, Motion, curves_of, rails_of
+from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Checked, curves_of, rails_of
 from solen.analysis.calibration.training import training_of
 from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result
 
 POOL = "pooled"
 _FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
@@ -36,77 +36,25 @@ class CalibrationOptions(ConditionOptions):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SensorCalibration(Result):
-    """A calibration with its checks; its curves are in its ``content``.
+class SensorCalibrations(Result):
+    """Calibrations of a study.
 
     Attributes
     ----------
-    content
-        What its file holds.
-    calibration
-        Its arrays.
-    check
-        Its cross-validation; None where there are too few cycles or prints.
+    calibrations
+        What their files hold.
+    checks
+        Their cross-validations; None where there are too few cycles or prints.
+    simulated
+        Whether any recording is simulated.
+    sources
+        The recordings.
     warnings
-        What it cannot show.
+        What the recordings and the calibrations cannot show.
     """
 
-    content: CalibrationFile = field(metadata=HIDDEN)
-    calibration: Calibration = field(metadata=HIDDEN)
-    check: Check | None = field(metadata=HIDDEN)
-    warnings: tuple[str, ...]
-
-    @reported
-    def sensor(self) -> str:
-        """Name of the sensor, or of the pool."""
-        return self.content.sensor
-
-    @reported
-    def prints(self) -> tuple[str, ...]:
-        """The sensors that it is made of."""
-        return self.content.prints
-
-    @reported
-    def cycles(self) -> int:
-        """Cycles used, of all prints."""
-        return self.content.cycles
-
-    @reported
-    def range_deg(self) -> tuple[float, float]:
-        """Lowest and highest calibrated angle."""
-        return float(self.calibration.angle_deg[0]), float(self.calibration.angle_deg[-1])
-
-    @reported
-    def motion(self) -> Motion:
-        """What was moved, and how far."""
-        return self.content.motion
-
-    @reported
-    def circuit(self) -> Circuit:
-        """What the voltages are."""
-        return self.content.circuit
-
-    @reported
-    def leave_one_cycle_out(self) -> Checked | None:
-        """Each cycle decoded by the others."""
-        return self.content.leave_one_cycle_out
-
-    @reported
-    def leave_one_sensor_out(self) -> Checked | None:
-        """Each print decoded by the others."""
-        return self.content.leave_one_sensor_out
-
-    @reported
-    def words(self) -> tuple[str, ...]:
-        """What the checks show, in sentences."""
-        return self.content.words
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class SensorCalibrations(Result):
-    """Calibrations of a study: each of them, whether any recording is simulated, the recordings, and warnings."""
-
-    calibrations: tuple[SensorCalibration, ...]
+    calibrations: tuple[CalibrationFile, ...]
+    checks: tuple[Check | None, ...] = field(metadata=HIDDEN)
     simulated: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[str, ...]
@@ -125,17 +73,17 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     trainings = [training_of(one) for one in sensors]
     ones = [calibrated(one) for one in trainings]
     if options.pool:
-        check = leave_one_sensor_out(trainings, ones)
-        cautions = [] if check else [f"{len(ones)} prints: three are needed to check it on a print left out"]
-        made = [_made(study, options, sensors, pooled(ones), check, cautions)]
+        checks = [leave_one_sensor_out(trainings, ones)]
+        cautions = [] if checks[0] else [f"{len(ones)} prints: three are needed to check it on a print left out"]
+        files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
     else:
-        made = []
-        for sensor, training, one in zip(sensors, trainings, ones, strict=True):
-            check = leave_one_cycle_out(training)
-            cautions = _cautions(sensor, one, check)
-            warnings += [f"{sensor.label}: {line}" for line in cautions]
-            made.append(_made(study, options, [sensor], one, check, cautions))
-    return SensorCalibrations(tuple(made), study.simulated, study.sources, (*study.warnings, *warnings))
+        checks = [leave_one_cycle_out(training) for training in trainings]
+        files = [
+            _file(study, options, [sensor], one, check, _cautions(sensor, one, check))
+            for sensor, one, check in zip(sensors, ones, checks, strict=True)
+        ]
+        warnings += [f"{file.sensor}: {line}" for file in files for line in file.warnings]
+    return SensorCalibrations(tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings))
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[str]]:
@@ -157,14 +105,14 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
     return kept, [f"without a lens and not calibrated: {bare}"] if left_out else []
 
 
-def _made(
+def _file(
     study: Study,
     options: CalibrationOptions,
     sensors: Sequence[SensorResponse],
     one: Calibration,
     check: Check | None,
     warnings: Sequence[str],
-) -> SensorCalibration:
+) -> CalibrationFile:
     runs = [run for sensor in sensors for run in sensor.runs]
     subtracted = study.ambient_subtracted and study.options.dark_V is None
     motion, circuit = conditions(
@@ -177,12 +125,13 @@ def _made(
         "speed_deg_per_s": sorted(one.speed_deg_per_s for one in motions)[len(motions) // 2],
     }
     checked = None if check is None else Checked(whole=check.whole, parts=check.parts)
-    content = CalibrationFile(
+    return CalibrationFile(
         solen=__version__,
         sensor=POOL if options.pool else sensors[0].label,
         prints=tuple(sensor.label for sensor in sensors),
         simulated=study.simulated,
         cycles=one.cycles,
+        range_deg=(float(one.angle_deg[0]), float(one.angle_deg[-1])),
         freedom_repeat=one.freedom[0],
         rails_V=rails_of(one),
         dark_V=study.dark_V,
@@ -195,7 +144,6 @@ def _made(
         sources=tuple(source.as_dict() for source in study.sources),
         warnings=tuple(warnings),
     )
-    return SensorCalibration(content, one, check, tuple(warnings))
 
 
 def _sentence(check: Check, left_out: str) -> str:

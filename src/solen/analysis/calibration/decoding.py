@@ -62,27 +62,6 @@ class DecodeOptions(ConditionOptions):
     """Time over which the heading, rising or falling, is judged."""
 
 
-@dataclass(frozen=True)
-class Against:
-    """Errors against the angle that the source itself has, within the calibrated range; as in a calibration's check."""
-
-    readings: int
-    rms_deg: float
-    worst_deg: float
-    bias_deg: float
-    within_68: float
-    within_95: float
-
-
-@dataclass(frozen=True)
-class CalibrationUsed:
-    """A calibration: its file, its sensor, and whether it is simulated."""
-
-    file: str
-    sensor: str
-    simulated: bool
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Decoding(Result):
     """What was decoded.
@@ -98,9 +77,9 @@ class Decoding(Result):
     lowest_deg, highest_deg
         Range of the angles that lie on the curve; None where none does.
     against_angle
-        Errors against the source's own angle, where it has one.
-    calibration
-        What it was decoded by.
+        Errors against the source's own angle, where it has one, within the calibrated range.
+    calibration, calibrated_sensor
+        File of the calibration, and its sensor.
     sensor
         Of the source, where it is known.
     simulated
@@ -123,8 +102,9 @@ class Decoding(Result):
     to_s: float
     lowest_deg: float | None
     highest_deg: float | None
-    against_angle: Against | None
-    calibration: CalibrationUsed
+    against_angle: Part | None
+    calibration: str
+    calibrated_sensor: str
     sensor: str | None
     simulated: bool
     interrupted: bool
@@ -168,8 +148,7 @@ class StreamDecoder:
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
         calibration = known.calibration
-        self._used = CalibrationUsed(file, known.sensor, known.simulated)
-        self._stream, self._source = stream, source
+        self._known, self._file, self._stream, self._source = known, file, stream, source
         self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
         self._tracker = Tracker(1e-3 * options.window_ms)
         self._largest_V = float(np.abs(calibration.curves_V).max())
@@ -238,10 +217,11 @@ class StreamDecoder:
             to_s=self._times_s[1],
             lowest_deg=low if math.isfinite(low) else None,
             highest_deg=high if math.isfinite(high) else None,
-            against_angle=_against(self._parts),
-            calibration=self._used,
+            against_angle=merged("source", self._parts) if self._parts else None,
+            calibration=self._file,
+            calibrated_sensor=self._known.sensor,
             sensor=self._stream.sensor,
-            simulated=self._used.simulated or self._stream.simulated,
+            simulated=self._known.simulated or self._stream.simulated,
             interrupted=interrupted,
             sources=() if provenance is None else (provenance,),
             warnings=(*self.warnings, *self._flag_warnings()),
@@ -253,13 +233,6 @@ class StreamDecoder:
             percent = 100.0 * count / max(self.counts["readings"], 1)
             if count and (name == "missing" or percent >= _TOLD):
                 yield f"{count} readings ({percent:.2g} %) {meaning}"
-
-
-def _against(parts: list[Part]) -> Against | None:
-    if not parts:
-        return None
-    one = merged("source", parts)
-    return Against(one.readings, one.rms_deg, one.worst_deg, one.bias_deg, one.within_68, one.within_95)
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[str]:

@@ -121,6 +121,7 @@ class CalibrationFile(Strict):
     prints: tuple[Text, ...] = Field(description="The sensors that it was made of.")
     simulated: bool = Field(description="Whether any recording was computed.")
     cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
+    range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
         description="Lowest and highest voltage of left and right at which readings were clipped; null for none."
@@ -128,7 +129,7 @@ class CalibrationFile(Strict):
     dark_V: Number | None = Field(None, description="Voltage without light, where it is known.")
     motion: Motion = Field(description="What was moved, and how far.")
     circuit: Circuit = Field(description="What the voltages are.")
-    curves: Curves = Field(description="Voltages over the angles, and their covariances.")
+    curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")
     leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
     words: tuple[str, ...] = Field(description="What the checks say, in sentences.")
@@ -185,7 +186,7 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 
 def text_of(one: CalibrationFile) -> str:
     """The file's text."""
-    data = {"schema": SCHEMA, **one.model_dump(mode="json")}
+    data = {"schema": SCHEMA, **one.model_dump(mode="json"), "curves": one.curves.model_dump(mode="json")}
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 

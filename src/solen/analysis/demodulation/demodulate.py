@@ -6,7 +6,7 @@ The interface: `demodulated` of a `Recording` gives a `Demodulation`; `readings_
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from solen.analysis.demodulation.samples import DemodulationOptions, Samples, li
 from solen.analysis.demodulation.slots import Slots, slots_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated, subtract
 from solen.recording import Provenance, Recording
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result
 
 REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
 """Frequencies of ambient light whose rejection is reported."""
@@ -80,8 +80,18 @@ class Demodulation(Result):
         Means of readings over whole mains periods; None unless asked for.
     options
         How it was demodulated.
-    clock
-        Of the emitters, where it was found in the waveform.
+    method
+        Where the state of the emitters comes from: ``states`` or ``waveform``.
+    clock, off_stated_ppm
+        Of the emitters, and how far it is from the stated rate, where it was found in the waveform.
+    rate_hz
+        Readings of one emitter per second; None with fewer than two.
+    readings_kept, readings_averaged
+        Number of readings, or of means and of the readings in each.
+    samples_per_slot, window_s
+        Samples of a slot, usually, and the time over which it is averaged.
+    settle_us
+        Time after each switch that is left out.
     counts
         What was missing.
     channels
@@ -101,7 +111,15 @@ class Demodulation(Result):
     readings: Demodulated = field(metadata=HIDDEN)
     means: Averaged | None = field(metadata=HIDDEN)
     options: DemodulationOptions
+    method: Literal["states", "waveform"]
     clock: Clock | None
+    off_stated_ppm: float | None
+    rate_hz: float | None
+    readings_kept: int
+    readings_averaged: int | None
+    samples_per_slot: float
+    window_s: float
+    settle_us: float
     counts: Counts
     channels: dict[str, ChannelReadings]
     rejection: tuple[Rejection, ...]
@@ -113,63 +131,6 @@ class Demodulation(Result):
     def kept(self) -> Demodulated | Averaged:
         """The readings, or the means where these were asked for."""
         return self.means or self.readings
-
-    @property
-    def window_s(self) -> float:
-        """Time over which a slot is averaged."""
-        return _window_s(self.samples, self.slots)
-
-    @reported
-    def method(self) -> str:
-        """Where the state of the emitters comes from: ``states`` or ``waveform``."""
-        return "states" if self.clock is None else "waveform"
-
-    @reported
-    def emitters(self) -> tuple[int, ...]:
-        """Numbers of the emitters."""
-        return self.readings.emitters
-
-    @reported
-    def rate_hz(self) -> float | None:
-        """Readings of one emitter per second; None with fewer than two."""
-        return 1.0 / self.readings.period_s if np.isfinite(self.readings.period_s) else None
-
-    @reported
-    def off_stated_ppm(self) -> float | None:
-        """How far the rate of the waveform is from the stated one."""
-        if self.clock is None or self.options.rate_hz is None:
-            return None
-        return 1e6 * (self.clock.rate_hz / (self.options.rate_hz * self.options.emitters) - 1.0)
-
-    @reported
-    def samples_recorded(self) -> int:
-        """Number of samples."""
-        return len(self.samples.time_s)
-
-    @reported
-    def readings_kept(self) -> int:
-        """Number of readings, or of means."""
-        return len(self.kept.time_s)
-
-    @reported
-    def readings_averaged(self) -> int | None:
-        """Readings in each mean."""
-        return None if self.means is None else self.means.readings
-
-    @reported
-    def left_out_of_means(self) -> int | None:
-        """Readings that fill no unbroken period of the mains."""
-        return None if self.means is None else self.means.left_out
-
-    @reported
-    def samples_per_slot(self) -> float:
-        """Samples of a slot, usually."""
-        return float(np.median(self.slots.samples))
-
-    @reported
-    def settle_us(self) -> float:
-        """Time after each switch that is left out."""
-        return 1e6 * self.samples.settle_s
 
 
 def demodulated(recording: Recording, options: DemodulationOptions | None = None) -> Demodulation:
@@ -194,21 +155,35 @@ def demodulated(recording: Recording, options: DemodulationOptions | None = None
     means = None
     if options.mains_hz is not None:
         means = averaged(readings, slots, readings_per_mains(readings.period_s, options.mains_hz))
-    channels = zip(samples.names, samples.units, strict=True)
+    channels, kept = zip(samples.names, samples.units, strict=True), means or readings
+    clock, window_s = samples.clock, _window_s(samples, slots)
     return Demodulation(
         samples=samples,
         slots=slots,
         readings=readings,
         means=means,
         options=options,
-        clock=samples.clock,
+        method="states" if clock is None else "waveform",
+        clock=clock,
+        off_stated_ppm=None if clock is None else _off_stated_ppm(clock, options),
+        rate_hz=1.0 / readings.period_s if np.isfinite(readings.period_s) else None,
+        readings_kept=len(kept.time_s),
+        readings_averaged=None if means is None else means.readings,
+        samples_per_slot=float(np.median(slots.samples)),
+        window_s=window_s,
+        settle_us=1e6 * samples.settle_s,
         counts=readings.counts,
-        channels={name: _channel(readings, means or readings, n, unit) for n, (name, unit) in enumerate(channels)},
-        rejection=_rejection(readings, means, _window_s(samples, slots), options),
+        channels={name: _channel(readings, kept, n, unit) for n, (name, unit) in enumerate(channels)},
+        rejection=_rejection(readings, means, window_s, options),
         simulated=recording.provenance.simulated,
         sources=(recording.provenance,),
         warnings=(*recording.warnings, *_warnings(samples, readings, means)),
     )
+
+
+def _off_stated_ppm(clock: Clock, options: DemodulationOptions) -> float:
+    stated_hz = (options.rate_hz or np.nan) * options.emitters
+    return 1e6 * (clock.rate_hz / stated_hz - 1.0)
 
 
 def _window_s(samples: Samples, slots: Slots) -> float:

@@ -33,7 +33,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import DataError, SpecError
 from solen.readout import circuit_of, face_areas_mm2
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design, load, loads
 from solen.spec.strict import Finite, Options, refused
@@ -92,14 +92,6 @@ class FittedCurve(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correlations(Result):
-    """Correlations of the fitted parameters, (a, a), in the order of their names."""
-
-    of: tuple[str, ...]
-    matrix: FloatArray
-
-
-@dataclass(frozen=True, eq=False, repr=False)
 class SensorDiagnosis(Result):
     """Diagnosis of one sensor.
 
@@ -113,6 +105,20 @@ class SensorDiagnosis(Result):
         Name of its design.
     drawn
         What a simulated bench drew for it, by key; None for others.
+    words, advice
+        What the recording shows, a line for each parameter, and what to do about it.
+    parameters
+        Every parameter by name.
+    not_determined
+        Parameters that the recording does not determine, each with those that it is correlated with.
+    correlated, correlations
+        Names of the fitted parameters, and their correlations (a, a).
+    cycles_used
+        Cycles that the intervals rest on.
+    misfit
+        What the mean curves depart from the model by.
+    receivers
+        Curves of each receiver.
     warnings
         What the numbers cannot show.
     """
@@ -121,55 +127,16 @@ class SensorDiagnosis(Result):
     lens: bool | None
     design: str
     drawn: Mapping[str, float] | None
+    words: list[str]
+    advice: list[str]
+    parameters: dict[str, ParameterEstimate]
+    not_determined: dict[str, tuple[str, ...]]
+    correlated: tuple[str, ...]
+    correlations: FloatArray
+    cycles_used: int
+    misfit: Misfit
+    receivers: dict[str, FittedCurve]
     warnings: tuple[str, ...] = field(metadata=HIDDEN)
-
-    @reported
-    def words(self) -> list[str]:
-        """What the recording shows, a line for each parameter."""
-        return words(self.diagnosis)
-
-    @reported
-    def advice(self) -> list[str]:
-        """What to do about it."""
-        return advice(self.diagnosis)
-
-    @reported
-    def parameters(self) -> dict[str, ParameterEstimate]:
-        """Every parameter by name."""
-        return self.diagnosis.estimates
-
-    @reported
-    def not_determined(self) -> dict[str, tuple[str, ...]]:
-        """Parameters that the recording does not determine, each with those that it is correlated with."""
-        return self.diagnosis.held
-
-    @reported
-    def correlations(self) -> Correlations:
-        """Of the fitted parameters."""
-        fitted = self.diagnosis.fitted
-        names = tuple(fitted.model.parameters[place].name for place in fitted.active)
-        return Correlations(names, self.diagnosis.correlations)
-
-    @reported
-    def cycles_used(self) -> int:
-        """Cycles that the intervals rest on."""
-        return len(self.diagnosis.cycles.volts)
-
-    @reported
-    def misfit(self) -> Misfit:
-        """What the mean curves depart from the model by."""
-        return self.diagnosis.fitted.misfit
-
-    @reported
-    def receivers(self) -> dict[str, FittedCurve]:
-        """Curves of each receiver."""
-        one = self.diagnosis
-        model = model_V(one)
-        columns = (one.cycles.mean_V, model, one.fitted.residual_V)
-        return {
-            side: FittedCurve(one.cycles.angle_deg, *(column[:, n] for column in columns))
-            for n, side in enumerate(one.sides)
-        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -315,8 +282,31 @@ def _diagnosis(
     if bend is None:
         warnings.append("voltages are taken to fall in proportion to the light: the design states no [readout]")
     found = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
-    warnings += _cautions(found)
-    return SensorDiagnosis(found, sensor.lens, design.name, dict(own.drawn) or None, tuple(warnings))
+    fitted = found.fitted
+    return SensorDiagnosis(
+        diagnosis=found,
+        lens=sensor.lens,
+        design=design.name,
+        drawn=own.drawn or None,
+        words=words(found),
+        advice=advice(found),
+        parameters=found.estimates,
+        not_determined=found.held,
+        correlated=tuple(fitted.model.parameters[place].name for place in fitted.active),
+        correlations=found.correlations,
+        cycles_used=len(found.cycles.volts),
+        misfit=fitted.misfit,
+        receivers=_curves(found),
+        warnings=(*warnings, *_cautions(found)),
+    )
+
+
+def _curves(found: Diagnosis) -> dict[str, FittedCurve]:
+    columns = (found.cycles.mean_V, model_V(found), found.fitted.residual_V)
+    return {
+        side: FittedCurve(found.cycles.angle_deg, *(column[:, n] for column in columns))
+        for n, side in enumerate(found.sides)
+    }
 
 
 def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:

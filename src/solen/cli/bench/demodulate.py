@@ -39,7 +39,7 @@ def demodulate(
 @lines.register
 def _(result: Demodulation) -> Iterator[str]:
     counts, each = result.counts, result.readings_averaged
-    of = f"{_counted(len(result.channels), 'channel')} and {_counted(len(result.emitters), 'emitter')}"
+    of = f"{_counted(len(result.channels), 'channel')} and {_counted(len(result.readings.emitters), 'emitter')}"
     yield (
         f"{result.readings_kept} readings{'' if each is None else f', each the mean of {each}'}, of {of} at "
         f"{text(result.rate_hz)} Hz, by {result.method}, {result.samples_per_slot:g} samples in a slot"

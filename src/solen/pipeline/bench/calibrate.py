@@ -39,7 +39,7 @@ def calibrate(
         first = next(iter(places.values()))
         raise OutputError(str(first), limit="would hold several calibrations", remedy="choose one with --sensor")
     contents: dict[Path, files.Content] = {
-        place: text_of(one.content).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
+        place: text_of(one).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
     }
     if figure is not None:
         from solen.report import canvas

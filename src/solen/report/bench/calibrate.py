@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis.calibration import Calibration, Check, SensorCalibration, SensorCalibrations
+from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
 
@@ -24,19 +24,18 @@ def calibration_figure(result: SensorCalibrations, *, remark: str = "") -> Figur
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 3.1 * len(made) + 0.3), layout="constrained")
         axes = figure.subplots(len(made), 3, squeeze=False)
-        for one, row in zip(made, axes, strict=True):
-            _draw_calibration(row, one)
+        for one, check, row in zip(made, result.checks, axes, strict=True):
+            _draw_calibration(row, one, check)
         title = "; ".join(filter(None, ("simulated data" if result.simulated else "", remark)))
         if title:
             figure.suptitle(title, color=LOST, fontsize=9)
     return figure
 
 
-def _draw_calibration(row: Sequence[Axes], one: SensorCalibration) -> None:
+def _draw_calibration(row: Sequence[Axes], one: CalibrationFile, check: Check | None) -> None:
     curves, angles, errors = row
     _draw_curves(curves, one.calibration)
     curves.set_title(f"{one.sensor}: {one.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
-    check = one.check
     if check is None:
         for panel in (angles, errors):
             panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)

@@ -47,10 +47,10 @@ def _stretch(axes: Axes, result: Demodulation) -> None:
 
 
 def _readings(axes: Axes, result: Demodulation) -> None:
-    kept, samples, many = result.kept, result.samples, len(result.emitters) > 1
+    kept, samples, many = result.kept, result.samples, len(result.readings.emitters) > 1
     number = 0
     for place, channel in enumerate(samples.names):
-        for emitter in result.emitters:
+        for emitter in result.readings.emitters:
             here = np.flatnonzero(kept.emitter == emitter)
             here = here[:: max(1, len(here) // MOST_POINTS)]
             colour = SERIES[number % len(SERIES)]
