@@ -153,7 +153,7 @@ def test_many_at_once_are_each_alone(shape: tuple[int, ...]) -> None:
 
 
 def test_many_are_shared_among_cores_and_written_where_they_are_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(inversion, "_MUCH", 0)
+    monkeypatch.setattr(inversion, "MUCH", 0)
     monkeypatch.setattr("os.cpu_count", lambda: 3)
     rng = np.random.default_rng(6)
     r, t = rng.uniform(0.03, 0.2, (7, 11)), rng.uniform(0.2, 0.95, (7, 11))

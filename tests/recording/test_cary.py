@@ -21,7 +21,7 @@ def saved(folder: Path, text: str, encoding: str = "utf-8") -> Path:
 def numbers(recording: Recording) -> dict[str, tuple[list[float], list[float]]]:
     """Wavelengths and values of each trace by its name."""
     return {
-        one.name: (recording.axis_of(one).values.tolist(), one.values.tolist())
+        one.name: (recording.channel(one.axis).values.tolist(), one.values.tolist())
         for one in recording.channels
         if one.axis
     }
@@ -35,9 +35,9 @@ def test_traces_of_one_name_and_of_several_modes_and_lengths(tmp_path: Path) -> 
         ("film 1 (2)", "reflectance", "%", 37),
         ("dye", "absorbance", "1", 40),
     ]
-    assert [recording.axis_of(one).values.size for one in traces] == [40, 37, 40]
-    assert recording.axis_of(traces[0]).unit == "nm"
-    assert recording.axis_of(traces[0]).values[:2].tolist() == [900.0, 895.0]  # as recorded: downwards
+    assert [recording.channel(one.axis).values.size for one in traces] == [40, 37, 40]
+    assert recording.channel(traces[0].axis).unit == "nm"
+    assert recording.channel(traces[0].axis).values[:2].tolist() == [900.0, 895.0]  # as recorded: downwards
     assert traces[2].axis == traces[0].axis != traces[1].axis
 
 
@@ -184,7 +184,7 @@ def test_what_excel_saved_again_keeps_its_log(tmp_path: Path) -> None:
 def test_a_trace_without_points_is_kept(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary([("a", "%T", 0), ("never scanned", "%T", 40)], log=False)))
     empty = recording.channel("never scanned")
-    assert (empty.values.size, recording.axis_of(empty).values.size) == (0, 0)
+    assert (empty.values.size, recording.channel(empty.axis).values.size) == (0, 0)
     assert "holds no points" in empty.note
 
 

@@ -6,7 +6,6 @@ without a trace, a digit into a digit. What the damage did is known, so that is 
 """
 
 import math
-import time
 from collections import Counter
 from collections.abc import Sequence
 from itertools import zip_longest
@@ -21,9 +20,6 @@ from tests.recording.exports import cary, tensile
 from tests.recording.mutate import damaged
 from tests.recording.test_cary import resaved
 from tests.recording.test_testxpert import english
-
-LONGEST_S = 5.0
-"""Reading one of these files takes some ms; a reader whose time grows with the square of a line's length takes more."""
 
 MIXED = [("film 1", "%T", 0), ("film 1", "%R", 4), ("dye", "Abs", 0)]
 FILES: dict[str, bytes] = {
@@ -44,7 +40,7 @@ def rows(recording: Recording, *, traces: bool) -> list[list[Row]]:
     """Rows of numbers: of each trace its wavelengths and values, or of all columns together."""
     tables = [recording.channels]
     if recording.provenance.format == CARY:
-        tables = [(recording.axis_of(one), one) for one in recording.channels if one.axis]
+        tables = [(recording.channel(one.axis), one) for one in recording.channels if one.axis]
         tables = tables if traces else [tuple(one for pair in tables for one in pair)]
     if not traces:
         tables = [tuple(one for one in table if np.isfinite(one.values).any()) for table in tables]
@@ -82,13 +78,10 @@ def outcome(folder: Path, name: str, seed: int) -> str:
     data, unseen, done = damaged(seed, FILES[name])
     about = f"{name}, seed {seed}: {', '.join(done)}"
     (folder / "file").write_bytes(data)
-    begun = time.perf_counter()
     try:
         found = read(folder / "file")
     except DataError:
         return "refused"
-    finally:
-        assert time.perf_counter() - begun < LONGEST_S, about
     (folder / "whole").write_bytes(FILES[name])
     whole = read(folder / "whole")
     kept = found.provenance.format == whole.provenance.format

@@ -11,7 +11,6 @@ words, `Channel.to` a unit.
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -89,11 +88,6 @@ class Provenance:
     date: str = ""
     metadata: Mapping[str, str] = field(default_factory=dict, hash=False)
     simulated: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """The same as plain data, for JSON."""
-        names = ("file", "sha256", "format", "instrument", "date", "simulated")
-        return {name: getattr(self, name) for name in names} | {"metadata": dict(self.metadata)}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -180,10 +174,6 @@ class Recording:
     def warnings(self) -> list[str]:
         """What a reader of the numbers must know, a sentence for each channel that has a note."""
         return [f"{channel.name}: {channel.note}" for channel in self.channels if channel.note]
-
-    def axis_of(self, channel: Channel) -> Channel:
-        """Channel that another runs along."""
-        return self.channel(channel.axis)
 
 
 def _listed(names: tuple[str, ...], most: int = 12) -> str:

@@ -17,7 +17,7 @@ from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result
+from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
 _FEW = 0.9  # of the readings of a cycle left out within their bands of 95 %
@@ -141,7 +141,7 @@ def _file(
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
         words=() if check is None else (_sentence(check, "print" if options.pool else "cycle"),),
-        sources=tuple(source.as_dict() for source in study.sources),
+        sources=tuple(plain(source) for source in study.sources),
         warnings=tuple(warnings),
     )
 

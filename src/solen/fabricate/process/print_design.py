@@ -27,7 +27,7 @@ from solen.fabricate.process.source import PrintOptions, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
 from solen.lens.measured import MeasuredProfile, profile_of
 from solen.recording import Provenance
-from solen.results import HIDDEN, Result, reported
+from solen.results import HIDDEN, Result, plain, reported
 from solen.sensor import Sensor
 from solen.sensor.print_loss import PrintLoss, print_loss
 
@@ -331,7 +331,7 @@ def profile_of_print(
         name=f"{name}, printed by the model",
         simulated=True,
         edge="predicted",
-        sources=tuple(source.as_dict() for source in sources),
+        sources=tuple(plain(source) for source in sources),
     )
     warnings = (
         f"predicted by a print model ({process}), not measured",

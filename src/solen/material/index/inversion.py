@@ -37,7 +37,7 @@ _IN_BLOCKS: dict[str, Any] = {
     "order": "C",
     "buffersize": 1 << 13,  # numbers at a time: what is in between stays in the cache of a core
 }
-_MUCH = 1 << 20  # numbers above which a call is shared among cores
+MUCH = 1 << 20  # numbers above which a call is shared among cores
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ def slopes(
 def _parts(shape: tuple[int, ...]) -> list[tuple[slice | EllipsisType, ...]]:
     """The first axis in as many pieces as there are cores; all at once where there is little to do."""
     rows = shape[0] if shape else 0
-    pieces = min(rows, os.cpu_count() or 1) if np.prod(shape) > _MUCH else 1
+    pieces = min(rows, os.cpu_count() or 1) if np.prod(shape) > MUCH else 1
     if pieces < 2:
         return [(...,)]
     edges = [rows * piece // pieces for piece in range(pieces + 1)]
