@@ -5,7 +5,7 @@ as one JSON object with ``--json``; else the lines that `lines` makes of the res
 files. A command module registers the lines of its result::
 
     @lines.register
-    def _(loss: CutBack) -> Iterator[str]:
+    def _(loss: GuideLoss) -> Iterator[str]:
         yield f"loss {loss.loss_dB_per_cm:.3g} dB/cm"
 """
 

@@ -6,6 +6,7 @@ that was cut to several lengths brings a start and a slope of its own, as random
 """
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.levels import MM_PER_CM
-from solen.material.regression import LinearFit, fitted, shared
+from solen.material.regression import LinearFit, fitted, group_means, shared
 
 LENGTHS_MM = (1e-3, 1e6)
 """Lengths that are taken for a guide's."""
@@ -68,14 +69,11 @@ def pieces_of(
             limit = f"must be from {shortest:g} to {longest:g} mm" if name == "length" else "must be a number"
             raise DataError(f"cut-back: {name}", value=where, limit=limit, remedy="correct or remove the row")
     keys = list(zip(guide, orientation, length_mm.tolist(), strict=True))
-    order = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    number = np.array([order[key] for key in keys], np.intp)
-    counts = np.bincount(number, minlength=len(order))
-    means = np.bincount(number, weights=level_dB, minlength=len(order)) / counts
-    spare = len(keys) - len(order)
-    within = math.sqrt(float(np.sum((level_dB - means[number]) ** 2)) / spare) if spare else None
-    found = zip(order, means.tolist(), counts.tolist(), strict=True)
-    return tuple(Piece(name, way, mm, mean, count) for (name, way, mm), mean, count in found), within
+    means, counts = group_means(keys, level_dB), Counter(keys)
+    spare = len(keys) - len(means)
+    about = level_dB - [means[key] for key in keys]
+    within = math.sqrt(float(np.sum(about**2)) / spare) if spare else None
+    return tuple(Piece(*key, level, counts[key]) for key, level in means.items()), within
 
 
 @dataclass(frozen=True)
