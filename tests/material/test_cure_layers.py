@@ -113,7 +113,8 @@ def test_penetration_depth_is_path_over_absorbance() -> None:
     assert penetration_depth_um(93.0, 1.0) == pytest.approx(93.0 / math.log(10.0))
     both = penetration_depth_um(93.0, [0.5, 2.0])
     assert both == pytest.approx([186.0 / math.log(10.0), 46.5 / math.log(10.0)])
-    assert penetration_depth_um(93.0, [0.5, 2.0], [3.0, 1.0]) == pytest.approx(93.0 / (0.875 * math.log(10.0)))
+    lamp = attenuation(93.0, [400.0, 410.0], [0.5, 2.0], lines([400.0, 410.0], [3.0, 1.0]))
+    assert lamp.local_um() == pytest.approx(93.0 / (0.875 * math.log(10.0)))
     for path, absorbance, told in ((0.0, 1.0, "above 0 µm"), (93.0, 0.0, "no penetration depth")):
         with pytest.raises(DataError, match=told):
             penetration_depth_um(path, absorbance)

@@ -207,7 +207,7 @@ def test_the_sheet_of_a_workbook_is_named_or_the_only_one(tmp_path: Path) -> Non
     with pytest.raises(DataError, match="'third'; has no such sheet; its sheets are first, second"):
         read(path, sheet="third")
     assert read(path, sheet="second").need("time").values.tolist() == [1.5]
-    with pytest.raises(DataError, match="is no workbook"):
+    with pytest.raises(DataError, match="is not a workbook"):
         read(saved(tmp_path, GOOD), sheet="first")
 
 

@@ -60,7 +60,7 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
     length = max(lengths, key=lambda size: (lengths[size], size))
     held = [column for column in columns if column[2].size == length]
     others = sorted({name for name, _, values in columns if values.size not in {1, length}})
-    said = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
+    stated = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
     note = f"arrays of another length are left out: {', '.join(others[:12])}" if others else ""
     channels = []
     for name, (_, unit, values) in zip(unique([name for name, _, _ in held]), held, strict=True):
@@ -69,9 +69,9 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
     channels = [replace(one, name=name) for one, name in zip(channels, unique([c.name for c in channels]), strict=True)]
     if note:
         channels[0] = replace(channels[0], note=note)
-    instrument = next((value for key, value in said.items() if key.casefold() in {"instrument", "device"}), "")
+    instrument = next((value for key, value in stated.items() if key.casefold() in {"instrument", "device"}), "")
     provenance = Provenance(
-        source.name, source.sha256, kind, instrument, dates.among(said), said, simulated=is_simulated(said)
+        source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
     )
     return Recording(tuple(along_axes(channels, ())), provenance)
 

@@ -51,7 +51,7 @@ def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | No
 
 
 def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] | None:
-    """Beginning of a file as a table of its own; None where it is no plain table."""
+    """Beginning of a file as a table of its own; None where it is not a plain table."""
     end = _offset(source.data, _HEAD)
     if end <= 0:
         return None

@@ -2,7 +2,7 @@
 
 The idea: a block begins with the trace's name, alone in its line and once more in the next; then lines such as
 ``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
-What all blocks say alike is said once, of the file; the rest goes to each trace. A log that is not understood is no
+Settings that all blocks share are those of the file; the rest goes to each trace. A log that is not understood is no
 reason to refuse numbers that are.
 
 The interface: `read` gives `Logs`; `ends` compares a trace with the range that its log states.
@@ -38,15 +38,15 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
     """Logs of the rows after the numbers, for the traces of these names."""
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
-    said = [_settings(block) for block in blocks]
-    shared = {key: value for key, value in said[0].items() if all(one.get(key) == value for one in said)}
-    stamps = [one[_COLLECTED] for one in said if _COLLECTED in one]
+    settings = [_settings(block) for block in blocks]
+    shared = {key: value for key, value in settings[0].items() if all(one.get(key) == value for one in settings)}
+    stamps = [one[_COLLECTED] for one in settings if _COLLECTED in one]
     first = next((dates.iso(stamp, others=stamps) or stamp for stamp in stamps), "")
-    own = [{key: value for key, value in one.items() if key not in shared} for one in said]
+    own = [{key: value for key, value in one.items() if key not in shared} for one in settings]
     for one in own:
         if date := dates.iso(one.get(_COLLECTED, ""), others=stamps):
             one[_COLLECTED] = date
-    instrument = next((one["Instrument"] for one in said if "Instrument" in one), "")
+    instrument = next((one["Instrument"] for one in settings if "Instrument" in one), "")
     return Logs(shared, own, instrument, first)
 
 

@@ -58,7 +58,7 @@ class Grid:
     remarks: list[tuple[int, str]] = field(default_factory=list)
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Where a cell stands, in the words of whoever looks for it."""
+        """Where a cell stands, as a person looks for it."""
         line = self.lines[row]
         if self.sheet:
             return f"sheet {self.sheet}, " + (f"row {line}" if column is None else f"cell {_letters(column)}{line}")
@@ -224,7 +224,7 @@ def _separator(lines: list[str]) -> str:
 def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
     """How many numbers there are in a line that is parted so, and how many other cells beside them.
 
-    None where it is not parted, and no others where there is no number.
+    0, 0 where it is not parted or holds no number.
     """
     split = splitter(separator)
 

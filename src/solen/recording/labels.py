@@ -61,7 +61,7 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
     fields = _FIELD.findall(pattern)
     bad = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
     if not fields or bad is not None:
-        limit = "has no field" if bad is None else f"has the field {{{bad}}}, which is no single name"
+        limit = "has no field" if bad is None else f"has the field {{{bad}}}, which is not a single name"
         remedy = "write one as in {sensor}_{lens}_{run}.csv"
         raise SpecError("--pattern", value=pattern, limit=limit, remedy=remedy)
     parts = _FIELD.split(pattern)

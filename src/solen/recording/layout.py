@@ -2,7 +2,7 @@
 
 The idea: a header is a row of words above rows of numbers that have as many cells. Above it may stand titles and blocks
 of parameters, never numbers alone; below it everything must be the table, to the end of the file: a row that is not is
-damage, and is refused by whoever reads the rows, not passed over. Text after an empty line at the end is a remark.
+damage, and is refused where the rows are read, not passed over. Text after an empty line at the end is a remark.
 
 The interface: `find` a `Layout` in a `Grid`.
 """

@@ -1,8 +1,9 @@
 """What an instrument, a person or a simulation recorded: channels of numbers with units, and where they come from.
 
 The idea: a spectrum, a compression test, a working curve and a bench's voltages are one kind of thing, columns of
-numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; whoever uses a channel asks
-for it in the unit it needs. What the file was is never lost: its name, checksum, format, instrument and date go along.
+numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel
+asks for it in the unit it needs. What the file was is never lost: its name, checksum, format, instrument and date go
+along.
 
 The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Recording.label` for columns of
 words, `Channel.to` a unit.

@@ -100,7 +100,7 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         grid = workbook.grid(source, sheet)
     else:
         if sheet is not None:
-            raise source.refused("", "is no workbook, so it has no sheets", "leave out the sheet", sheet)
+            raise source.refused("", "is not a workbook, so it has no sheets", "leave out the sheet", sheet)
         grid = of_text(source)
     known = (one.from_cells(grid) for one in formats) if columns is None else ()
     found = next(filter(None, known), None)

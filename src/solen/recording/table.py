@@ -188,13 +188,13 @@ def parameters(grid: Grid, place: Layout) -> dict[str, str]:
     """What stands above and below the table: names with their values, and remarks."""
     pairs = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
     found = dict(zip(unique([key for key, _ in pairs]), (value for _, value in pairs), strict=True))
-    said = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
-    for text in said:
+    remarks = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
+    for text in remarks:
         key, separator, value = text.partition(":")
         if separator and value.strip() and len(key) < 40 and key.strip().replace(" ", "").isalnum():
             found[key.strip()] = value.strip()
-    remarks = [text for text in said if text]
-    return found | ({"remarks": " | ".join(remarks)} if remarks else {})
+    texts = [text for text in remarks if text]
+    return found | ({"remarks": " | ".join(texts)} if texts else {})
 
 
 def _parameter(cells: list[str]) -> tuple[str, str]:

@@ -220,7 +220,7 @@ def _unit_of_parts(parts: list[str]) -> str:
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
     """Whether a text is a unit and, where the name's quantity is known, one of its kind.
 
-    A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is no width.
+    A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is not a width.
     """
     unit = unit.strip()
     if not stated_unit(unit):

@@ -39,7 +39,7 @@ def grid(source: Source, sheet: str | None = None) -> Grid:
 
 
 def _check_archive(source: Source) -> None:
-    """`DataError` for a zip archive that is no workbook, or one that is too large or unsafe to unpack."""
+    """`DataError` for a zip archive that is not a workbook, or one that is too large or unsafe to unpack."""
     try:
         with zipfile.ZipFile(io.BytesIO(source.data)) as archive:
             members = archive.infolist()

@@ -199,9 +199,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     )
 
 
-def penetration_depth_um(
-    path_um: float, absorbance: ArrayLike, spectrum: ArrayLike | None = None
-) -> FloatArray | float:
+def penetration_depth_um(path_um: float, absorbance: ArrayLike) -> FloatArray | float:
     """Penetration depth h/(A ln 10) in µm.
 
     Parameters
@@ -210,20 +208,14 @@ def penetration_depth_um(
         Path h of the light through the resin in µm.
     absorbance
         A, base 10, a number or shape (n,).
-    spectrum
-        Power of a lamp at each of the wavelengths of A, shape (n,). With it the answer is one number, that at the
-        surface: the mean of what is taken off, weighted with power.
 
     Raises
     ------
     DataError
-        Where the path or an absorbance (with a spectrum, its weighted mean) is not above 0.
+        Where the path or an absorbance is not above 0.
     """
     _check_path(path_um)
     per_um = np.asarray(absorbance, float) * math.log(10.0) / path_um
-    if spectrum is not None:
-        weight = np.asarray(spectrum, float)
-        per_um = np.asarray(weight @ per_um / weight.sum())
     if not np.all(per_um > 0.0):
         raise DataError(
             "absorbance",

@@ -25,7 +25,7 @@ def formula_through(
     Parameters
     ----------
     spectrum
-        Index along ascending wavelengths. What is no measurement gets a formula without uncertainty.
+        Index along ascending wavelengths. One that is not a measurement gets a formula without uncertainty.
     kind
         ``cauchy``, ``sellmeier`` or ``none``; None is Cauchy's where n was measured, and none where not.
     terms

@@ -8,7 +8,7 @@ little light comes through. Both have forms without a difference. With c = R(2 �
     n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
 
 where every sum is one of positive terms. R + T > 1 is the same as τ > 1 and gives a k below 0: it is returned as it is,
-for whoever knows the uncertainty to judge. n depends on k² alone and keeps its meaning there.
+to be judged by its uncertainty. n depends on k² alone and keeps its meaning there.
 
 The square root has two signs. The other index that has the same R_F and k is (1 + k²)/n: below 1 and of no concern
 where k is small, a real alternative inside strong absorption bands.
@@ -121,7 +121,7 @@ def invert_many(
     reflectance, transmittance, thickness_um, wavelength_nm
         As of `invert`.
     out
-        Arrays of the common shape that n and k are written into, for whoever does this often.
+        Arrays of the common shape that n and k are written into, to reuse memory.
     """
     arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
     n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))

@@ -147,7 +147,7 @@ def _material(entry: dict[str, Any]) -> Material:
 
 
 def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
-    """Entries of the table that belong to some classes of `POLYMERS`; `DataError` for a class that is none."""
+    """Entries of the table that belong to some classes of `POLYMERS`; `DataError` for an unknown class."""
     for polymer in polymers:
         if polymer not in POLYMERS:
             raise DataError("polymer", value=polymer, limit=f"must be one of {', '.join(POLYMERS)}")

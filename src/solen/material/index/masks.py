@@ -95,7 +95,7 @@ def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined
 
 
 def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArray, u_t: Combined) -> Codes:
-    """Reason at each wavelength why k is masked; that two indices fit is none.
+    """Reason at each wavelength why k is masked; that two indices fit is not a reason.
 
     Where no uncertainty is known, k is not judged by it.
     """

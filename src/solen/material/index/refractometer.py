@@ -83,7 +83,7 @@ class Prior:
     source: str
 
     def __post_init__(self) -> None:
-        """Refuse what is no Abbe number."""
+        """Refuse an impossible Abbe number."""
         if not 5.0 <= self.abbe <= 200.0:
             raise DataError("Abbe number", value=self.abbe, limit="must be from 5 to 200")
         if not 0.0 < self.u_abbe < self.abbe / 2:
@@ -292,7 +292,7 @@ def refractometer(
     n, u_n
         Indices and their standard uncertainties, above 0; one or several.
     wavelength_nm
-        Of each; the sodium line where not said.
+        Of each; default: the sodium line.
     u_shared
         Standard uncertainty that all values share: the calibration of the instrument.
     u_temperature_k
@@ -300,12 +300,12 @@ def refractometer(
     dn_dt_per_k
         Temperature coefficient that makes an error of n of it.
     prior
-        Of the dispersion; that of acrylates and printing resins where not said.
+        Of the dispersion; default: that of acrylates and printing resins.
 
     Raises
     ------
     DataError
-        Where a value is none, lies outside 400 to 1000 nm, or nothing like the values has such a dispersion.
+        Where a value is not an index, lies outside 400 to 1000 nm, or nothing like the values has such a dispersion.
     """
     prior = prior or prior_of()
     values = _values(

@@ -10,7 +10,7 @@
 `measured` and `lossless` take a `Setup` for a layer that stays on its substrate. Near n = 1.5 on PET an error of 0.001
 in R moves n by 0.009, 0.1 % of T the lossless n by as much, and an error of the substrate's index goes over into n one
 to one: it is the bare sheet's reflectance that the layer's is seen against. There an index is masked that cannot be
-told from the second one that fits the same readings, or that needs more light out than went in.
+distinguished from the second one that fits the same readings, or that needs more light out than went in.
 
 The interface: `measured`, `absorptance`, `as_published`, `lossless`, each giving an `IndexSpectrum`;
 `extinction_on_substrate` for a layer whose index is known; `is_absorbance` recognises an absorbance that was taken for

@@ -139,7 +139,7 @@ class Substrate:
     u_thickness_um: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no sheet."""
+        """Refuse impossible sheets."""
         if not (np.isfinite(self.thickness_um) and self.thickness_um > 0):
             raise DataError("substrate thickness", value=self.thickness_um, limit="must be above 0 µm")
         for name, least in (("n", 1.0), ("k", 0.0), ("u_n", 0.0), ("u_k", 0.0), ("u_thickness_um", 0.0)):
