@@ -163,7 +163,7 @@ def test_a_scale_that_cannot_be_is_refused() -> None:
 
 def test_unknown_edge_is_refused() -> None:
     with pytest.raises(SpecError, match="outer"):
-        measure_outline(plain(), NOMINAL, "left")  # type: ignore[arg-type]
+        measure_outline(as_image(np.zeros(SHAPE), UM_PER_PX), NOMINAL, "left")  # type: ignore[arg-type]
 
 
 def test_a_design_without_a_lens_is_refused() -> None:

@@ -48,20 +48,26 @@ class ComparedDesign:
         With the scale as stated.
     probability
         Of this design among those compared, with the scale as stated.
-    scale_factor, scaled_rms_um
-        Factor of scale at which the outline would fit this design best, and the rms deviation then.
     """
 
     name: str
     registration: Registration = field(metadata=HIDDEN)
     probability: float
-    scale_factor: float
-    scaled_rms_um: float
 
     @reported
     def rms_um(self) -> float:
         """Rms deviation with the scale as stated."""
         return self.registration.rms_um
+
+    @reported
+    def scale_factor(self) -> float:
+        """Factor of scale at which the outline would fit this design best."""
+        return self.registration.scale_factor
+
+    @reported
+    def scaled_rms_um(self) -> float:
+        """Rms deviation at that scale."""
+        return self.registration.scaled_rms_um
 
 
 def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[Design] = ()) -> list[NominalFront]:
@@ -106,13 +112,12 @@ def compare(edge: Edge, pose: Pose, fronts: Sequence[NominalFront], u_scale: flo
     u_scale
         Relative standard uncertainty of the scale.
     """
-    fixed = [register(*edge.measured, pose, front, u_scale) for front in fronts]
-    free = [register(*edge.measured, pose, front, u_scale, scaled=True) for front in fronts]
+    fits = [register(*edge.measured, pose, front, u_scale) for front in fronts]
     designs = [
-        ComparedDesign(front.name, fit, float(probability), fit.scale_factor, scaled.rms_um)
-        for front, fit, scaled, probability in zip(fronts, fixed, free, _probabilities(fixed), strict=True)
+        ComparedDesign(front.name, fit, float(probability))
+        for front, fit, probability in zip(fronts, fits, _probabilities(fits), strict=True)
     ]
-    return sorted(designs, key=lambda one: one.registration.rms_um)
+    return sorted(designs, key=lambda design: design.rms_um)
 
 
 def _probabilities(fits: Sequence[Registration]) -> FloatArray:
@@ -135,11 +140,11 @@ def doubts(designs: Sequence[ComparedDesign], u_scale: float = 0.0) -> list[str]
     if len(designs) < 2:
         return []
     first, second = designs[0], designs[1]
-    rms = first.registration.rms_um
+    rms = first.rms_um
     if first.probability < SURE:
         return [
             f"{first.name} and {second.name} cannot be distinguished: the outline deviates by {rms:.3g} and "
-            f"{second.registration.rms_um:.3g} µm (rms) from them, and neighbouring points are not independent "
+            f"{second.rms_um:.3g} µm (rms) from them, and neighbouring points are not independent "
             f"({first.registration.independent:.0f} independent values)"
         ]
     likely = 3.0 * u_scale if u_scale > 0.0 else DOUBTFUL_SCALE
@@ -150,6 +155,6 @@ def doubts(designs: Sequence[ComparedDesign], u_scale: float = 0.0) -> list[str]
         for other in designs[1:]
         if abs(other.scale_factor - 1.0) < likely and other.scaled_rms_um < least
     ]
-    if rms > 0.5 * second.registration.rms_um:
+    if rms > 0.5 * second.rms_um:
         warnings.append(f"the outline deviates by {rms:.3g} µm (rms) from {first.name}, the nearest: it is near none")
     return warnings

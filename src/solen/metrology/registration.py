@@ -10,7 +10,7 @@ The interface: `register` gives a `Registration`; `effective_number` the number 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -48,6 +48,8 @@ class Registration:
         Shape (N,): growth of ``deviation_um``, after registration, where the true scale is greater by the factor e.
     scale_factor, u_scale_factor
         Factor by which the outline would have to grow to fit the design best, and its standard uncertainty.
+    scaled_rms_um
+        Rms deviation if it grew so.
     independent
         Number of independent values among the deviations.
     weights
@@ -64,6 +66,7 @@ class Registration:
     by_scale_um: FloatArray
     scale_factor: float
     u_scale_factor: float
+    scaled_rms_um: float
     independent: float
     weights: FloatArray = field(repr=False)
 
@@ -99,8 +102,6 @@ def register(
     pose: Pose,
     nominal: NominalFront,
     u_scale: float = 0.0,
-    *,
-    scaled: bool = False,
 ) -> Registration:
     """Register points of a picture to a design.
 
@@ -116,21 +117,17 @@ def register(
         The design.
     u_scale
         Relative standard uncertainty of the scale.
-    scaled
-        Whether the scale is fitted as well, and the points grown by it.
     """
     start = pose.to_mm(points_px)
-    rigid = _fit(start, nominal, scaled=False)
-    free = _fit(start, nominal, scaled=True, begin=rigid)
-    fit = free if scaled else rigid
+    fit = _fit(start, nominal, scaled=False)
+    free = _fit(start, nominal, scaled=True, begin=fit)
+    free_deviation = free.deviation[free.inside]
     order = np.flatnonzero(fit.inside)
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]
     independent = effective_number(deviation)
     covariance = _covariance(jacobian[:, :3], deviation, weights, independent)
-    covariance_free = _covariance(
-        free.jacobian[free.inside], free.deviation[free.inside], free.weights[free.inside], independent
-    )
+    covariance_free = _covariance(free.jacobian[free.inside], free_deviation, free.weights[free.inside], independent)
     by_scale = _residual(jacobian[:, 3], jacobian[:, :3], weights)
     u_edge = u_px[order] * pose.um_per_px / 1e3
     u = np.sqrt(u_edge**2 + _u_of_pose(jacobian[:, :3], u_edge, weights) ** 2 + (by_scale * u_scale) ** 2)
@@ -145,6 +142,7 @@ def register(
         by_scale_um=1e3 * by_scale,
         scale_factor=1.0 + free.grown,
         u_scale_factor=math.sqrt(covariance_free[3, 3]),
+        scaled_rms_um=1e3 * float(np.sqrt(np.mean(free_deviation**2))),
         independent=independent,
         weights=weights,
     )
@@ -229,11 +227,10 @@ def _residual(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> 
 
 
 def _moved(pose: Pose, fit: _Fit) -> Pose:
-    """Pose of the design after the motion of the points; a growth changes the size of a pixel."""
+    """Pose of the design after the motion of the points, which is rigid."""
     c, s = math.cos(fit.turn), math.sin(fit.turn)
     back = np.array([[c, -s], [s, c]])  # rows times this turn back
-    vertex = (-fit.shift / (1.0 + fit.grown))[None, :] @ back
-    axis = pose.direction_px(np.array([[0.0, 1.0]]) @ back)[0]
+    axis = pose.direction_px(np.array([0.0, 1.0]) @ back)
     angle = math.degrees(math.atan2(-axis[0], -axis[1])) % 360.0
-    x, y = pose.to_px(vertex)[0].tolist()
-    return Pose(angle, (x, y), pose.um_per_px * (1.0 + fit.grown), pose.mirrored)
+    x, y = pose.to_px(-fit.shift @ back).tolist()
+    return replace(pose, rotation_deg=angle, origin_px=(x, y))

@@ -20,6 +20,7 @@ def coverage(rings: Sequence[FloatArray], shape: tuple[int, int]) -> NDArray[np.
     """Share (rows, columns) of each pixel within closed polygons (N, 2) of (u, v) px, holes running the other way."""
     rows, columns = shape
     right_of = np.zeros((rows, columns + 1))
+    first, last = rows, 0
     for ring in rings:
         start, end = _pieces(ring)
         middle, height = 0.5 * (start + end), end[:, 1] - start[:, 1]
@@ -27,10 +28,12 @@ def coverage(rings: Sequence[FloatArray], shape: tuple[int, int]) -> NDArray[np.
         within = np.where(column < 0, 1.0, 1.0 - (middle[:, 0] - column))  # all that lies left of the picture counts
         seen = (row >= 0) & (row < rows) & (column < columns)
         row, column, within, height = row[seen], np.maximum(column[seen], 0), within[seen], height[seen]
+        first, last = min(first, int(row.min(initial=rows))), max(last, int(row.max(initial=-1)) + 1)
         np.add.at(right_of, (row, column), height * within)
         np.add.at(right_of, (row, column + 1), height * (1.0 - within))
-    covered = np.cumsum(right_of, axis=1)[:, :columns]
-    return np.asarray(np.abs(covered))
+    covered = np.zeros(shape)
+    covered[first:last] = np.abs(np.cumsum(right_of[first:last], axis=1)[:, :columns])
+    return covered
 
 
 def _pieces(ring: FloatArray) -> tuple[FloatArray, FloatArray]:
