@@ -2,8 +2,8 @@
 
 The idea: contours by a threshold are off by a part of a pixel, more where the ground is uneven. Here a first contour
 only says where to look. Along each of its normals the grey values are read, averaged over a few neighbouring lines, and
-a step blurred by a Gaussian is fitted with levels of its own; the edge is the middle of the step. What is not such a
-step (dust, a reflection, an edge too weak for the noise) is set aside with its reason.
+a step blurred by a Gaussian is fitted with levels of its own; the edge is the middle of the step. Whatever is not such
+a step (dust, a reflection, an edge too weak for the noise) is rejected with its reason.
 
 The interface: `fit_edge` of a picture and a contour gives an `Edge`; `normals_of` a contour; `profiles` are the grey
 values along normals. Places are (x, y) = (column, row) in pixels, whole at the middle of a pixel, y downwards.
@@ -28,7 +28,7 @@ REASONS = (
     "off its neighbours",
     "alone",
 )
-"""Why a place on a contour has no edge, in the order in which they are asked."""
+"""Why a place on a contour has no edge, in the order of the tests."""
 LINES = 5
 """Neighbouring lines, one pixel apart, whose grey values are averaged."""
 BLURS = 5.0
@@ -37,7 +37,7 @@ LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
 """The blur is found from so many places; lines are long enough where it grows by less than this factor."""
 FEWEST = 20
-"""Good fits from which what is usual can be told."""
+"""Good fits that are needed to estimate what is usual."""
 U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
 """How much the blur varies along a contour, relative, and the background's slope per px, in rises."""
 SATURATED = 0.5
@@ -71,7 +71,7 @@ class Edge:
     points_px
         Shape (N, 2): (x, y) of the edge.
     normals
-        Shape (N, 2): unit vectors along which it was looked for.
+        Shape (N, 2): unit vectors along which it was searched.
     u_px
         Shape (N,): standard uncertainty of the place along the normal.
     blur_px
@@ -83,7 +83,7 @@ class Edge:
     kept
         Shape (N,): whether the place is an edge.
     rejected
-        How many places were set aside, by reason (`REASONS`).
+        How many places were rejected, by reason (`REASONS`).
     """
 
     points_px: FloatArray
@@ -217,20 +217,19 @@ def fit_two_edges(
     *,
     blur_px: float = 2.0,
     ceiling: float = float("inf"),
-    lines: int = LINES,
 ) -> tuple[Edge, Edge]:
     """Two edges that lie so near each other that their blurs overlap, fitted together.
 
     Parameters as in `fit_edge`; ``at_px`` (N, 2) are first guesses of both places along the normals.
     """
-    view = _View(grey, contour_px, normals, float("inf"), ceiling, lines, False)
+    view = _View(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
     steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
     return (view.judged(steps, 0, None, inside, saturated), view.judged(steps, 1, None, inside, saturated))
 
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A contour in a picture, and how it is looked at."""
+    """A contour in a picture, and how lines across it are read."""
 
     grey: FloatArray
     contour_px: FloatArray
@@ -241,11 +240,10 @@ class _View:
     closed: bool
 
     def blur(self, at: FloatArray, guess_px: float) -> float:
-        """Median blur of some of the places, looked at ever wider until the lines are long enough for it."""
-        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
-        part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
+        """Median blur of some of the places, on ever longer lines until they are long enough for it."""
+        part, at = self._sample(at)
         for _ in range(4):
-            steps, inside, _ = part.fitted(at[some], guess_px)
+            steps, inside, _ = part.fitted(at, guess_px)
             good = steps.settled & inside & (np.abs(steps.rise[:, 0]) > LEAST_SNR * steps.noise)
             found = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
             if found < WIDER * guess_px:
@@ -255,16 +253,20 @@ class _View:
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
         """Blurs of two edges from some of the places: the pair with which most of the fits succeed, and best."""
-        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
-        part = replace(self, contour_px=self.contour_px[some], normals=self.normals[some])
+        part, at = self._sample(at)
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
-            steps, inside, _ = part.fitted(at[some], guess_px * np.array(factors))
+            steps, inside, _ = part.fitted(at, guess_px * np.array(factors))
             good = inside & steps.settled & (steps.u_at_px.max(axis=1) < MOST_U_PX)
             merit = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
             if good.any() and merit > best:
                 best, blurs = merit, np.median(steps.blur_px[good], axis=0)
         return np.asarray(np.clip(blurs, 0.5, MOST_BLUR_PX))
+
+    def _sample(self, at: FloatArray) -> tuple["_View", FloatArray]:
+        """Some of the places, evenly along the contour, and their first guesses."""
+        some = np.unique(np.linspace(0, len(at) - 1, min(len(at), SOME)).astype(int))
+        return replace(self, contour_px=self.contour_px[some], normals=self.normals[some]), at[some]
 
     def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
         """Fits, and whether each line lies in the picture and how much of it is saturated.
@@ -292,7 +294,7 @@ class _View:
         return np.asarray(((share > SATURATED) & use).any(axis=1))
 
     def judged(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
-        """One of the fitted edges, with what is no edge set aside."""
+        """One of the fitted edges, with the outliers rejected."""
         at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
         fit = inside & ~saturated
@@ -310,14 +312,13 @@ class _View:
             "odd shape": _beside(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
         }
         kept, rejected = _counted(bad, len(at))
-        bad = {"off its neighbours": kept & _off(points, self.contour_px, self.normals, kept, self.closed)}
-        still, more = _counted(bad, len(at))
-        kept &= still
-        still, last = _counted({"alone": kept & _alone(kept, inside)}, len(at))
-        kept, more = kept & still, more | last
+        out = kept & _off(points, self.contour_px, self.normals, kept, self.closed)
+        kept, rejected["off its neighbours"] = kept & ~out, int(out.sum())
+        out = kept & _alone(kept, inside)
+        kept, rejected["alone"] = kept & ~out, int(out.sum())
         u = u * _steadied(steps.noise)
         u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
-        return Edge(points, self.normals, u, blur, rise, inside, kept, rejected | more)
+        return Edge(points, self.normals, u, blur, rise, inside, kept, rejected)
 
 
 def _steadied(noise: FloatArray) -> FloatArray:

@@ -88,8 +88,6 @@ class Outline:
         Share of the front that the picture shows.
     ends_x_mm
         Lateral range over which the chosen edge was measured, lens coordinates.
-    score
-        Of the template match.
     width_mm
         Of the part right behind the front, from wall to wall; None where the picture or the design does not show both.
     warnings
@@ -99,7 +97,6 @@ class Outline:
     edges: tuple[NamedEdge, ...]
     seen: float
     ends_x_mm: tuple[float, float]
-    score: float
     width_mm: float | None
     warnings: tuple[str, ...]
 
@@ -154,7 +151,7 @@ def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "a
     warnings += [*missing_ends(chosen.edge), *odd_width(width, nominal)]
     if len(named) == 1:
         warnings += merged_edges(image, walls, chosen.edge)
-    return Outline(tuple(ordered), band.share_seen, ends, match.score, width, tuple(warnings))
+    return Outline(tuple(ordered), band.share_seen, ends, width, tuple(warnings))
 
 
 def _match(image: Image, nominal: NominalFront) -> tuple[Match, list[str]]:

@@ -64,8 +64,8 @@ class Steps:
         Shape (N, K): by how much the grey value rises there, along the line.
     blur_px
         Shape (N, K): standard deviation of the blur.
-    level, slope_per_px
-        Shape (N,): background before the edges at t = 0, and its slope.
+    slope_per_px
+        Shape (N,): slope of the background.
     noise
         Shape (N,): standard deviation of the residuals.
     settled
@@ -76,7 +76,6 @@ class Steps:
     u_at_px: FloatArray
     rise: FloatArray
     blur_px: FloatArray
-    level: FloatArray
     slope_per_px: FloatArray
     noise: FloatArray
     settled: BoolArray
@@ -215,7 +214,6 @@ def _steps(
         u_at_px=spread,
         rise=parameters[:, 2::3],
         blur_px=np.exp(parameters[:, 4::3]),
-        level=parameters[:, 0],
         slope_per_px=parameters[:, 1],
         noise=np.sqrt(variance),
         settled=settled,

@@ -56,8 +56,8 @@ class Disc:
         Mean over its edge, and standard uncertainty.
     blur_px
         Standard deviation of the blur.
-    ground, rise
-        Grey value around it, and by how much the disc is brighter.
+    rise
+        By how much the disc is brighter than its surroundings.
     snr
         Rise over its standard uncertainty.
     coverage
@@ -71,7 +71,6 @@ class Disc:
     diameter_px: float
     u_diameter_px: float
     blur_px: float
-    ground: float
     rise: float
     snr: float
     coverage: float
@@ -278,7 +277,6 @@ def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bo
         2.0 * (radius + mean),
         2.0 * u_radius,
         blur,
-        float(p[4]),
         rise,
         abs(rise) / max(u_rise, 1e-300),
         float(present.sum() / looked.sum()),
