@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from solen.cli.design.schema import commands, result_schema, result_type
+from tests.command_support import answered
 
 _UNITS = """
 V mV uV A mA uA nA W mW uW J mJ ohm kohm kPa MPa N g kg mL K C mm mm2 mm3 cm cm2 um um2 um4 nm px deg s ms us min h hz
@@ -20,12 +21,13 @@ _OPTICS = "n n_D k B abbe T R A common_n random_n substrate_n index_estimate ben
 _STATISTICS = """
 F p t r_squared chi2 chi2_reduced aicc delta_aicc rms rms_relative lag_one degrees_of_freedom start_degrees_of_freedom
 p_curved p_orientation effective_points neighbours widened weighted_squares correlation covariance covariance_ln sigma
-chance ratio snr clearness
+chance probability independent_values ratio snr clearness
 """
 _SHARES = """
 strain peak_strain residual_strain strain_at_break strain_at_strength loss_fraction peak_stress stress_at_half work_in
 shift end low high length area overcure scatter_exponent halo_fraction halo_per_depth ln_Ec dose_below_over_Ec
 interior_over_single_layer phr volume_error bridged outside share on_share between_share depth
+seen contrast pitch_ratio factor scale_factor rms_um_per_percent_of_scale
 """
 _CONTRASTS, _IN_THE_FILES_UNIT = "largest_change at_low at_high", "dark"
 DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT)).split())
@@ -81,7 +83,7 @@ def violations(command: str) -> list[str]:
             continue
         if is_number(schema) and not UNIT.search(bare(name)) and bare(name) not in DIMENSIONLESS:
             faults.append("a number without a unit")
-        if re.search(r".(interval95$|_interval95|_u$|_u_)", name):
+        if re.search(r".(interval95$|_interval95|_u$|(?<!_of)_u_)", name):
             faults.append("what it is of a value is the first part of a name")
         of = bare(name).rpartition("_")[2]
         if bare(name) not in {name, *RELATIVE} and not any(
@@ -97,3 +99,65 @@ def violations(command: str) -> list[str]:
 @pytest.mark.parametrize("command", CONVERTED)
 def test_keys_follow_the_convention(command: str) -> None:
     assert violations(command) == []
+
+
+QUICK = (
+    ("doctor",),
+    ("resin refractometer", "resin", "refractometer", "1.49", "--u", "0.001"),
+    ("print printers", "print", "printers"),
+)
+"""Commands that need no file, as they are typed."""
+
+
+@pytest.mark.parametrize(("command", "arguments"), [(first, rest or (first,)) for first, *rest in QUICK])
+def test_what_a_command_prints_is_what_its_schema_says(
+    capfd: pytest.CaptureFixture[str], command: str, arguments: tuple[str, ...]
+) -> None:
+    if command in CONVERTED:
+        assert misfits(result_schema(tuple(command.split())), answered(capfd, *arguments)) == []
+
+
+def misfits(schema: dict[str, Any], value: Any, where: str = "$") -> list[str]:
+    """Where a value is not what its JSON Schema says, as far as `solen schema` uses that language."""
+    if "anyOf" in schema:
+        tried = [misfits(kind, value, where) for kind in schema["anyOf"]]
+        return min(tried, key=len) if all(tried) else []
+    if "enum" in schema:
+        return [] if value in schema["enum"] else [f"{where}: {value!r} is not one of {schema['enum']}"]
+    kinds = schema.get("type", [])
+    if kinds and not any(_is_a(kind, value) for kind in ([kinds] if isinstance(kinds, str) else kinds)):
+        return [f"{where}: {value!r:.60} is not of type {kinds}"]
+    found = []
+    if isinstance(value, dict) and "properties" in schema:
+        unknown = sorted(value.keys() - schema["properties"].keys())
+        missing = sorted(set(schema.get("required", ())) - value.keys())
+        found += [f"{where}: {name} is not stated" for name in unknown]
+        found += [f"{where}: {name} is missing" for name in missing]
+        for key in value.keys() & schema["properties"].keys():
+            found += misfits(schema["properties"][key], value[key], f"{where}.{key}")
+    if (
+        isinstance(value, dict)
+        and "additionalProperties" in schema
+        and isinstance(schema["additionalProperties"], dict)
+    ):
+        for key, inner in value.items():
+            found += misfits(schema["additionalProperties"], inner, f"{where}.{key}")
+    if isinstance(value, list) and "items" in schema:
+        for place, inner in enumerate(value):
+            found += misfits(schema["items"], inner, f"{where}[{place}]")
+    return found
+
+
+_TYPES: dict[str, type | tuple[type, ...]] = {
+    "null": type(None),
+    "boolean": bool,
+    "integer": int,
+    "number": (int, float),
+    "string": str,
+    "array": list,
+    "object": dict,
+}
+
+
+def _is_a(kind: str, value: Any) -> bool:
+    return isinstance(value, _TYPES[kind]) and not (isinstance(value, bool) and kind in {"integer", "number"})
