@@ -119,17 +119,17 @@ class Curve(ABC):
     @property
     def start(self) -> Point:
         """First point, mm."""
-        return self._point(0.0)
+        return self.point_at(0.0)
 
     @property
     def end(self) -> Point:
         """Last point, mm."""
-        return self._point(1.0)
+        return self.point_at(1.0)
 
     @property
     def middle_point(self) -> Point:
         """Point halfway along the parameter, mm."""
-        return self._point(0.5)
+        return self.point_at(0.5)
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
         """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
@@ -153,6 +153,12 @@ class Curve(ABC):
                 )
             u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))
 
-    def _point(self, u: float) -> Point:
+    def velocity_at(self, u: float) -> Point:
+        """Derivative of `points` at one parameter, mm."""
+        x, z = self.velocities(np.array([u]))[0]
+        return (float(x), float(z))
+
+    def point_at(self, u: float) -> Point:
+        """Point at one parameter, mm."""
         x, z = self.points(np.array([u]))[0]
         return (float(x), float(z))

@@ -54,7 +54,7 @@ class Segment(Curve):
 
     def part(self, u_from: float, u_to: float) -> "Segment":
         """See :meth:`Curve.part`."""
-        return Segment(self._point(u_from), self._point(u_to))
+        return Segment(self.point_at(u_from), self.point_at(u_to))
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:  # noqa: ARG002  it is straight
         """See :meth:`Curve.flattened`."""

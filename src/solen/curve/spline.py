@@ -1,5 +1,6 @@
 """Free forms: one cubic Bézier piece, and the smooth curve through given points."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,6 +103,16 @@ class Spline(CubicChain):
         pieces = np.stack([*handles, through[1:]], axis=1).reshape(-1, 2)
         return cls(tuple((float(x), float(z)) for x, z in (given[0], *pieces)))
 
+    @classmethod
+    def chained(cls, curves: Sequence[CubicChain]) -> "Spline":
+        """One spline of several chains, each of which starts where the one before ends."""
+        return cls.of([control for curve in curves for control in curve.controls])
+
+    @classmethod
+    def of(cls, controls: Sequence[Control]) -> "Spline":
+        """Spline of cubic pieces, each of which starts where the one before ends."""
+        return cls((controls[0][0], *(point for control in controls for point in control[1:])))
+
     @property
     def controls(self) -> tuple[Control, ...]:
         """See :attr:`CubicChain.controls`."""
@@ -114,8 +125,7 @@ class Spline(CubicChain):
 
     def part(self, u_from: float, u_to: float) -> "Spline":
         """See :meth:`Curve.part`; its pieces have equal shares of its own parameter, the cut ones too."""
-        controls = self.parts(u_from, u_to)
-        return Spline((controls[0][0], *(point for control in controls for point in control[1:])))
+        return Spline.of(self.parts(u_from, u_to))
 
     def moved(self, motion: Rigid) -> "Spline":
         """See :meth:`Curve.moved`."""

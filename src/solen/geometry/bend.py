@@ -207,7 +207,7 @@ def _passes(curve: Curve, height_mm: float) -> list[float]:
     from scipy.optimize import brentq
 
     def above(u: float) -> float:
-        return float(curve.points(np.array([u]))[0, 1]) - height_mm
+        return curve.point_at(u)[1] - height_mm
 
     u = np.linspace(0.0, 1.0, SAMPLES)
     side = curve.points(u)[:, 1] - height_mm
@@ -232,9 +232,7 @@ def _bent(curve: Curve, bend: Bend) -> Curve:
     if arc is not None:
         return arc
     if isinstance(curve, CubicChain):
-        pieces = [_spline(Spline(control), bend) for control in curve.controls]
-        points = [point for piece in pieces for point in piece.control_points[1:]]
-        return Spline((pieces[0].control_points[0], *points))
+        return Spline.chained([_spline(Spline(control), bend) for control in curve.controls])
     return _spline(curve, bend)
 
 

@@ -71,7 +71,7 @@ class _Branch(NamedTuple):
         """Angle at which it leaves, of the chord to the point ``step_mm`` further along; of its tangent for 0."""
         curve = self.interface.curve
         # a closed curve may have a corner where it begins, and two normals there
-        at = self._just_inside() if self.closed else self.at
+        at = curve.point_at(1e-6 if self.forwards else 1.0 - 1e-6) if self.closed else self.at
         out = self._out(curve.normal_at(at))
         angle = math.atan2(out[1], out[0])
         if step_mm == 0.0:
@@ -81,10 +81,6 @@ class _Branch(NamedTuple):
 
     def _out(self, normal: Point) -> Point:
         return right_of(normal) if self.forwards else left_of(normal)
-
-    def _just_inside(self) -> Point:
-        ((x, z),) = self.interface.curve.points(np.array([1e-6 if self.forwards else 1.0 - 1e-6]))
-        return (float(x), float(z))
 
 
 def check_closed(interfaces: Sequence["Interface"]) -> None:

@@ -29,7 +29,7 @@ from solen.geometry.drawing.model import (
     is_aside,
     is_named,
 )
-from solen.geometry.drawing.shapes import SHAPE_TOLERANCE_MM, beziers, chained, ellipse
+from solen.geometry.drawing.shapes import SHAPE_TOLERANCE_MM, beziers, ellipse
 from solen.plane import Point
 
 INSUNITS_MM = {
@@ -174,7 +174,7 @@ class _Reader:
         if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
             return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
         knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
-        return chained([self._span(tool, low, high) for low, high in pairwise(knots)])
+        return Spline.chained([self._span(tool, low, high) for low, high in pairwise(knots)])
 
     def _span(self, tool: Any, low: float, high: float) -> Spline:
         """Spline between two neighbouring knots; at the later one the derivative is that of this side."""

@@ -21,11 +21,6 @@ CUT_OFF = 1e-4
 Control = tuple[Point, Point, Point, Point]
 
 
-def chained(curves: Sequence[Spline]) -> Spline:
-    """One spline of several, each of which starts where the one before ends."""
-    return Spline((curves[0].start, *(point for curve in curves for point in curve.control_points[1:])))
-
-
 def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Curve:
     """Part of ``center + u cos a + v sin a`` for a from ``start`` on by ``sweep`` (radians): an arc if it is round."""
     long = math.hypot(*u)
@@ -53,7 +48,7 @@ def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
         return None
     if len(cubics) == 1:
         return Segment(cubics[0][0], cubics[0][3]) if _straight(cubics[0]) else Bezier(*cubics[0])
-    return Spline((cubics[0][0], *(point for cubic in cubics for point in cubic[1:])))
+    return Spline.of(cubics)
 
 
 def _raised(piece: Sequence[Point]) -> Control:

@@ -19,7 +19,7 @@ import numpy as np
 from solen.curve import Curve, Segment
 from solen.errors import DesignError
 from solen.material import Cauchy
-from solen.plane import Point, cross, dot, heading, minus
+from solen.plane import Point, along, cross, dot, heading, minus
 from solen.scene.model import Behaviour, Interface, Region
 from solen.scene.rayoptics.facets import Facets
 from solen.scene.rayoptics.intersections import crossings, part, place_of, unlooped
@@ -227,9 +227,8 @@ def _divided_at_crossings(stretches: list[_Stretch], tolerance: float) -> list[_
 
 def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
     """How often each glass holds a point so far to the left of a curve."""
-    x, z = curve.points(np.array([SOMEWHERE]))[0].tolist()
-    normal = curve.normal_at((x, z))
-    point = (x + aside * normal[0], z + aside * normal[1])
+    at = curve.point_at(SOMEWHERE)
+    point = along(at, curve.normal_at(at), aside)
     return tuple(_level(glass, point) for glass in glasses)
 
 
@@ -246,8 +245,7 @@ def _turns(glass: Glass, point: Point, direction: Point) -> int:
     total = 0
     for curve in glass.outline:
         for t in curve.hits(point, direction):
-            at = (point[0] + t * direction[0], point[1] + t * direction[1])
-            total += _sign(curve, at, direction)
+            total += _sign(curve, along(point, direction, t), direction)
     return total if glass.oriented else total % 2
 
 

@@ -182,9 +182,7 @@ def _one(group: list[Curve]) -> Curve:
         return group[0]
     if isinstance(group[0], Segment):
         return Segment(group[0].start, group[-1].end)
-    cubics = [piece for piece in group if isinstance(piece, Bezier)]
-    inner = [point for piece in cubics for point in (piece.control_a, piece.control_b, piece.b)]
-    return Spline((cubics[0].a, *inner))
+    return Spline.chained([piece for piece in group if isinstance(piece, Bezier)])
 
 
 def _point(row: FloatArray) -> Point:

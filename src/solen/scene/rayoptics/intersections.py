@@ -53,7 +53,7 @@ def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
     else:
         u = _nearest(curve, point, tolerance)
     u = min(max(u, 0.0), 1.0)
-    return u if math.dist(_at(curve, u), point) <= tolerance else None
+    return u if math.dist(curve.point_at(u), point) <= tolerance else None
 
 
 def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
@@ -90,16 +90,6 @@ def samples(curve: Curve) -> FloatArray:
     return np.linspace(0.0, 1.0, SAMPLES_PER_ARC + 1)
 
 
-def _at(curve: Curve, u: float) -> Point:
-    x, z = curve.points(np.array([u]))[0]
-    return (float(x), float(z))
-
-
-def _velocity(curve: Curve, u: float) -> Point:
-    x, z = curve.velocities(np.array([u]))[0]
-    return (float(x), float(z))
-
-
 def _place_on_arc(arc: Arc, point: Point) -> float:
     turn = math.degrees(math.atan2(point[1] - arc.center[1], point[0] - arc.center[0])) - arc.start_deg
     turn = turn % 360.0 if arc.sweep_deg > 0 else -(-turn % 360.0)
@@ -121,10 +111,10 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
         low, high = float(u[max(i - 1, 0)]), float(u[min(i + 1, len(u) - 1)])
         for _ in range(STEPS):
             third = (high - low) / 3.0
-            left, right = (math.dist(_at(curve, v), point) for v in (low + third, high - third))
+            left, right = (math.dist(curve.point_at(v), point) for v in (low + third, high - third))
             low, high = (low, high - third) if left <= right else (low + third, high)
         for v in (0.5 * (low + high), float(u[i])):
-            best = min(best, (math.dist(_at(curve, v), point), v))
+            best = min(best, (math.dist(curve.point_at(v), point), v))
     return best[1]
 
 
@@ -161,8 +151,8 @@ def _refined(a: Curve, b: Curve, tolerance: float) -> list[Place]:
     found: list[Place] = []
     for u, v in _of_polylines(a, b):
         place = _newton(a, b, u, v)
-        near = math.dist(_at(a, place[0]), _at(b, place[1])) <= tolerance
-        if near and all(math.dist(_at(a, place[0]), _at(a, other[0])) > tolerance for other in found):
+        near = math.dist(a.point_at(place[0]), b.point_at(place[1])) <= tolerance
+        if near and all(math.dist(a.point_at(place[0]), a.point_at(other[0])) > tolerance for other in found):
             found.append(place)
     return found
 
@@ -189,8 +179,8 @@ def _of_polylines(a: Curve, b: Curve) -> list[Place]:
 def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
     for _ in range(STEPS):
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-        gap = minus(_at(b, v), _at(a, u))
-        along_a, along_b = (_velocity(curve, w) for curve, w in ((a, u), (b, v)))
+        gap = minus(b.point_at(v), a.point_at(u))
+        along_a, along_b = (curve.velocity_at(w) for curve, w in ((a, u), (b, v)))
         slant = cross(along_a, along_b)
         if slant == 0.0:
             break
