@@ -174,7 +174,7 @@ def test_a_recording_is_said_in_words() -> None:
     assert re.fullmatch(r"emitter 0\.0[45]\d+ ± 0\.00\d+ mm to the left", said[0])
     assert any(line.startswith("chip 0.2") and line.endswith("mm wide") for line in said)
     told = " ".join(said)
-    assert "loss in the material and both gains together cannot be told apart" in told
+    assert "loss in the material and both gains together cannot be separated" in told
     assert set(found.held[LOSS]) >= {"gain right", "gain left"}
     assert found.estimates["loss_per_mm"].value is None
     assert found.estimates["gain_ratio"].value == pytest.approx(8.0 / 7.0, rel=5e-3)
@@ -209,8 +209,8 @@ def test_a_flat_response_tells_neither_decentre_nor_chip() -> None:
     found = diagnosed(replace(bare, passes=passes), flat, KNOWN)
     assert {OFFSET, SPREAD} <= set(found.held)
     said = " ".join(words(found))
-    assert "the emitter's decentre cannot be told" in said
-    assert "the chip's width cannot be told" in said
+    assert "the emitter's decentre cannot be determined" in said
+    assert "the chip's width cannot be determined" in said
     assert any("with the lens" in line for line in advice(found))
 
 

@@ -336,7 +336,7 @@ def test_recordings_of_one_name_are_pooled_with_a_warning(tmp_path: Path) -> Non
     other = tmp_path / "other"
     other.mkdir()
     found = study([path, write(other / "one.csv", replace(TRUTH, seed=2))])
-    assert any("taken for one sensor" in warning for warning in found.warnings)
+    assert any("pooled as one sensor" in warning for warning in found.warnings)
 
 
 @pytest.mark.evidence

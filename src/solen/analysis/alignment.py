@@ -3,11 +3,11 @@
 The idea: a receiver's voltage is a function of the angle, whatever that function is. Shifted against each other, the
 log and the voltages disagree: rising and falling ways show two curves. The shift is found roughly by cross-correlation,
 then by least squares: with f the mean curve, a shift by δ changes the voltage by f'(θ) θ' δ, which has opposite signs
-on both ways, so that f and δ are told apart. Each cycle gives its own shift; a line through them over time gives lag
+on both ways, which separates f and δ. Each cycle gives its own shift; a line through them over time gives lag
 and rate of the clock, its residuals their uncertainties.
 
 A hysteresis that does not depend on speed looks the same: on ways of one speed v, a lag δ shows f' v δ between them. A
-log on another clock therefore cannot show a sensor's hysteresis, and whoever uses the result must say so.
+log on another clock therefore cannot show a sensor's hysteresis, and a warning states so.
 
 The interface: `align` gives an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
 """
@@ -26,7 +26,7 @@ from solen.results import HIDDEN, Result
 
 _CELLS = 512
 _PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
-_NOISES, _STEPS = 25.0, 5.0  # a speed is told over a time in which the angle moves by so many of its noise or steps
+_NOISES, _STEPS = 25.0, 5.0  # a speed is measured over a time in which the angle moves by so many of its noise or steps
 _ALIKE = 0.02  # of a step: how far a level may be from a multiple of it
 _CORNER = 0.1  # of the speed: change from one pair of entries to the next that a steady ramp does not show
 _ROUNDS = 12
@@ -104,7 +104,7 @@ def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: Flo
         times = time_s + lag + rate * (time_s - middle)
         sampled = (log_s, log_deg) if np.median(np.diff(log_s)) > np.median(np.diff(time_s)) else (times, shown)
         u_lag = math.hypot(u_lag, _u_of_steps(*sampled, log_s, motion, step))
-    words = _words(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
+    words = _warnings(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
     return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
 
 
@@ -310,17 +310,17 @@ def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, flo
     return math.sqrt(variance * (1.0 + centre**2 / spread)), slope, math.sqrt(variance / spread)
 
 
-def _words(
+def _warnings(
     lag: float, u_lag: float, rivals: tuple[float, ...], speed: float, time_s: FloatArray, shown: FloatArray
 ) -> tuple[str, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
-    told = [
+    warnings = [
         f"the log's clock is {lag:.6g}{known} s ahead, found by the voltages themselves: a hysteresis and a lag look "
         f"alike at one speed (1 ms is {1e-3 * speed:.2g}°), so the hysteresis given is what a lag cannot explain"
     ]
     if rivals:
-        told.append(f"a lag of {rivals[0]:.6g} s goes with the voltages nearly as well, as the motion repeats itself")
+        warnings.append(f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, as the motion repeats itself")
     missing = int(np.isnan(shown).sum())
     if missing:
-        told.append(f"{missing} of {time_s.size} samples lie outside the log and are left out")
-    return tuple(told)
+        warnings.append(f"{missing} of {time_s.size} samples lie outside the log and are left out")
+    return tuple(warnings)

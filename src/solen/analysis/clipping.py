@@ -2,7 +2,7 @@
 
 The idea: a converter, an amplifier or a circuit at its rail repeats one value, the largest or the smallest of the whole
 recording, while the angle goes on moving. A hold repeats a value, too, and so does a coarse converter; therefore only
-runs of the very same extreme value within ramps tell, and only if no other value of that recording is repeated as long.
+runs of the very same extreme value within ramps count, and only if no other value of that recording repeats as long.
 Rails that are known are better than any guess: with them, every sample at or beyond counts.
 
 The interface: `clipped` marks samples.

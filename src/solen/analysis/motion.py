@@ -22,7 +22,7 @@ from solen.errors import DataError
 from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
-"""Share of the range that an excursion must exceed, and over which a ramp is told from a hold."""
+"""Share of the range that an excursion must exceed, and over which a ramp differs from a hold."""
 _SLOWEST = 0.1  # speed, relative to the fastest, that is still a ramp
 _MOST = 4_000_000  # points of the even grid that edges are found on
 _SIGMAS = 4.0
@@ -117,7 +117,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     if step > _COARSEST * (high - low):
         _refuse_jumps(0.0)
     if high - low <= max(20.0 * noise, 1e-9):
-        limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be told"
+        limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be found"
         raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
     edges = _Edges(time_s, clean, noise, step, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)

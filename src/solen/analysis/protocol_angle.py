@@ -1,11 +1,11 @@
 """The angle of a recording that has none: the cycles from the signals, their scale from the commanded protocol.
 
-The idea: the voltages repeat with the cycle. Its length is where they are most like themselves; where each cycle begins
-is where they are most like the protocol: 0 to +A at a speed, a hold, back, the same on the other side. What the length
-has beyond that is taken for rests, half of it at each return to 0. The result is the angle that the stage should have
-had, not one that anybody measured.
+The idea: the voltages repeat with the cycle. Its length maximises their autocorrelation; each cycle begins where they
+correlate best with the protocol: 0 to +A at a speed, a hold, back, the same on the other side. Time beyond the protocol
+counts as rests, half of it at each return to 0. The result is the angle that the stage should have had; it was not
+measured.
 
-Which side is which is not in one signal. With a left and a right receiver the convention says it: at negative angles
+One signal does not show which side is which. With a left and a right receiver the convention does: at negative angles
 the right one is brighter, that is lower. Without them the first excursion is called positive.
 
 The interface: `angle_by_protocol` of signals and a `Protocol` gives a `ProtocolAngle`.
@@ -120,7 +120,7 @@ def _less_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
 
 
 def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
-    """`DataError` where a signal is no function of the angle that a protocol had, beyond its noise."""
+    """`DataError` where a signal does not follow the angle of a protocol, beyond its noise."""
     edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
     cell = np.digitize(angle_deg, edges)
     count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)

@@ -152,7 +152,7 @@ class Signals:
     volts
         (n, m), NaN where there is no reading.
     lens
-        Whether it has a lens; None where nothing says so.
+        Whether it has a lens; None where it is not stated.
     source
         The file.
     clipped

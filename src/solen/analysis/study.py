@@ -263,7 +263,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
 
 
 def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
-    """Whether a recording is of sensors with a lens (None where nothing says so), and the labels of those without."""
+    """Whether a recording is of sensors with a lens (None where it is not stated), and the labels of those without."""
     in_name = {} if options.pattern is None else labels(path, options.pattern)
     word = in_name.get("lens") or provenance.metadata.get("lens")
     texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]
@@ -285,11 +285,11 @@ def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str
 
 
 def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[str]:
-    """Recordings that are pooled though no pattern says so."""
+    """Recordings that are pooled without a pattern."""
     if options.pattern is not None:
         return []
     return [
-        f"{label}: {len(signals)} recordings of one name are taken for one sensor; --pattern tells them apart"
+        f"{label}: {len(signals)} recordings of one name are pooled as one sensor; --pattern separates them"
         for label, signals in sensors.items()
         if len(signals) > 1
     ]

@@ -1,7 +1,7 @@
 """Time as a recorder wrote it: irregular, with gaps, with stamps twice, now and then backward.
 
 The idea: samples are used where they stand and never resampled for the numbers, so an irregular clock needs no repair.
-What does need a word is said with its place: a gap, a stamp that several samples share, samples out of order. A clock
+What matters gets a warning with its place: a gap, a stamp that several samples share, samples out of order. A clock
 that runs backward for longer than a few samples was set, or two recordings were joined: that is refused, as no order
 could be right.
 
@@ -93,8 +93,8 @@ def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: f
     worst = back[np.argmin(steps[back])]
     row = int(order[worst + 1]) + 1
     if -steps[worst] > _FEW_STEPS * usual or back.size > _SHARE * order.size:
-        told = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
-        limit = f"{told}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
+        jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
+        limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
         raise DataError(name, limit=limit, remedy="split the file there, or export it with one running clock")
     return (
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"

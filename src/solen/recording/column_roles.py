@@ -1,4 +1,4 @@
-"""Column roles: which column of a recording is the time, the angle or a receiver, where nobody names it.
+"""Column roles: which column of a recording is the time, the angle or a receiver, where no option names it.
 
 The idea: a header names a quantity, states a unit that fits one, or follows the habits of recorders (``ai0``, ``PD2``).
 These are tried in that order; where several columns remain, the user is asked to name one.

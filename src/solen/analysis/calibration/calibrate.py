@@ -51,6 +51,8 @@ class SensorCalibrations(Result):
         The recordings.
     warnings
         What the recordings and the calibrations cannot show.
+    remark
+        What a figure must state about the processing.
     """
 
     calibrations: tuple[CalibrationFile, ...]
@@ -58,6 +60,7 @@ class SensorCalibrations(Result):
     simulated: bool
     sources: tuple[Provenance, ...]
     warnings: tuple[str, ...]
+    remark: str = field(default="", metadata=HIDDEN)
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
@@ -83,7 +86,9 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
             for sensor, one, check in zip(sensors, ones, checks, strict=True)
         ]
         warnings += [f"{file.sensor}: {line}" for file in files for line in file.warnings]
-    return SensorCalibrations(tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings))
+    return SensorCalibrations(
+        tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
+    )
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[str]]:

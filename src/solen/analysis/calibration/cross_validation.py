@@ -1,7 +1,7 @@
 """What a calibration is worth, by cross-validation: a cycle left out, a print left out.
 
 The idea: the rest is calibrated as if what is left out had never been recorded; then it is decoded and held against the
-angle of the stage. The share of readings within their bands tells whether the bands can be believed; readings of one
+angle of the stage. The share of readings within their bands shows whether the bands can be trusted; readings of one
 cycle err together, so that the share of a single recording scatters more than its number of readings suggests.
 
 The interface: `leave_one_cycle_out` and `leave_one_sensor_out`, both a `Check` with a `Part` for each thing left out.

@@ -1,4 +1,4 @@
-"""Voltages to angles by a calibration: the likelihood of every angle, and what it says.
+"""Voltages to angles by a calibration: the likelihood of every angle, and its bands.
 
 The idea: between neighbouring points the curve in the plane of both voltages is straight, so that the nearest angle of
 each piece has a closed form. Pieces whose best is far below the very best are left out; the rest fall into stretches of
@@ -7,7 +7,7 @@ half the weight, is laid on a fine grid of its own, however narrow it is. All an
 likely beforehand. A stretch's share of the whole is its probability, its band the shortest that holds 68 or 95 % of
 it. Where two stretches count, the reading is ambiguous and both are given.
 
-A receiver whose reading is clipped says only that the true voltage lies at or beyond it.
+A receiver whose reading is clipped shows only that the true voltage lies at or beyond it.
 
 The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `reference` has the same slowly.
 """
@@ -31,7 +31,7 @@ _POINTS = 64  # of a stretch's own grid
 _AT_ONCE = 512
 _MOST_PIECES = 4000
 _FLAT = 0.1  # of a standard deviation that the curve may lie beside its straight pieces
-_COUNTS = 0.01  # probability of a stretch that is told
+_COUNTS = 0.01  # probability of a stretch that is reported
 _TINY = 1e-6  # of a piece
 _SHORT = 1e-9  # standard deviations: a piece is given at least this length
 _DEEPEST = 200.0  # below the best log-likelihood that there is, readings are on no piece and all are looked at
@@ -233,7 +233,7 @@ class Decoder:
         first = best == top[row]
         nearest, limit = np.zeros(len(volts)), np.zeros(len(volts))
         nearest[row[first]], limit[row[first]] = distance[first], self._limit[place[first] % self.pieces]
-        return self._told(
+        return self._decoded(
             volts, marks, metric, self._stretches(row, place, along, distance, top, metric), nearest, limit
         )
 
@@ -303,7 +303,7 @@ class Decoder:
         highs = np.where(highs > last - _TINY * self._width, last, highs)
         return row[order][begins], np.maximum(lows, first), highs
 
-    def _told(
+    def _decoded(
         self,
         volts: FloatArray,
         marks: tuple[int, int],

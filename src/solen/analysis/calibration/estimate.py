@@ -240,6 +240,6 @@ def _between(curves: FloatArray) -> FloatArray:
 
 
 def _rounder(covariance: FloatArray, share: float) -> FloatArray:
-    """Covariances drawn towards equal variances: few cycles or prints hardly tell a correlation, and two tell none."""
+    """Covariances drawn towards equal variances: few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

@@ -35,7 +35,7 @@ class Motion(Strict):
     table: ClassVar[str] = "motion"
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null where nothing says.")
+    kind: Literal["rotation", "bend"] | None = Field(None, description="rotation or bend; null where it is not stated.")
     pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
     parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
     low_deg: Number | None = Field(None, description="Lowest angle that was gone to.")
@@ -132,7 +132,7 @@ class CalibrationFile(Strict):
     curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")
     leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
-    words: tuple[str, ...] = Field(description="What the checks say, in sentences.")
+    words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
     warnings: tuple[str, ...] = Field(description="What cannot be concluded.")
 
@@ -230,7 +230,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """In what a recording is another thing than was calibrated, and what cannot be told; words of each."""
+    """How a recording differs from what was calibrated, and what is not stated; phrases of each."""
     other, unknown = [], []
     for name, mine, theirs in (
         ("kind of motion", ours.motion.kind, motion.kind),

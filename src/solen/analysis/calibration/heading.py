@@ -2,7 +2,7 @@
 
 The idea: the slope of the least-squares line through the angles of a short time before each, and its standard
 deviation by the noise of a reading alone: what stays for a cycle moves all of them alike. The probability that the
-slope is positive is that of a normal variable; a stream that neither surely rises nor surely falls is not told to.
+slope is positive is that of a normal variable; a stream that neither surely rises nor surely falls has no heading.
 
 The interface: `Tracker` takes angles as they come, many or one, and gives `Headings`.
 """

@@ -16,7 +16,7 @@ from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
 LEAST_CYCLES = 2
-"""With a single cycle nothing says how well cycles repeat."""
+"""A single cycle does not show how well cycles repeat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Training:
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Mean over the first axis of what there is; a direction that nobody went is taken from the other one."""
+    """Mean over the first axis of what there is; a direction without readings is taken from the other one."""
     held = np.isfinite(cycles_V)
     count = held.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):

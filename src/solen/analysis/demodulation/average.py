@@ -2,8 +2,7 @@
 
 Lamps flicker at twice the mains' frequency. At 200 readings a second 100 Hz alternates from one reading to the next,
 and four of them, one period of 50 Hz, average it and all its multiples out, but for those that fall on 200 Hz itself.
-This is a filter: it is applied only where it is asked for, blocks do not overlap, and the result says how many readings
-are in each.
+This is a filter: it is applied only on request, blocks do not overlap, and the result states how many readings are in each.
 
 The interface: `readings_per_mains`, `averaged`.
 """
@@ -52,7 +51,7 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
 def averaged(found: Demodulated, slots: Slots, readings: int) -> Averaged:
     """Means of blocks of successive readings of each emitter; a block with a reading missing inside is left out.
 
-    ``slots`` are those that the readings were made of. Flicker that the means take out is no part of their uncertainty.
+    ``slots`` are those that the readings were made of. Flicker that the means remove is not in their uncertainty.
     """
     parts = [_of_emitter(found, emitter, readings) for emitter in found.emitters]
     places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])

@@ -38,7 +38,7 @@ class DemodulationOptions(Options):
     time: str | None = None
     """Column of the time; default: the column whose header names it."""
     state: str | None = None
-    """Column that says which emitter is on: 0 or off for none. Default: one called state, emitter or led."""
+    """Column that states which emitter is on: 0 or off for none. Default: one called state, emitter or led."""
     rate_hz: Finite | None = Field(None, gt=0)
     """Readings of one emitter per second; the edges are then found in the waveform itself."""
     emitters: int = Field(1, ge=1)
@@ -59,7 +59,7 @@ class DemodulationOptions(Options):
     @model_validator(mode="after")
     def _check_state(self) -> Self:
         if self.state is not None and self.rate_hz is not None:
-            limit = "has no effect with --state, which says when an emitter is on"
+            limit = "has no effect with --state, which states when an emitter is on"
             raise refused("rate_hz", limit, value=self.rate_hz, remedy="leave one of them out")
         return self
 

@@ -4,7 +4,7 @@ The idea: ambient light at the time of an on slot lies on the straight line betw
 Where these are equally far that is their mean. Constant light and light that changes at a constant rate are taken out
 exactly, for every emitter of a sequence. With one off slot alone (one-sided) only constant light is.
 
-The uncertainty of a reading is told by the off slots themselves: what one of them differs by from the line between its
+The uncertainty of a reading comes from the off slots themselves: the deviation of one from the line between its
 neighbours is the noise of a slot and whatever of the ambient light is too fast to subtract.
 
 The interface: `subtract` `Slots`; `Demodulated` is what it gives, with `Counts` of what was missing.

@@ -1,8 +1,8 @@
-"""Diagnosis: what a recording says of the sensor that made it.
+"""Diagnosis: parameters of a sensor from its recording.
 
 The idea: the traced response of a design, for an emitter of any decentre and any chip, is fitted to the mean curves of
 a recording. Each number comes with its interval from the scatter of the cycles, from what is known beforehand and from
-what the model misses, and what the recording does not determine is said in words in place of a number.
+what the model misses, and what the recording does not determine is described in words in place of a number.
 
 The interface: `diagnosed_sensors` of a `Study`; its steps `Response.of` a design's sensor and `diagnosed` of a
 `SensorResponse`, which gives a `Diagnosis`; `words` states it in sentences.

@@ -101,7 +101,7 @@ class Response:
         spreads
             By the key of a number, its standard uncertainty.
         progress
-            Is told the share that is done.
+            Called with the share that is done.
 
         Raises
         ------

@@ -1,8 +1,7 @@
 """A sensor diagnosed: its recording's mean curves fitted with the traced response of its design.
 
-The idea: everything is fitted that the recording determines. A number whose uncertainty stays above what is worth
-telling is not told: it is held at the design's value, and with what it cannot be told apart is read from the direction
-in which the curves hardly change.
+The idea: everything is fitted that the recording determines. A parameter whose uncertainty exceeds its scale is held
+at the design's value; the correlations of the fit with all parameters show what it is confused with.
 
 The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` and each `Estimate` of it.
 """
@@ -33,9 +32,9 @@ PARTNER = 0.9
 """Correlation from which on a number that is not determined takes part in another's."""
 HELD_FIRST = (LOSS, SPREAD, OFFSET)
 POOREST = 0.98
-"""Correlation with a gain from which on a loss is not told: whatever the model misses would be taken for it."""
+"""Correlation with a gain from which on a loss is not determined: it would absorb any misfit of the model."""
 POOR = 0.95
-"""Correlation from which on two numbers are told apart poorly."""
+"""Correlation from which on two parameters are poorly separated."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +80,7 @@ class ParameterEstimate(Result):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What a recording says of a sensor.
+    """The fit of one sensor.
 
     Attributes
     ----------
@@ -94,9 +93,9 @@ class Diagnosis:
     estimates
         Of every number, by name.
     held
-        Numbers that the recording does not determine, each with those that it cannot be told apart from.
+        Parameters that the recording does not determine, each with those that it is correlated with.
     poor
-        Pairs of numbers that are told apart poorly, with their correlation.
+        Pairs of parameters that are poorly separated, with their correlation.
     correlations
         Of the fitted numbers, (a, a), in the order of ``fitted.active``.
     left_out
@@ -119,7 +118,7 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Places of the right and the left receiver, of which one may miss; `DataError` where names do not tell them."""
+    """Places of the right and the left receiver; one may be missing. `DataError` where no name states a side."""
     found: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
@@ -152,7 +151,7 @@ def diagnosed(
     *,
     rising: bool = False,
 ) -> Diagnosis:
-    """Fit a sensor's mean curves and say what they determine.
+    """Fit a sensor's mean curves and find what they determine.
 
     Parameters
     ----------
@@ -213,7 +212,7 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
             limit = "answers the other way round than the design: its voltage rises where the design gets brighter"
-            remedy = "turn the angle with --flip-angle, or say --brighter higher"
+            remedy = "turn the angle with --flip-angle, or state --brighter higher"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
@@ -244,7 +243,7 @@ def _undetermined(fitted: Fitted) -> str | None:
 
 
 def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """What a number cannot be told apart from: those that go with it in the fit that has them all."""
+    """Parameters that one is correlated with, in the fit that has them all."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
@@ -258,12 +257,12 @@ def _correlations(fitted: Fitted) -> FloatArray:
 
 
 def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of shape numbers that are told apart poorly."""
+    """Pairs of parameters of the shape that are poorly separated."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     found = []
     for i, one in enumerate(names):
         for j in range(i + 1, len(names)):
-            gains = one.startswith("gain") and names[j].startswith("gain")  # their ratio is told
+            gains = one.startswith("gain") and names[j].startswith("gain")  # their ratio is reported
             if abs(correlations[i, j]) > POOR and not gains and not names[j].startswith("offset"):
                 found.append((one, names[j], float(correlations[i, j])))
     return tuple(found)

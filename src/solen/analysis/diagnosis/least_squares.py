@@ -283,8 +283,8 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
     freedoms = total**2 / sum(np.maximum(part, 1e-300) ** 2 / nu for part, nu in parts)
     residual = np.where(valid, cycles.mean_V - model.volts(values), np.nan)
     rms = np.sqrt(np.nanmean(residual**2, axis=0))
-    told = Misfit(rms, *misfit, share * np.sqrt(0.5 * WAVES))
-    return Fitted(model, values, places, covariance, freedoms, residual, told)
+    misfit_of = Misfit(rms, *misfit, share * np.sqrt(0.5 * WAVES))
+    return Fitted(model, values, places, covariance, freedoms, residual, misfit_of)
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:

@@ -100,7 +100,7 @@ class SensorDiagnosis(Result):
     diagnosis
         The fit and its estimates.
     lens
-        Whether it has a lens; None where nothing says so.
+        Whether it has a lens; None where it is not stated.
     design
         Name of its design.
     drawn

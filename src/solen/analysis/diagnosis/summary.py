@@ -21,7 +21,7 @@ NAMES = {
     "offset left": "the left receiver's offset",
 }
 SAYS = 0.8
-"""Share of what was known from which on a recording is said to say nothing more."""
+"""Share of the prior uncertainty above which a recording adds nothing."""
 ALIKE = 0.05
 """Gains that differ by less are alike."""
 NARROW_DEG = 2.0
@@ -29,7 +29,7 @@ NARROW_DEG = 2.0
 
 
 def words(found: Diagnosis) -> list[str]:
-    """What the recording says of the sensor, a line for each number; ± is half of an interval of 95 %."""
+    """What the recording shows of the sensor, a line for each parameter; ± is half of an interval of 95 %."""
     return [*_decentre(found), *_chip(found), *_zero(found), *_loss(found), *_others(found), *_gains(found)]
 
 
@@ -54,18 +54,18 @@ def _pm(value: float, half: float, unit: str) -> str:
 def _decentre(found: Diagnosis) -> Iterator[str]:
     one = found.estimates["emitter_offset_mm"]
     if one.value is None or one.low is None or one.high is None:
-        yield f"the emitter's decentre cannot be told from this recording{_apart(found, OFFSET)}"
+        yield f"the emitter's decentre cannot be determined from this recording{_apart(found, OFFSET)}"
         return
     side = "right" if one.value >= 0.0 else "left"
     half = 0.5 * (one.high - one.low)
-    said = f"emitter {_pm(abs(one.value), half, 'mm')} to the {side}"
-    yield said + (", which may be none" if abs(one.value) < half else "")
+    line = f"emitter {_pm(abs(one.value), half, 'mm')} to the {side}"
+    yield line + (", which may be none" if abs(one.value) < half else "")
 
 
 def _chip(found: Diagnosis) -> Iterator[str]:
     one = found.estimates["chip_width_mm"]
     if one.value is None or one.high is None or one.low is None:
-        yield f"the chip's width cannot be told from this recording{_apart(found, SPREAD)}"
+        yield f"the chip's width cannot be determined from this recording{_apart(found, SPREAD)}"
     elif one.low <= 0.0 or one.u_value is None:
         yield f"chip at most {one.high:.2g} mm wide; it may be a point"
     else:
@@ -82,7 +82,7 @@ def _beside_design(one: ParameterEstimate) -> str:
 def _zero(found: Diagnosis) -> Iterator[str]:
     one = found.estimates["angle_zero_deg"]
     if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
-        yield f"the zero of the angle is taken as known to {one.u_prior:g}°: the recording says no more of it"
+        yield f"the zero of the angle is taken as known to {one.u_prior:g}°: the recording adds nothing"
     elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
         yield f"the angle's zero is right within {max(-one.low, one.high):.2g}°"
     elif one.value is not None:
@@ -96,7 +96,7 @@ def _loss(found: Diagnosis) -> Iterator[str]:
     if one.value is None:
         others = "the gain" if len(found.sides) == 1 else "both gains"
         yield (
-            f"loss in the material and {others} together cannot be told apart from this recording: only their "
+            f"loss in the material and {others} together cannot be separated by this recording: only their "
             "product is known, and gains are given at the design's loss"
         )
     else:
@@ -107,7 +107,7 @@ def _others(found: Diagnosis) -> Iterator[str]:
     for key in found.fitted.model.response.changes:
         one = found.estimates[key]
         if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
-            yield f"{key} is taken as the design's ± {one.u_prior:g}: the recording says no more of it"
+            yield f"{key} is taken as the design's ± {one.u_prior:g}: the recording adds nothing"
         else:
             yield f"{key} differs from the design's by {pm(one)}"
 
@@ -120,14 +120,13 @@ def _gains(found: Diagnosis) -> Iterator[str]:
         yield f"right gain over left {pm(found.estimates['gain_ratio'])}"
     for one, other, correlation in found.poor:
         yield (
-            f"{NAMES.get(one, one)} and {NAMES.get(other, other)} are told apart poorly "
-            f"(correlation {correlation:+.3f})"
+            f"{NAMES.get(one, one)} and {NAMES.get(other, other)} are poorly separated (correlation {correlation:+.3f})"
         )
 
 
 def _apart(found: Diagnosis, name: str) -> str:
     others = ", ".join(NAMES.get(other, other) for other in found.held.get(name, ()))
-    return f", nor apart from {others}" if others else ": the curves hardly depend on it"
+    return f", as it is correlated with {others}" if others else ": the curves hardly depend on it"
 
 
 def _shift(found: Diagnosis) -> Iterator[str]:
@@ -152,12 +151,12 @@ def _trim(found: Diagnosis) -> Iterator[str]:
 
 def _record(found: Diagnosis) -> Iterator[str]:
     if LOSS in found.held:
-        yield ("guides of several lengths (solen resin cutback) tell the loss; the gains are then known with it")
+        yield ("guides of several lengths (solen resin cutback) give the loss; the gains are then known with it")
     if OFFSET in found.held or SPREAD in found.held:
-        yield "a recording with the lens, or over a wider range of angles, would tell the emitter's decentre and chip"
+        yield "a recording with the lens, or over a wider range of angles, would determine decentre and chip"
     angle = found.cycles.angle_deg
     reach = float(angle[-1] - angle[0])
     if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(found.held):
         yield f"the range of {reach:.2g}° is small: a wider one would narrow every interval"
     if len(found.cycles.volts) < 3:
-        yield "more cycles would tell how sure these numbers are: with fewer than three the intervals are wide"
+        yield "more cycles would narrow the intervals: with fewer than three they are wide"

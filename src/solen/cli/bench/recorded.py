@@ -13,7 +13,7 @@ Analysed = Annotated[AnalysisOptions, Flat]
 Recorded = Annotated[SignalOptions, Flat]
 ANALYSED, RECORDED = AnalysisOptions(), SignalOptions()
 LENS = {None: "", True: ", lens", False: ", no lens"}
-"""What a line says of a sensor's lens."""
+"""How lines state the lens of a sensor."""
 T = TypeVar("T", bound=SignalOptions)
 
 

@@ -43,17 +43,16 @@ def analyse(
     if figure is not None and figure == traces:
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own")
     result = study(recordings, options)
-    sensors = list(result.sensors.values())
 
     def response() -> "Figure":
-        from solen.report.bench.analyse import response_figure
+        from solen.report.bench.analyse import study_figure
 
-        return response_figure(sensors, simulated=result.simulated, remark=result.remark)
+        return study_figure(result)
 
     def over_time() -> "Figure":
         from solen.report.bench.traces import traces_figure
 
-        return traces_figure(sensors, simulated=result.simulated, remark=result.remark)
+        return traces_figure(result)
 
     return write(result, "analysis", out, {"figure": (figure, response), "traces": (traces, over_time)})
 

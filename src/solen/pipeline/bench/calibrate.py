@@ -27,8 +27,7 @@ def calibrate(
         In one line, where a recording, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    found = study(recordings, analysis)
-    result = calibrated_sensors(found, options)
+    result = calibrated_sensors(study(recordings, analysis), options)
     made = result.calibrations
     if out is not None and len(made) > 1:
         names = ", ".join(one.sensor for one in made)
@@ -45,7 +44,6 @@ def calibrate(
         from solen.report import canvas
         from solen.report.bench.calibrate import calibration_figure
 
-        drawn = calibration_figure(result, remark=found.remark)
-        contents[figure] = canvas.encoded(drawn, figure.suffix.lower(), "calibration")
+        contents[figure] = canvas.encoded(calibration_figure(result), figure.suffix.lower(), "calibration")
     files.write_all(contents)
     return Outcome(result, places if figure is None else places | {"figure": figure})

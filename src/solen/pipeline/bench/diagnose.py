@@ -43,8 +43,8 @@ def diagnose(
     result = diagnosed_sensors(study(recordings, analysis), options, progress)
 
     def drawn() -> "Figure":
-        from solen.report.bench.diagnose import diagnosis_figure
+        from solen.report.bench.diagnose import diagnoses_figure
 
-        return diagnosis_figure([one.diagnosis for one in result.sensors.values()], simulated=result.simulated)
+        return diagnoses_figure(result)
 
     return write(result, "diagnosis", out, {"figure": (figure, drawn)})

@@ -27,12 +27,8 @@ def colour_of(name: str, place: int) -> str:
 
 
 def study_figure(study: Study) -> Figure:
-    """The response of every sensor of a study."""
-    return response_figure(list(study.sensors.values()), simulated=study.simulated, remark=study.remark)
-
-
-def response_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark: str = "") -> Figure:
     """A panel for each sensor, all to one scale, and one with all of them where there are several."""
+    sensors = list(study.sensors.values())
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
     down = -(-panels // across)
@@ -49,10 +45,15 @@ def response_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remar
             panel.set_xlabel("angle (°)")
             if number % across == 0:
                 panel.set_ylabel("voltage (V)")
-        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark)))
-        if said:
-            figure.suptitle(said, color=LOST, fontsize=9)
+        state_origin(figure, study.simulated, study.remark)
     return figure
+
+
+def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
+    """Title of a figure: whether its data are simulated, and remarks on their processing."""
+    title = "; ".join(filter(None, ("simulated data" if simulated else "", *remarks)))
+    if title:
+        figure.suptitle(title, color=LOST, fontsize=9)
 
 
 def title_of(one: SensorResponse) -> str:

@@ -12,13 +12,14 @@ from matplotlib.figure import Figure
 
 from solen.analysis.calibration import Calibration, CalibrationFile, Check, SensorCalibrations
 from solen.arrays import IndexArray
+from solen.report.bench.analyse import state_origin
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
 
 _DRAWN = 3000
 _SIDES = (("left", LEFT), ("right", RIGHT))
 
 
-def calibration_figure(result: SensorCalibrations, *, remark: str = "") -> Figure:
+def calibration_figure(result: SensorCalibrations) -> Figure:
     """Three panels for each calibration."""
     made = result.calibrations
     with mpl.rc_context(STYLE):
@@ -26,9 +27,7 @@ def calibration_figure(result: SensorCalibrations, *, remark: str = "") -> Figur
         axes = figure.subplots(len(made), 3, squeeze=False)
         for one, check, row in zip(made, result.checks, axes, strict=True):
             _draw_calibration(row, one, check)
-        title = "; ".join(filter(None, ("simulated data" if result.simulated else "", remark)))
-        if title:
-            figure.suptitle(title, color=LOST, fontsize=9)
+        state_origin(figure, result.simulated, result.remark)
     return figure
 
 

@@ -1,7 +1,5 @@
 """Diagnosed sensors: mean curves with the fitted model, residuals, and correlations of the parameters."""
 
-from collections.abc import Sequence
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,8 +7,8 @@ from matplotlib.figure import Figure
 
 from solen.analysis.diagnosis import Diagnosis, SensorDiagnoses, words
 from solen.analysis.diagnosis.diagnose import model_V
-from solen.report.bench.analyse import colour_of
-from solen.report.canvas import INK, LOST, STYLE
+from solen.report.bench.analyse import colour_of, state_origin
+from solen.report.canvas import INK, STYLE
 
 _MAP = "RdBu_r"
 _SHORT = {
@@ -22,12 +20,8 @@ _SHORT = {
 
 
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
-    """A column for each diagnosed sensor of a study."""
-    return diagnosis_figure([one.diagnosis for one in result.sensors.values()], simulated=result.simulated)
-
-
-def diagnosis_figure(found: Sequence[Diagnosis], *, simulated: bool) -> Figure:
     """A column for each sensor: curves and model, residuals in their scatter, correlations."""
+    found = [one.diagnosis for one in result.sensors.values()]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4), layout="constrained")
         axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
@@ -37,8 +31,7 @@ def diagnosis_figure(found: Sequence[Diagnosis], *, simulated: bool) -> Figure:
             _correlations(axes[2, column], one)
         axes[0, 0].set_ylabel("voltage (V)")
         axes[1, 0].set_ylabel("mean less model (mV)")
-        if simulated:
-            figure.suptitle("simulated data", color=LOST, fontsize=9)
+        state_origin(figure, result.simulated)
     return figure
 
 

@@ -4,16 +4,14 @@ Holds that are cropped are grey, cycles that are not used hatched; long recordin
 sample of each stretch, so that nothing that is there is missing in the picture.
 """
 
-from collections.abc import Sequence
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from solen.analysis import Run, SensorResponse
+from solen.analysis import Run, SensorResponse, Study
 from solen.arrays import FloatArray
-from solen.report.bench.analyse import colour_of, title_of
+from solen.report.bench.analyse import colour_of, state_origin, title_of
 from solen.report.canvas import INK, LOST, SOFT, STYLE
 
 _POINTS = 2400
@@ -21,9 +19,9 @@ _MOST_ROWS = 12
 _MOST_HOLDS = 400
 
 
-def traces_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark: str = "") -> Figure:
+def traces_figure(study: Study) -> Figure:
     """A row for each recording: voltages, the angle above them, cycles and holds."""
-    rows = [(one, run) for one in sensors for run in one.runs]
+    rows = [(one, run) for one in study.sensors.values() for run in one.runs]
     shown = rows[:_MOST_ROWS]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4), layout="constrained")
@@ -32,9 +30,7 @@ def traces_figure(sensors: Sequence[SensorResponse], *, simulated: bool, remark:
             _draw(panel, one, run)
         axes[-1].set_xlabel("time (s)")
         more = f"first {_MOST_ROWS} of {len(rows)} recordings" if len(rows) > _MOST_ROWS else ""
-        said = "; ".join(filter(None, ("simulated data" if simulated else "", remark, more)))
-        if said:
-            figure.suptitle(said, color=LOST, fontsize=9)
+        state_origin(figure, study.simulated, study.remark, more)
     return figure
 
 
