@@ -12,7 +12,7 @@ from examples.coins import circle
 from examples.coins import edges as found_coins
 from examples.four_motions import MOTIONS
 from examples.index_of_a_layer import INDEX, THICKNESS_UM, WAVELENGTH_NM, U, routes
-from solen.analysis.demodulation import Samples, averaged, find_clock, slots_of, subtract
+from solen.analysis.demodulation import DemodulationOptions, demodulated
 from solen.material.index import forward
 from solen.material.index.layer import index_of_layer
 from solen.material.index.options import IndexOptions
@@ -129,7 +129,7 @@ def readout_picture() -> Figure:
 
 
 def ambient_light() -> Figure:
-    """What ``solen bench demodulate --figure`` draws of a simulated waveform in a room that flickers and is lit at once."""
+    """The figure of ``solen bench demodulate`` of a simulated waveform, in a room that flickers and is lit at once."""
     rng = np.random.default_rng(4)
     circuit = circuit_of(with_values(loads(template()), READ_WITH), {"right": 12.0, "left": 12.0})
     time = np.arange(40_000) / 10_000.0
@@ -138,12 +138,10 @@ def ambient_light() -> Figure:
     room = 0.6 + 0.15 * np.cos(2.0 * np.pi * 100.0 * time) + 0.4 * (time > 2.6)
     light = settled(volts(0.25 * (1.0 + swing) * on[:, None], circuit, room), circuit, 10_000.0)
     read = circuit.adc.read(light + rng.normal(0.0, circuit.adc.noise_V, light.shape))
-    clock = find_clock(time, read, 200.0)
-    samples = Samples(time, read, circuit.names, ("V", "V"), clock.states(3e-4), 3e-4, clock)
-    slots = slots_of(time, read, samples.state)
-    found = subtract(slots)
-    means = averaged(found, slots, 4)
-    return demodulation_figure(samples, found, means, "simulated: on and off at 200 Hz", 2.2e-3, "two-sided")
+    columns = {"time": ("s", time)} | {name: ("V", values) for name, values in zip(circuit.names, read.T, strict=True)}
+    channels = tuple(Channel(name, "", unit, values) for name, (unit, values) in columns.items())
+    recording = Recording(channels, Provenance("on and off at 200 Hz", simulated=True))
+    return demodulation_figure(demodulated(recording, DemodulationOptions(rate_hz=200.0, mains_hz=50.0)))
 
 
 def main() -> None:

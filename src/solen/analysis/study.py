@@ -117,16 +117,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     """
     options = options or AnalysisOptions()
     _check_files(files, options)
-    sensors: dict[str, list[Signals]] = {}
-    provenances, alignment, warnings, bare = [], {}, list[str](), True
-    for path, part in _parts(files, options):
-        for one in _signals(part, options, path, len(files)):
-            sensors.setdefault(one.label, []).append(one)
-        provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
-        bare &= part.samples.ambient_subtracted
-        warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
-        if part.alignment is not None:
-            alignment[part.label] = part.alignment
+    sensors, provenances, alignment, warnings, bare = _read(files, options)
     _check_controls(options, sensors)
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
@@ -154,6 +145,26 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         provenances=tuple(provenances),
         warnings=tuple(dict.fromkeys(warnings)),
     )
+
+
+def _read(
+    files: Sequence[Path], options: AnalysisOptions
+) -> tuple[dict[str, list[Signals]], list[Provenance], dict[str, Alignment], list[str], bool]:
+    """Signals of each sensor; provenances, alignments, warnings, and whether all are without ambient light."""
+    sensors: dict[str, list[Signals]] = {}
+    provenances: list[Provenance] = []
+    alignment: dict[str, Alignment] = {}
+    warnings: list[str] = []
+    bare = True
+    for path, part in _parts(files, options):
+        for one in _signals(part, options, path, len(files)):
+            sensors.setdefault(one.label, []).append(one)
+        provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
+        bare &= part.samples.ambient_subtracted
+        warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
+        if part.alignment is not None:
+            alignment[part.label] = part.alignment
+    return sensors, provenances, alignment, warnings, bare
 
 
 def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:

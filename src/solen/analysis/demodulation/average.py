@@ -2,7 +2,7 @@
 
 Lamps flicker at twice the mains' frequency. At 200 readings a second 100 Hz alternates from one reading to the next,
 and four of them, one period of 50 Hz, average it and all its multiples out, but for those that fall on 200 Hz itself.
-This is a filter: it is applied only on request, blocks do not overlap, and the result states how many readings are in each.
+This is a filter: it is applied only on request, blocks do not overlap, and the result states their size.
 
 The interface: `readings_per_mains`, `averaged`.
 """

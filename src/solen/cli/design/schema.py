@@ -46,7 +46,8 @@ def result_type(place: str) -> Any:
     """Type of the result of the command at ``module:function``; None where it prints something else."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
-    return typing.get_args(returned)[0] if typing.get_origin(returned) is Outcome else None
+    kinds = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
+    return next((typing.get_args(kind)[0] for kind in kinds if typing.get_origin(kind) is Outcome), None)
 
 
 def commands() -> dict[str, str]:
