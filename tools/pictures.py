@@ -18,7 +18,6 @@ from solen.material.index.layer import index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.material.index.stack import Setup, Substrate, on_substrate
 from solen.material.index.substrate import invert_on_substrate
-from solen.pipeline.design.readout import readings
 from solen.readout import circuit_of, settled, volts
 from solen.recording import Channel, Provenance, Recording
 from solen.report.bench.demodulate import demodulation_figure
@@ -26,6 +25,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
 from solen.report.design.readout import readout_figure
 from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
+from solen.sensor.readings import readings
 from solen.spec import loads, template, with_values
 
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
