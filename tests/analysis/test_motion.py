@@ -91,7 +91,7 @@ def test_set_points_without_a_way_between_them_are_refused() -> None:
 def test_an_angle_that_rests_is_refused() -> None:
     time_s = np.arange(0.0, 10.0, 0.005)
     angle = np.random.default_rng(2).normal(0.0, 0.01, time_s.size)
-    with pytest.raises(DataError, match="no cycle can be told"):
+    with pytest.raises(DataError, match="no cycle can be found"):
         find_motion(time_s, angle)
 
 
