@@ -31,7 +31,7 @@ INNER = ("solen.trace.kernel", "solen.recording", "solen.scene.rayoptics", "sole
 """Packages of which only the package itself is part of the reference, and the modules of `OPEN`."""
 OPEN = (
     *(f"solen.recording.{name}" for name in ("reader", "model", "spectrum", "grid", "source")),
-    *("solen.scene.rayoptics.reading", "solen.geometry.drawing.model", "solen.report.design.figures"),
+    *("solen.scene.rayoptics.importer", "solen.geometry.drawing.model", "solen.report.design.figures"),
 )
 LEFT_OUT = {
     "solen.recording.model": "metadata, texts",
