@@ -42,13 +42,13 @@ class Ambient(Source):
         return 3 + (self.height_mm > 0.0)
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         angle = inwards + LAMBERT.in_plane(u[:, 1], 0.5 * math.pi)
         return x, z, -np.sin(angle), np.cos(angle)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """See :meth:`Source.place_in_space`."""
+        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         x, z, inwards = self._on_the_circle(u[:, 0])
         theta, phi = LAMBERT.in_space(u[:, 1], 0.5 * math.pi), 2.0 * math.pi * u[:, 2]
         y = self.height_mm * (u[:, 3] - 0.5) if self.height_mm > 0.0 else np.zeros(len(u))
@@ -61,7 +61,7 @@ class Ambient(Source):
         return x, z, outwards + math.pi
 
     def emission(self) -> Emission:
-        """See :meth:`Source.emission`."""
+        """See :meth:`~solen.scene.sources.base.Source.emission`."""
 
         def at(place: float) -> tuple[float, float, float]:
             dx, dz = heading(360.0 * place)
@@ -71,7 +71,7 @@ class Ambient(Source):
         return Emission(at, LAMBERT.stretches(half), LAMBERT.plane_angle(half), PANELS)
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("ambient light", self.center)
         check_range("ambient light radius_mm", self.radius_mm, above=0.0)

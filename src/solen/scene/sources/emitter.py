@@ -54,11 +54,11 @@ class Emitter(LineSource):
         return 2 + (self.width_mm > 0.0) + (self.height_mm > 0.0)
 
     def angles(self, u: FloatArray) -> FloatArray:
-        """See :meth:`LineSource.angles`."""
+        """See :meth:`~solen.scene.sources.base.LineSource.angles`."""
         return math.radians(self.axis_deg) + self.pattern.in_plane(u, self.half_rad)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """See :meth:`Source.place_in_space`."""
+        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         theta, phi = self.pattern.in_space(u[:, 0], self.half_rad), 2.0 * math.pi * u[:, 1]
         middle = np.full(len(u), 0.5)
         wide, high = self.width_mm > 0.0, self.height_mm > 0.0
@@ -68,7 +68,7 @@ class Emitter(LineSource):
         return x, y, z, *about_axis(theta, phi, math.cos(axis), math.sin(axis))
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_numbers("emitter", self.y_mm)
         check_range("emitter height_mm", self.height_mm, 0.0)

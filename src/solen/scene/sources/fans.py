@@ -23,7 +23,7 @@ class _Even(LineSource):
     pattern = Isotropic()
 
     def angles(self, u: FloatArray) -> FloatArray:
-        """See :meth:`LineSource.angles`."""
+        """See :meth:`~solen.scene.sources.base.LineSource.angles`."""
         return np.radians(self.axis_deg + self.cone_deg * (u - 0.5))
 
 
@@ -78,14 +78,14 @@ class Beam(Source):
         return 1
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         share = u[:, 0]
         x, z = ((1.0 - share) * start + share * end for start, end in zip(self.start, self.end, strict=True))
         dx, dz = (np.full(len(u), value) for value in heading(self.direction_deg))
         return x, z, dx, dz
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("beam", self.start, self.end)
         check_numbers("beam direction_deg", self.direction_deg)
@@ -104,7 +104,7 @@ class Rays(Source):
         return len(self.origins)
 
     def with_rays(self, rays: int) -> Self:  # noqa: ARG002  a list has the rays that it has
-        """See :meth:`Source.with_rays`."""
+        """See :meth:`~solen.scene.sources.base.Source.with_rays`."""
         return self
 
     @property
@@ -113,7 +113,7 @@ class Rays(Source):
         return 1
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         which = np.minimum((u[:, 0] * self.rays).astype(int), self.rays - 1)
         x, z = np.asarray(self.origins, dtype=float)[which].T
         dx, dz = np.asarray(self.directions, dtype=float)[which].T
@@ -121,7 +121,7 @@ class Rays(Source):
         return x.copy(), z.copy(), dx / length, dz / length
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         if len(self.origins) != len(self.directions):
             found = f"{len(self.origins)} origins, {len(self.directions)} directions"

@@ -49,7 +49,7 @@ class RayFile(Source):
         return 1
 
     def place(self, u: FloatArray) -> Placed:
-        """See :meth:`Source.place`."""
+        """See :meth:`~solen.scene.sources.base.Source.place`."""
         x, _, z, dx, _, dz = self._placed(self._which(u))
         length = np.hypot(dx, dz)
         axis_x, axis_z = heading(self.axis_deg)
@@ -58,15 +58,15 @@ class RayFile(Source):
         return x, z, np.where(along_y, axis_x, dx / safe), np.where(along_y, axis_z, dz / safe)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """See :meth:`Source.place_in_space`."""
+        """See :meth:`~solen.scene.sources.base.Source.place_in_space`."""
         return self._placed(self._which(u))
 
     def dimensions(self, in_space: bool = False) -> int:  # noqa: ARG002  the same in both
-        """See :meth:`Source.dimensions`; a colour that a file says needs no number."""
+        """See :meth:`~solen.scene.sources.base.Source.dimensions`; a colour that a file says needs no number."""
         return 1 + (len(self.spectrum) > 1 and not self._own_colours)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
-        """See :meth:`Source.launch_at`."""
+        """See :meth:`~solen.scene.sources.base.Source.launch_at`."""
         launch = super().launch_at(u, rays, in_space)
         if self.rays != len(self.file):
             return launch
@@ -74,12 +74,12 @@ class RayFile(Source):
         return replace(launch, power_s=each * self.s_share, power_p=each * (1.0 - self.s_share))
 
     def lines(self, u: FloatArray) -> IntArray:
-        """See :meth:`Source.lines`."""
+        """See :meth:`~solen.scene.sources.base.Source.lines`."""
         own = self.file.line
         return own[self._which(u)] if own is not None and self._own_colours else super().lines(u)
 
     def check(self) -> None:
-        """See :meth:`Source.check`."""
+        """See :meth:`~solen.scene.sources.base.Source.check`."""
         super().check()
         check_points("ray file", self.point)
         check_numbers("ray file", self.axis_deg, self.y_mm)
