@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from solen import __version__, files
 from solen.errors import OutputError, SpecError
 from solen.results import Outcome, Result
-from solen.spec.strict import LONGEST_NM, SHORTEST_NM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,25 +72,23 @@ def _plot(result: Result) -> "Figure":
 
 
 def check_figure(figure: Path | None) -> None:
-    """`OutputError` where a figure is asked for in no known format."""
-    if figure is not None and figure.suffix.lower() not in FIGURE_KINDS:
-        raise OutputError(str(figure), limit=f"a figure ends in {', '.join(FIGURE_KINDS)}", remedy="rename it")
+    """`OutputError` where a figure has no known format."""
+    check_ending(figure, "a figure", *FIGURE_KINDS)
 
 
 def check_ending(path: Path | None, what: str, *endings: str) -> None:
-    """`OutputError` where a file is asked for that does not have one of some endings; ``what`` is what it holds."""
+    """`OutputError` where a file does not have one of some endings; ``what`` is what it holds."""
     if path is not None and path.suffix.lower() not in endings:
         raise OutputError(str(path), limit=f"{what} ends in {', '.join(endings)}", remedy="rename it")
 
 
 def check_out(out: Path | None) -> None:
-    """`OutputError` where a result is asked for in a file that is not called JSON."""
-    if out is not None and out.suffix.lower() != ".json":
-        raise OutputError(str(out), limit="a result ends in .json", remedy="rename it")
+    """`OutputError` where the file of a result is not named .json."""
+    check_ending(out, "a result", ".json")
 
 
 def check_table(out: Path | None, what: str) -> None:
-    """`OutputError` where a table is asked for in a file that is not called CSV."""
+    """`OutputError` where the file of a table is not named .csv."""
     if out is not None and out.suffix.lower() != ".csv":
         raise OutputError(str(out), limit=f"{what} are written as .csv", remedy="rename it")
 
@@ -102,42 +99,18 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
 
 
-def check_wavelength(wavelength_nm: float | None, option: str = "--wavelength-nm") -> None:
-    """`SpecError` where a wavelength that a result is to state is none."""
-    if wavelength_nm is not None and not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
-        in_nm = 1e3 * wavelength_nm  # of one in µm
-        remedy = f"did you mean {in_nm:g}?" if SHORTEST_NM <= in_nm <= LONGEST_NM else ""
-        limit = f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm"
-        raise SpecError(option, value=wavelength_nm, limit=limit, remedy=remedy)
-
-
 def leave(
     found: dict[str, Any], kind: str, out: Path | None, figure: Path | None, draw: "Callable[[], Figure]"
 ) -> dict[str, Any]:
-    """Write a result and its figure where they are asked for, both or neither, and return the result with their names.
-
-    ``kind`` says in the file what the result is: ``index``, ``cutback``, ``cure``, ``stiffness``; `solen resin build`
-    reads it.
-    """
-    return leave_all(found, kind, out, {"figure": (figure, draw)})
-
-
-def leave_all(
-    found: dict[str, Any],
-    kind: str,
-    out: Path | None,
-    figures: "Mapping[str, tuple[Path | None, Callable[[], Figure]]]",
-) -> dict[str, Any]:
-    """As `leave`, with several figures, each by the name under which the result tells where it is."""
+    """As `write` for a result that is a dictionary; returns it with the names of the files."""
     contents: dict[Path, files.Content] = {}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | found
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    for path, draw in figures.values():
-        if path is not None:
-            from solen.report import canvas
+    if figure is not None:
+        from solen.report import canvas
 
-            contents[path] = canvas.encoded(draw(), path.suffix.lower(), kind)
+        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
     files.write_all(contents)
-    places = {"out": out} | {name: path for name, (path, _) in figures.items()}
+    places = {"out": out, "figure": figure}
     return found | {name: str(path) for name, path in places.items() if path is not None}

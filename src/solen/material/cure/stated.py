@@ -32,7 +32,6 @@ class Statement:
         return Dp_um * math.log(self.dose_mJ_per_cm2 / Ec_mJ_per_cm2) >= self.depth_um
 
 
-PAPER_IRRADIANCE_MW_PER_CM2 = 13.0
 PAPER = (
     Statement(39.0, 200.0, "3 s at 13 mW/cm², about 40 mJ/cm², cures more than 200 µm"),
     Statement(26.0, 25.0, "prints in layers of 25 µm with 2 s at 13 mW/cm², 26 mJ/cm²"),

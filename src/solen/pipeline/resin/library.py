@@ -8,7 +8,7 @@ from solen.errors import OutputError
 from solen.material.facts import ResinFacts, facts_of
 from solen.material.gather import BuildOptions, gather
 from solen.material.resin import dumps_resin, resin_of
-from solen.pipeline.outputs import check_outputs, write
+from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.results import Outcome
 from solen.spec.design import names_file
 
@@ -23,8 +23,7 @@ def build(out: Path, results: Mapping[str, Path], options: BuildOptions, *, forc
     OutputError
         Where the file exists already and is not to be replaced, or cannot be written.
     """
-    if out.suffix.lower() != ".toml":
-        raise OutputError(str(out), limit="a resin file ends in .toml", remedy="rename it")
+    check_ending(out, "a resin file", ".toml")
     if out.exists() and not force:
         raise OutputError(str(out), limit="exists already", remedy="name another file, or add --force")
     resin = gather(results, options)

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from solen.errors import OutputError, SpecError
+from solen.errors import SpecError
 from solen.material.stiffness import Dimensions, MeasuredStiffness, MechanicalTest, StiffnessOptions, stiffness_of
 from solen.material.stiffness.modes import TestMode
-from solen.pipeline.outputs import check_outputs, write
+from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.recording import read
 from solen.results import Outcome
 
@@ -50,8 +50,7 @@ def stiffness(
         In one line, where a file, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    if csv is not None and csv.suffix.lower() != ".csv":
-        raise OutputError(str(csv), limit="a table ends in .csv", remedy="rename it")
+    check_ending(csv, "a table", ".csv")
     stated: list[tuple[Path, TestMode | None]] = [(path, options.mode) for path in files]
     stated += [(path, "compression") for path in compression]
     own = len(stated)
