@@ -150,7 +150,7 @@ def test_what_a_printer_cannot_make_is_told() -> None:
         (lambda data: data["features"][0].update(kind="tower"), "kind = 'tower'"),
         (lambda data: data["features"][0].update(to_mm=0.8), "must be above 0"),
         (lambda data: data.update(features=3), "features = 3"),
-        (lambda data: data["features"].append(3), "features.18 = 3"),
+        (lambda data: data["features"].append(3), "features[18] = 3"),
     ],
 )
 def test_a_damaged_job_is_refused_in_one_line(change: Callable[[Any], object], part: str) -> None:

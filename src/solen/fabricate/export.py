@@ -161,17 +161,19 @@ def _pieces(part: Part) -> int:
 
 
 def _warnings(export: Export, formats: Sequence[str]) -> list[str]:
-    found = []
+    warnings = []
     if export.design.lens.shape == "measured":
-        found.append('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
+        warnings.append('the lens is as it was measured; set lens.shape = "cartesian-oval" for the one to print')
     if (pieces := _pieces(export.part)) > 1:
-        found.append(f"the outlines make {pieces} pieces, and nothing holds them together")
+        warnings.append(f"the outlines make {pieces} pieces, and nothing holds them together")
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
-        found.append(f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid")
+        warnings.append(
+            f"{names} stand apart in the air: they are in the DXF and SVG drawings and not part of the solid"
+        )
     if export.part.cuts:
-        found.append("light is traced without pockets and slots")
+        warnings.append("light is traced without pockets and slots")
         flat = [kind for kind in formats if FORMATS[kind].flat]
         if flat:
-            found.append(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})")
-    return found
+            warnings.append(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})")
+    return warnings

@@ -24,11 +24,6 @@ class Label:
         """The label as lines of text."""
         return (self.name, f"written by {WRITER}", f"design sha256 {self.sha256}", self.about)
 
-    @property
-    def line(self) -> str:
-        """The label as one line."""
-        return "; ".join(self.lines)
-
 
 def label_of(design: Design, about: str) -> Label:
     """Label of what is made of a design.

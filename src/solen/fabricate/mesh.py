@@ -88,8 +88,8 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
 
 def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
     """Mesh of a solid of manifold3d; `DesignError` where it is empty or, in the 32 bits of an STL, not closed."""
-    found = solid.to_mesh64()
-    mesh = Mesh(np.array(found.vert_properties[:, :3]), np.array(found.tri_verts, dtype=np.int64), tolerance_mm)
+    surface = solid.to_mesh64()
+    mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
         raise DesignError(name, value="its mesh is not closed", limit=f"within {tolerance_mm:g} mm")
     return mesh

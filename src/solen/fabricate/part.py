@@ -98,9 +98,9 @@ class Part:
     def __post_init__(self) -> None:
         if not self.prisms:
             raise DesignError(self.name, value="no outline", limit="a part needs one")
-        for one, other in combinations(self.prisms, 2):
-            if _shared_mm(one, other) > 0.0 and _overlap_mm2(one, other) > _negligible(one.area_mm2):
-                raise DesignError(self.name, value=f"{one.name} and {other.name}", limit="overlap")
+        for first, other in combinations(self.prisms, 2):
+            if _shared_mm(first, other) > 0.0 and _overlap_mm2(first, other) > _negligible(first.area_mm2):
+                raise DesignError(self.name, value=f"{first.name} and {other.name}", limit="overlap")
         for one_cut, other_cut in combinations(self.cuts, 2):
             if (
                 _shared_mm(one_cut.takes, other_cut.takes) > 0.0
@@ -150,12 +150,12 @@ def _negligible(area: float) -> float:
     return SLIVER * max(area, 1.0)
 
 
-def _shared_mm(one: Prism, other: Prism) -> float:
+def _shared_mm(first: Prism, other: Prism) -> float:
     """Height that two prisms have in common."""
-    return max(0.0, min(one.to_mm, other.to_mm) - max(one.from_mm, other.from_mm))
+    return max(0.0, min(first.to_mm, other.to_mm) - max(first.from_mm, other.from_mm))
 
 
-def _overlap_mm2(one: Prism, other: Prism) -> float:
+def _overlap_mm2(first: Prism, other: Prism) -> float:
     """Area that the outlines of two prisms have in common."""
-    regions = [filled(prism.rings(FLAT_MM)) for prism in (one, other)]
+    regions = [filled(prism.rings(FLAT_MM)) for prism in (first, other)]
     return float(regions[0].intersection(regions[1]).area)

@@ -96,30 +96,30 @@ def coverage(
         Where the grid is none, or a point is not finite.
     """
     grid = Grid(pitch_mm, origin_mm, shape)
-    pieces, found = _pieces(rings, grid), np.empty(shape)
+    pieces, shares = _pieces(rings, grid), np.empty(shape)
     for first, last in _bands(0, shape[0]):
-        found[first:last] = pieces.summed(first, last, shape[1])
-    return found
+        shares[first:last] = pieces.summed(first, last, shape[1])
+    return shares
 
 
 def coverage_bytes(
     rings: Sequence[FloatArray], pitch_mm: float, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
     """`coverage` as grey values 0 to 255, rounded to the nearest; the sums take a few rows of memory at a time."""
-    grid, found = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
+    grid, shares = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
     rings = [ring for ring in rings if len(ring)]
     if not rings:
-        return found
+        return shares
     low, high = _extent(rings, grid)
     rows, columns = high - low
     if rows <= 0 or columns <= 0:
-        return found
+        return shares
     corner = (origin_mm[0] + low[1] * pitch_mm, origin_mm[1] + low[0] * pitch_mm)
-    window = found[low[0] : high[0], low[1] : high[1]]
+    window = shares[low[0] : high[0], low[1] : high[1]]
     pieces = _pieces(rings, Grid(pitch_mm, corner, (rows, columns)))
     for first, last in _bands(0, rows):
         window[first:last] = np.rint(FULL * pieces.summed(first, last, columns))
-    return found
+    return shares
 
 
 def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
@@ -138,7 +138,10 @@ def _bands(first: int, last: int) -> Iterator[tuple[int, int]]:
 def _extent(rings: Sequence[FloatArray], grid: Grid) -> tuple[IntArray, IntArray]:
     """First and last + 1 (row, column) of the grid that polygons reach."""
     placed = [grid.placed(ring) for ring in rings]
-    low, high = np.min([one.min(axis=0) for one in placed], axis=0), np.max([one.max(axis=0) for one in placed], axis=0)
+    low, high = (
+        np.min([points.min(axis=0) for points in placed], axis=0),
+        np.max([points.max(axis=0) for points in placed], axis=0),
+    )
     if not np.isfinite([low, high]).all():
         raise DataError("outline", value="a point that is not finite", limit="must be in mm")
     limits = np.array(grid.shape)

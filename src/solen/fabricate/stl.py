@@ -83,10 +83,10 @@ def _binary(data: bytes, path: Path) -> Corners:
 
 def _text(data: bytes, path: Path) -> Corners:
     """Corners (N, 3, 3) of a text file."""
-    found = VERTEX.findall(data)
-    if b"endsolid" not in data.lower() or len(found) % 3:
-        raise DataError(str(path), value=f"{len(found)} corners", limit="is cut off, or not an STL", remedy=REMEDY)
+    corners = VERTEX.findall(data)
+    if b"endsolid" not in data.lower() or len(corners) % 3:
+        raise DataError(str(path), value=f"{len(corners)} corners", limit="is cut off, or not an STL", remedy=REMEDY)
     try:
-        return np.array(found, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
+        return np.array(corners, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
     except ValueError:
         raise DataError(str(path), value="a corner that is not a number", limit="is damaged", remedy=REMEDY) from None

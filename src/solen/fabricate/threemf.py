@@ -58,7 +58,7 @@ def read_threemf(path: Path) -> Mesh:
     if model.get("requiredextensions"):
         limit = f"needs the extension {model.get('requiredextensions')}, which solen does not read"
         raise DataError(str(path), limit=limit, remedy="export it as STL")
-    objects = {str(one.get("id")): one for one in model.iter(f"{SPACE}object")}
+    objects = {str(element.get("id")): element for element in model.iter(f"{SPACE}object")}
     pieces = Pieces()
     try:
         for item in model.iter(f"{SPACE}item"):
@@ -99,9 +99,9 @@ def _gather(
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
         raise ValueError("objects in a circle, or without end")
-    one = objects[str(reference.get("objectid"))]
+    element = objects[str(reference.get("objectid"))]
     moved = _transform(reference.get("transform")) @ outer
-    mesh = one.find(f"{SPACE}mesh")
+    mesh = element.find(f"{SPACE}mesh")
     if mesh is not None:
         vertices = _numbers(mesh, "vertex", ("x", "y", "z"))
         triangles = _numbers(mesh, "triangle", ("v1", "v2", "v3")).astype(np.int64)
@@ -110,24 +110,24 @@ def _gather(
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
             raise IndexError
         pieces.add(vertices @ moved[:3, :3] + moved[3, :3], triangles)
-    for component in one.iter(f"{SPACE}component"):
+    for component in element.iter(f"{SPACE}component"):
         _gather(component, objects, moved, pieces, depth + 1)
 
 
 def _numbers(mesh: ET.Element, name: str, keys: tuple[str, str, str]) -> FloatArray:
     """Numbers (N, 3) of a mesh's vertices or triangles."""
-    rows = [[float(one.attrib[key]) for key in keys] for one in mesh.iter(f"{SPACE}{name}")]
-    found = np.array(rows, float).reshape(-1, 3)
-    if not np.isfinite(found).all():
+    rows = [[float(element.attrib[key]) for key in keys] for element in mesh.iter(f"{SPACE}{name}")]
+    numbers = np.array(rows, float).reshape(-1, 3)
+    if not np.isfinite(numbers).all():
         raise ValueError("a number that is not finite")
-    return found
+    return numbers
 
 
 def _transform(text: str | None) -> FloatArray:
     """Matrix (4, 4) for rows of coordinates, of the twelve numbers that a 3MF gives."""
-    found = np.eye(4)
+    matrix = np.eye(4)
     if text:
-        found[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)
-        if not np.isfinite(found).all():
+        matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)
+        if not np.isfinite(matrix).all():
             raise ValueError("a number that is not finite")
-    return found
+    return matrix

@@ -54,31 +54,31 @@ def predict(
 
 
 @lines.register
-def _(found: PrintedDesign) -> Iterator[str]:
-    off, (x, z) = found.deviation, found.deviation.largest_at_mm
-    first = next(iter(found.contributions_um), None)
-    most = "" if first is None else f", most of it {first} ({found.contributions_um[first]:.2g} µm)"
-    yield f"simulated: {found.name}, printed {found.orientation} ({found.process})"
-    yield f"profile: {found.profile_at}"
+def _(prediction: PrintedDesign) -> Iterator[str]:
+    off, (x, z) = prediction.deviation, prediction.deviation.largest_at_mm
+    first = next(iter(prediction.contributions_um), None)
+    most = "" if first is None else f", most of it {first} ({prediction.contributions_um[first]:.2g} µm)"
+    yield f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process})"
+    yield f"profile: {prediction.profile_at}"
     yield (
         f"off the wanted lens by {off.rms_um:.3g} µm rms, mean {off.mean_um:+.3g}, largest {off.largest_um:+.3g} at "
         f"x = {x:.3g}, z = {z:.3g} mm (more material is above 0)"
     )
-    yield f"uncertainty ± {found.u_rms_um:.2g} µm{most}"
-    yield f"shape alone, moved by {found.shape.shift_z_um:+.3g} µm along z: {found.shape.rms_um:.3g} µm rms"
-    ripple = found.ripple
+    yield f"uncertainty ± {prediction.u_rms_um:.2g} µm{most}"
+    yield f"shape alone, moved by {prediction.shape.shift_z_um:+.3g} µm along z: {prediction.shape.rms_um:.3g} µm rms"
+    ripple = prediction.ripple
     rms = "" if ripple.rms_um is None else f", {ripple.rms_um:.2g} µm rms"
     yield f"ripple of the layers along the {ripple.along}: {ripple.peak_to_valley_um:.2g} µm peak to valley{rms}"
-    if (walls := found.walls) is not None:
+    if (walls := prediction.walls) is not None:
         yield (
             f"{walls.layers} layers; straight walls beyond their image by {walls.first_um:+.3g} µm at the first, "
             f"{walls.middle_um:+.3g} in the middle, {walls.last_um:+.3g} at the last"
         )
-    if found.response is not None:
-        yield from _response(found.response)
-    if found.compensation is not None:
-        yield from _compensation(found)
-    if (part := found.part) is not None:
+    if prediction.response is not None:
+        yield from _response(prediction.response)
+    if prediction.compensation is not None:
+        yield from _compensation(prediction)
+    if (part := prediction.part) is not None:
         more = 100.0 * (part.printed_mm3 / part.designed_mm3 - 1.0)
         yield f"solid: {part.printed_mm3:.2f} mm3, {more:+.2g} % of the designed {part.designed_mm3:.2f} mm3"
 
@@ -100,15 +100,15 @@ def _loss(emitter: str, loss: EmitterLoss) -> str:
     )
 
 
-def _compensation(found: PrintedDesign) -> Iterator[str]:
-    if (made := found.compensation) is None:
+def _compensation(prediction: PrintedDesign) -> Iterator[str]:
+    if (made := prediction.compensation) is None:
         return
     low, high = made.drawn_range_um
     yield (
-        f"compensated: {found.deviation.rms_um:.3g} µm rms before, {made.printed.rms_um:.2g} after "
+        f"compensated: {prediction.deviation.rms_um:.3g} µm rms before, {made.printed.rms_um:.2g} after "
         f"{len(made.rounds_um)} rounds (largest {made.printed.largest_um:+.2g}); the lens is drawn "
         f"{low:+.3g} to {high:+.3g} µm off, walls {made.wall_um:+.3g} µm, all {made.scale:.5g} times"
     )
-    if found.compensated_response is not None:
-        loss = found.compensated_response.real
+    if prediction.compensated_response is not None:
+        loss = prediction.compensated_response.real
         yield _loss(f"an emitter of {loss.width_mm:g} mm, compensated", loss)

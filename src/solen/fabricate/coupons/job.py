@@ -95,18 +95,18 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[str]:
     layer_mm = 1e-3 * options.layer_um
     heights = {round(height, 9) for feature in coupon.features for height in (feature.from_mm, feature.to_mm)}
     broken = sorted(height for height in heights if not _whole(height / layer_mm))
-    found = []
+    warnings = []
     if broken:
         shown = _listed(broken[:6]) + (" …" if len(broken) > 6 else "")
-        found.append(
+        warnings.append(
             f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a whole number of layers of "
             f"{options.layer_um:g} µm: they come out rounded"
         )
     thin = sorted({step.step_mm for step in coupon.steps if step.step_mm < layer_mm * (1.0 - WHOLE)})
     if thin:
         steps = _listed(1e3 * step for step in thin)
-        found.append(f"steps of {steps} µm are less than a layer of {options.layer_um:g} µm")
-    return found
+        warnings.append(f"steps of {steps} µm are less than a layer of {options.layer_um:g} µm")
+    return warnings
 
 
 def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[str]:
@@ -116,9 +116,9 @@ def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[str]:
     pitch_mm = 1e-3 * pitch_um
     small = [feature.name for feature in coupon.features if min(feature.width_mm, feature.depth_mm) < pitch_mm]
     narrow = [gap.name for gap in coupon.gaps if gap.gap_mm < pitch_mm]
-    found = [f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm"] if small else []
+    warnings = [f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm"] if small else []
     grey = f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm show as grey values alone"
-    return [*found, grey] if narrow else found
+    return [*warnings, grey] if narrow else warnings
 
 
 def _listed(numbers: Iterable[float]) -> str:

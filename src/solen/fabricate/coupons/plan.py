@@ -27,12 +27,12 @@ def as_plan(coupon: Coupon, label: Label) -> bytes:
         down = number * (depth + STAGE_APART_MM)
         if coupon.slab is not None and number == 0:
             lines.append(_slab(coupon.slab, down))
-        lines += [_shape(one, down) for one in coupon.features if one.stage == stage.name]
+        lines += [_shape(feature, down) for feature in coupon.features if feature.stage == stage.name]
     lines += ["</g>", f'<g font-family="sans-serif" font-size="{TEXT_MM:g}" text-anchor="middle">']
     for number, stage in enumerate(coupon.stages):
         down = number * (depth + STAGE_APART_MM)
-        features = [one for one in coupon.features if one.stage == stage.name]
-        lines += [_words(one, down, index) for index, one in enumerate(features)]
+        features = [feature for feature in coupon.features if feature.stage == stage.name]
+        lines += [_words(feature, down, index) for index, feature in enumerate(features)]
     return "\n".join([*lines, "</g>", "</svg>\n"]).encode()
 
 
@@ -40,11 +40,13 @@ def _slab(slab: Slab, down: float) -> str:
     return _rectangle("slab", 0.0, down, slab.width_mm, slab.depth_mm, slab.bevel_mm)
 
 
-def _shape(one: Feature, down: float) -> str:
-    if one.round:
-        radius = 0.5 * one.diameter_mm
-        return f'<circle id={quoteattr(one.name)} cx="{one.x_mm:.9g}" cy="{down - one.y_mm:.9g}" r="{radius:.9g}"/>'
-    return _rectangle(one.name, one.x_mm, down - one.y_mm, one.width_mm, one.depth_mm, one.bevel_mm)
+def _shape(feature: Feature, down: float) -> str:
+    if feature.round:
+        x, y, radius = feature.x_mm, down - feature.y_mm, 0.5 * feature.diameter_mm
+        return f'<circle id={quoteattr(feature.name)} cx="{x:.9g}" cy="{y:.9g}" r="{radius:.9g}"/>'
+    return _rectangle(
+        feature.name, feature.x_mm, down - feature.y_mm, feature.width_mm, feature.depth_mm, feature.bevel_mm
+    )
 
 
 def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel: float) -> str:
@@ -54,7 +56,7 @@ def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel:
     return f'<path id={quoteattr(name)} d="{start}L{right - bevel:.9g} {back:.9g}H{right - width:.9g}Z"/>'
 
 
-def _words(one: Feature, down: float, index: int) -> str:
+def _words(feature: Feature, down: float, index: int) -> str:
     """Name of a feature above it, every second one higher, so that neighbours' names stay apart."""
-    above = 0.5 * one.depth_mm + 0.12 + 0.4 * (index % 2)
-    return f'<text x="{one.x_mm:.6g}" y="{down - one.y_mm - above:.6g}">{escape(one.name)}</text>'
+    above = 0.5 * feature.depth_mm + 0.12 + 0.4 * (index % 2)
+    return f'<text x="{feature.x_mm:.6g}" y="{down - feature.y_mm - above:.6g}">{escape(feature.name)}</text>'

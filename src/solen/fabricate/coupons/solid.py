@@ -34,7 +34,7 @@ def _part(coupon: Coupon, stage: str) -> Part:
         outlines = (outer, *(_circle(hole, inside_out=True) for hole in holes))
         prisms.append(Prism("slab", outlines, 0.0, slab.thickness_mm))
     columns = [feature for feature in features if feature.kind != "hole"]
-    prisms += [Prism(one.name, (_outline(one),), one.from_mm, one.to_mm) for one in columns]
+    prisms += [Prism(column.name, (_outline(column),), column.from_mm, column.to_mm) for column in columns]
     return Part(name, tuple(prisms))
 
 

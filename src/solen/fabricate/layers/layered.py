@@ -96,30 +96,32 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
 
 
 def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[str]:
-    found = [*_of_printer(job), *_of_size(job), *_of_level_faces(job), *_of_cure(settings, cure, job.printer)]
-    return found if stack is None else found + _of_stack(job, stack)
+    warnings = [*_of_printer(job), *_of_size(job), *_of_level_faces(job), *_of_cure(settings, cure, job.printer)]
+    return warnings if stack is None else warnings + _of_stack(job, stack)
 
 
 def _of_printer(job: Job) -> list[str]:
-    found = []
+    warnings = []
     if job.printer.unconfirmed:
         *others, last = job.printer.unconfirmed
         numbers = f"{', '.join(others)} and {last}" if others else last
-        found.append(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures")
+        warnings.append(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures")
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
-        found.append(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours")
-    return found
+        warnings.append(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours")
+    return warnings
 
 
 def _of_size(job: Job) -> list[str]:
-    found, longest_mm = [], max(job.solid.size_mm)
+    warnings, longest_mm = [], max(job.solid.size_mm)
     if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
-        found.append(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
+        warnings.append(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
     off_um = (job.height_mm - job.solid.size_mm[2]) * 1000.0
     if abs(off_um) > HEIGHT_UM:
         way = "higher" if off_um > 0.0 else "lower"
-        found.append(f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part")
-    return found
+        warnings.append(
+            f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part"
+        )
+    return warnings
 
 
 def _of_level_faces(job: Job) -> list[str]:
@@ -136,26 +138,28 @@ def _of_level_faces(job: Job) -> list[str]:
 def _of_cure(settings: PrintSettings, cure: Cure | None, printer: Printer) -> list[str]:
     if cure is None or settings.cure_depth_um is None:
         return []
-    found = []
+    warnings = []
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
-        found.append(f"one exposure cures {depth}: layers would not hold together")
+        warnings.append(f"one exposure cures {depth}: layers would not hold together")
     light = printer.wavelength_nm
     if light is not None and cure.wavelength_nm is not None and abs(light.usual - cure.wavelength_nm) > APART_NM:
         apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
-        found.append(f"the working curve was measured at {apart}: its depths do not hold")
-    return found
+        warnings.append(f"the working curve was measured at {apart}: its depths do not hold")
+    return warnings
 
 
 def _of_stack(job: Job, stack: Stack) -> list[str]:
-    found = []
+    warnings = []
     if stack.islands:
         index, pieces = stack.islands[0]
         where = f"{pieces} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
         total = sum(count for _, count in stack.islands)
-        found.append(f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make")
+        warnings.append(
+            f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make"
+        )
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
         areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
-        found.append(f"the part stands on {areas}: give it a base or supports, or turn it")
-    return found
+        warnings.append(f"the part stands on {areas}: give it a base or supports, or turn it")
+    return warnings

@@ -172,14 +172,16 @@ def calibrated(
         For too few features with a size, or none that the model prints.
     """
     used = tuple(
-        one for one in features if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None
+        feature
+        for feature in features
+        if feature.resolved and feature.measured_mm is not None and feature.u_measured_mm is not None
     )
-    lateral = sum(one.kind != "step" for one in used)
+    lateral = sum(feature.kind != "step" for feature in used)
     if lateral < LEAST:
         limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     problem = _Problem(process, used, SOUGHT + (("shrinkage_z_percent",) if lateral < len(used) else ()))
-    found = least_squares(
+    solution = least_squares(
         problem.residuals,
         problem.start,
         bounds=problem.bounds,
@@ -189,17 +191,17 @@ def calibrated(
         ftol=1e-7,
         max_nfev=50,
     )
-    jacobian, count = np.asarray(found.jac), len(used)
-    chi2 = float(np.sum(found.fun[:count] ** 2))
+    jacobian, count = np.asarray(solution.jac), len(used)
+    chi2 = float(np.sum(solution.fun[:count] ** 2))
     learned = 1.0 - np.diag(np.linalg.inv(jacobian.T @ jacobian)) / problem.before**2
     df = max(count - int(np.count_nonzero(learned > LEARNED)), 1)
     scale = max(1.0, math.sqrt(chi2 / df))
     # features that scatter more weigh less; what was known before keeps its weight
     weight = np.concatenate([np.full(count, scale**-2), np.ones(len(problem.keys))])
     covariance = np.linalg.inv((jacobian * weight[:, None]).T @ jacobian)
-    settings = problem.settings(found.x)
-    u_of_Ec = problem.u_of_Ec(found.x, covariance)
-    rows = zip(problem.sought, found.x, np.sqrt(np.diag(covariance)), problem.before, strict=True)
+    settings = problem.settings(solution.x)
+    u_of_Ec = problem.u_of_Ec(solution.x, covariance)
+    rows = zip(problem.sought, solution.x, np.sqrt(np.diag(covariance)), problem.before, strict=True)
     calibration = PrinterCalibration(
         process=_process(problem, settings, covariance, u_of_Ec, name, simulated),
         simulated=simulated,
@@ -223,8 +225,10 @@ def calibrated(
 def _fitted(settings: Settings, used: Sequence[MeasuredFeature]) -> tuple[FittedFeature, ...]:
     sizes = printed_mm(settings, used).tolist()
     return tuple(
-        FittedFeature(one.kind, one.nominal_mm, one.measured_mm or math.nan, one.u_measured_mm or math.nan, size)
-        for one, size in zip(used, sizes, strict=True)
+        FittedFeature(
+            feature.kind, feature.nominal_mm, feature.measured_mm or math.nan, feature.u_measured_mm or math.nan, size
+        )
+        for feature, size in zip(used, sizes, strict=True)
     )
 
 
@@ -234,8 +238,8 @@ class _Problem:
     def __init__(self, process: Process, used: Sequence[MeasuredFeature], keys: tuple[str, ...]) -> None:
         self.process, self.used, self.keys = process, used, keys
         self.sought = tuple("growth_um" if key == "Ec_mJ_per_cm2" else key for key in keys)
-        self._measured = np.array([1e3 * (one.measured_mm or 0.0) for one in used])
-        self._u = np.array([1e3 * (one.u_measured_mm or 0.0) for one in used])
+        self._measured = np.array([1e3 * (feature.measured_mm or 0.0) for feature in used])
+        self._u = np.array([1e3 * (feature.u_measured_mm or 0.0) for feature in used])
         settings = process.process
         start = {key: float(getattr(settings, key)) for key in keys} | {"growth_um": growth_um(settings)}
         before = {key: WEAK * (process.uncertainty.get(key) or WIDE[key]) for key in keys}
@@ -300,7 +304,9 @@ def _process(
 
 def _disagreeing(settings: Settings, features: Sequence[MeasuredFeature]) -> tuple[MeasuredFeature, ...]:
     there = ~np.isnan(printed_mm(settings, features))
-    return tuple(one for one, is_there in zip(features, there.tolist(), strict=True) if is_there != one.resolved)
+    return tuple(
+        feature for feature, is_there in zip(features, there.tolist(), strict=True) if is_there != feature.resolved
+    )
 
 
 def _unknown(fit: PrinterCalibration) -> list[str]:
@@ -313,7 +319,7 @@ def _unknown(fit: PrinterCalibration) -> list[str]:
 
 def _inseparable(fit: PrinterCalibration) -> list[str]:
     """What changes coupons alike."""
-    found = [
+    warnings = [
         "washing, critical dose, exposure and scattering move edges alike and cannot be separated here: Ec_mJ_per_cm2 "
         f"is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for depths; what is known is "
         "the growth of walls, and it is kept"
@@ -321,22 +327,22 @@ def _inseparable(fit: PrinterCalibration) -> list[str]:
     for i, j in combinations(range(len(fit.numbers)), 2):
         correlation = float(fit.correlation[i, j])
         if abs(correlation) > INSEPARABLE:
-            found.append(
+            warnings.append(
                 f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
                 f"{correlation:+.2f}): measure features of more different sizes"
             )
-    return found
+    return warnings
 
 
 def _of_fit(fit: PrinterCalibration) -> list[str]:
-    found = []
+    warnings = []
     if fit.scale > _DOUBT:
-        found.append(
+        warnings.append(
             f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): the model "
             "does not describe them, or they are less certain than stated; uncertainties were widened by that"
         )
     if fit.disagree:
-        listed = ", ".join(f"{one.kind} of {one.nominal_mm:g} mm" for one in fit.disagree[:6])
+        listed = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
         more = "" if len(fit.disagree) <= 6 else f" and {len(fit.disagree) - 6} more"
-        found.append(f"the model and the coupons disagree on which of these are resolved: {listed}{more}")
-    return found
+        warnings.append(f"the model and the coupons disagree on which of these are resolved: {listed}{more}")
+    return warnings

@@ -83,12 +83,12 @@ def compensated(
     for _ in range(MOST_ROUNDS):
         outlines = redrawn(body, target.moved_um(drawn), wall_um, scale, target.centre)
         printed = FlatPrint.of(rings_of(outlines), target, settings, thickness_mm)
-        found = Deviation(target, printed.profile_um(height_um))
-        rounds.append(found.rms_um)
-        if best is None or found.rms_um < best.printed.rms_um:
-            best = Compensation(outlines, drawn, wall_um, scale, found, ())
+        deviation = Deviation(target, printed.profile_um(height_um))
+        rounds.append(deviation.rms_um)
+        if best is None or deviation.rms_um < best.printed.rms_um:
+            best = Compensation(outlines, drawn, wall_um, scale, deviation, ())
         if len(rounds) > 1 and rounds[-2] - rounds[-1] < SETTLED_UM:
             break
-        drawn = drawn - gaussian_filter1d(found.um, smooth, mode="nearest")
+        drawn = drawn - gaussian_filter1d(deviation.um, smooth, mode="nearest")
     assert best is not None  # noqa: S101  there is one round at least
     return replace(best, rounds_um=tuple(rounds))

@@ -25,14 +25,14 @@ COMMENT = """\
 """
 
 
-def compensation_files(target: Path, sensor: Sensor, found: PrintedDesign) -> dict[Path, bytes]:
+def compensation_files(target: Path, sensor: Sensor, prediction: PrintedDesign) -> dict[Path, bytes]:
     """Contents of the design file, the outline and the predicted profile beside it; none without a compensation."""
-    profile = found.compensated_profile
-    if found.compensation is None or profile is None:
+    profile = prediction.compensated_profile
+    if prediction.compensation is None or profile is None:
         return {}
     outline, printed = (target.with_name(f"{target.stem}-{end}.json") for end in ("outline", "printed"))
-    text = COMMENT.format(name=found.name, process=found.process) + dumps(_design(sensor, outline.name))
-    drawn = json.dumps(_outline(sensor, found.compensation), indent=1, allow_nan=False) + "\n"
+    text = COMMENT.format(name=prediction.name, process=prediction.process) + dumps(_design(sensor, outline.name))
+    drawn = json.dumps(_outline(sensor, prediction.compensation), indent=1, allow_nan=False) + "\n"
     return {target: text.encode(), outline: drawn.encode(), printed: profile_text(profile).encode()}
 
 

@@ -37,11 +37,11 @@ class DrawnFace:
 
 def lens_face(body: Body) -> Face:
     """The one face of a body that is its lens; `DesignError` where there is none, or several."""
-    found = [face for face in body.all_faces if face.part == "lens"]
-    if len(found) != 1:
+    faces = [face for face in body.all_faces if face.part == "lens"]
+    if len(faces) != 1:
         limit = "a print is held against one face whose name begins with lens"
-        raise DesignError("lens", value=f"{len(found)} faces", limit=limit, remedy="name or join the faces so")
-    return found[0]
+        raise DesignError("lens", value=f"{len(faces)} faces", limit=limit, remedy="name or join the faces so")
+    return faces[0]
 
 
 def as_designed(body: Body) -> list[list[DrawnFace]]:
@@ -59,14 +59,14 @@ def redrawn(
     DesignError
         Where a wall is shorter than what it would lose.
     """
-    found = []
+    outlines = []
     for outline in body.outlines:
         moved = [
             DrawnFace(face.name, lens if face.part == "lens" else _moved(face.curve.flattened(FLAT_MM), wall_um * 1e-3))
             for face in outline
         ]
-        found.append([replace(face, points=_scaled(face.points, scale, centre)) for face in _joined(moved)])
-    return found
+        outlines.append([replace(face, points=_scaled(face.points, scale, centre)) for face in _joined(moved)])
+    return outlines
 
 
 def rings_of(outlines: Sequence[Sequence[DrawnFace]]) -> list[FloatArray]:
@@ -99,11 +99,11 @@ def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
     """Faces cut or lengthened so that each begins where the one before ends."""
     points = [face.points for face in faces]
     corners = [_corner(points[i - 1], points[i], faces[i].name) for i in range(len(points))]
-    found = []
+    joined = []
     for i, face in enumerate(faces):
         start, end = corners[i], corners[(i + 1) % len(corners)]
-        found.append(replace(face, points=_between(points[i], start, end, face.name)))
-    return found
+        joined.append(replace(face, points=_between(points[i], start, end, face.name)))
+    return joined
 
 
 def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:

@@ -112,7 +112,7 @@ def _sized(row: Any) -> Any:
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
     """Sizes (n,) in mm that features are printed in; NaN for what is not there or is closed."""
-    found = np.full(len(features), np.nan)
+    sizes = np.full(len(features), np.nan)
     light = inside(settings)
     smaller, wash = 1.0 - 0.01 * settings.shrinkage_percent, 2.0 * settings.wash_um
     for kind, solve, sign in (("pillar", _pillars, 1.0), ("hole", _holes, -1.0), ("gap", _gaps, -1.0)):
@@ -120,13 +120,13 @@ def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> Float
         if at:
             nominal = np.array([1e3 * features[i].nominal_mm for i in at])
             beside = np.array([1e3 * features[i].diameter_mm for i in at])
-            found[at] = 1e-3 * (smaller * solve(nominal, beside, light, settings.Ec_mJ_per_cm2) + sign * wash)
+            sizes[at] = 1e-3 * (smaller * solve(nominal, beside, light, settings.Ec_mJ_per_cm2) + sign * wash)
     for i, feature in enumerate(features):
         if feature.kind == "step":
             layers = round(1e3 * feature.nominal_mm / settings.layer_um)
             height = 1e-3 * layers * settings.layer_um * (1.0 - 0.01 * settings.shrinkage_z_percent)
-            found[i] = height if layers else np.nan
-    return np.where(found > 0.0, found, np.nan)
+            sizes[i] = height if layers else np.nan
+    return np.where(sizes > 0.0, sizes, np.nan)
 
 
 def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: float) -> FloatArray:
@@ -190,9 +190,9 @@ def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -
     """Where functions of a distance fall from above 0 in the middle to below it far out; NaN where one does not."""
     near = np.zeros_like(far)
     has = (excess(near, *of) > 0.0) & (excess(far, *of) < 0.0)
-    found = np.full(len(far), np.nan)
+    edges = np.full(len(far), np.nan)
     if has.any():
         ends = (near[has], far[has])
-        root = elementwise.find_root(excess, ends, args=tuple(one[has] for one in of), tolerances=_EXACT)
-        found[has] = root.x
-    return found
+        root = elementwise.find_root(excess, ends, args=tuple(values[has] for values in of), tolerances=_EXACT)
+        edges[has] = root.x
+    return edges

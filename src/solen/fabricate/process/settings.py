@@ -200,10 +200,10 @@ class Process(Strict):
         alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
         if self.keeps_growth and CRITICAL in alone:
             alone.remove(CRITICAL)
-        found = np.diag([0.0] * len(together) + [self.uncertainty[key] ** 2 for key in alone])
+        matrix = np.diag([0.0] * len(together) + [self.uncertainty[key] ** 2 for key in alone])
         if self.calibration is not None:
-            found[: len(together), : len(together)] = self.calibration.covariance
-        return (*together, *alone), found
+            matrix[: len(together), : len(together)] = self.calibration.covariance
+        return (*together, *alone), matrix
 
     def with_settings(self, **values: Any) -> "Process":
         """Return the same with some values set; their uncertainty and source go, as those are of the old ones."""
@@ -223,22 +223,22 @@ class Process(Strict):
 
     def warnings(self) -> list[str]:
         """Limits of what a print modelled with these numbers shows."""
-        found, s = [], self.process
+        messages, s = [], self.process
         if s.cure_depth_um < s.layer_um:
-            found.append(
+            messages.append(
                 f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
                 f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice thinner"
             )
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
-            found.append(
+            messages.append(
                 f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
             )
         if self.calibration is not None and self.calibration.simulated:
-            found.append(
+            messages.append(
                 "numbers of the process rest on simulated coupons or a simulated working curve, not on measured ones"
             )
-        return found
+        return messages
 
 
 def default_process() -> Process:
@@ -256,18 +256,18 @@ def parsed_process(text: str, what: str) -> Process:
     """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source."""
     data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
     with told_of_file(what):
-        found = Process(**data)
-        return found if what == "default process" else _completed(found)
+        process = Process(**data)
+        return process if what == "default process" else _completed(process)
 
 
-def _completed(found: Process) -> Process:
+def _completed(process: Process) -> Process:
     """Process with uncertainty and source of the default for the keys that it leaves out."""
     default = default_process()
-    left_out = [key for key in KEYS if key not in found.process.model_fields_set]
+    left_out = [key for key in KEYS if key not in process.process.model_fields_set]
     values = {key: getattr(default.process, key) for key in left_out}
     u = {key: default.uncertainty[key] for key in left_out if key in default.uncertainty}
     source = {key: default.source[key] for key in left_out if key in default.source}
-    data = found.model_dump()
+    data = process.model_dump()
     data["process"] |= values
     data["uncertainty"] = u | data["uncertainty"]
     data["source"] = source | data["source"]

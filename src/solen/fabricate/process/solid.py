@@ -55,12 +55,12 @@ def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
         Where nothing sets in the middle of a layer.
     """
     edges = [straight_edge_um(settings, layers, _middle_um(settings, layer)) for layer in range(layers)]
-    found, first = [], 0
+    parts, first = [], 0
     for layer in range(1, layers + 1):
         if layer == layers or np.ptp(edges[first : layer + 1]) > SLAB_UM:
-            found.append(Slab(first, layer - 1, edges[(first + layer - 1) // 2]))
+            parts.append(Slab(first, layer - 1, edges[(first + layer - 1) // 2]))
             first = layer
-    return tuple(found)
+    return tuple(parts)
 
 
 def outlines(
@@ -127,11 +127,11 @@ def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[Fl
     """Closed lines of the critical dose, in mm."""
     from contourpy import contour_generator
 
-    found = dose_map(image, settings, height_um)
-    floor = 1e-12 * float(found.dose.max())
-    excess = np.log(np.maximum(found.dose, floor) / settings.Ec_mJ_per_cm2)
+    dose = dose_map(image, settings, height_um)
+    floor = 1e-12 * float(dose.dose.max())
+    excess = np.log(np.maximum(dose.dose, floor) / settings.Ec_mJ_per_cm2)
     lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as its default is
-    return [1e-3 * (np.asarray(found.first_um) + found.step_um * line[:-1]) for line in lines if len(line) > 3]
+    return [1e-3 * (np.asarray(dose.first_um) + dose.step_um * line[:-1]) for line in lines if len(line) > 3]
 
 
 def _grown(lines: list[FloatArray], by_mm: float) -> list[FloatArray]:

@@ -86,11 +86,11 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
     """
     reach = FIRST_REACH_UM
     while True:
-        found = _exits(field, target, reach, step_um)
-        if not np.isnan(found).any():
-            return found
+        exits = _exits(field, target, reach, step_um)
+        if not np.isnan(exits).any():
+            return exits
         if reach >= MOST_REACH_UM:
-            _refuse(target, found)
+            _refuse(target, exits)
         reach *= 2.0
 
 
@@ -115,8 +115,8 @@ def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> Flo
     return np.asarray(0.5 * (low + high))
 
 
-def _refuse(target: Target, found: FloatArray) -> None:
-    place = target.points_mm[int(np.flatnonzero(np.isnan(found))[0])]
+def _refuse(target: Target, exits: FloatArray) -> None:
+    place = target.points_mm[int(np.flatnonzero(np.isnan(exits))[0])]
     raise DataError(
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",

@@ -106,24 +106,24 @@ class SidePrint:
         spectra = np.tile(fft.fft(self.rows, axis=1), (1, fine))[:, : len(k)]
         exposures = s.exposures(self.first + layers)[self.first :, None]
         lit = spectra * exposures * np.sinc(k * s.pixel_um / math.tau)
-        found = np.empty((layers, SUBLAYERS, columns * fine))
+        excess = np.empty((layers, SUBLAYERS, columns * fine))
         for m in range(SUBLAYERS):
             depth = s.layer_um * (1.0 - m / (SUBLAYERS - 1))
             dose = fft.irfft(self._gathered(lit, k, depth), columns * fine, axis=1) * fine
-            found[:, m] = np.log(np.maximum(dose, DARK * s.inside_mJ_per_cm2()) / s.Ec_mJ_per_cm2)
-        return found
+            excess[:, m] = np.log(np.maximum(dose, DARK * s.inside_mJ_per_cm2()) / s.Ec_mJ_per_cm2)
+        return excess
 
     def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
         """Spectra of the dose of each layer at a depth from its window side: its own light and that of later ones."""
         s = self.settings
-        found = np.zeros_like(lit)
+        spectra = np.zeros_like(lit)
         for later in range(min(len(lit), math.ceil(s.Dp_um * _DEPTHS / s.layer_um) + 1)):
             depth = depth_um + later * s.layer_um
             halo = math.hypot(s.halo_um, s.halo_per_depth * depth)
             blur = (1.0 - s.halo_fraction) * np.exp(-0.5 * (s.sigma_um * k) ** 2)
             blur += s.halo_fraction * np.exp(-0.5 * (halo * k) ** 2)
-            found[: len(lit) - later] += lit[later:] * (math.exp(-depth / s.Dp_um) * blur)
-        return found
+            spectra[: len(lit) - later] += lit[later:] * (math.exp(-depth / s.Dp_um) * blur)
+        return spectra
 
     def log_excess(self, places_mm: FloatArray) -> FloatArray:
         """Logarithm of dose over critical dose at places (..., 2) of the body's own plane, before it shrinks."""
@@ -138,9 +138,9 @@ class SidePrint:
         # layers are laid end to end, so that no value between two of them is ever a mixture of both
         rows = self._log_excess.reshape(layers * SUBLAYERS, -1)
         index = np.clip(own, 0, layers - 1) * SUBLAYERS + within
-        found = ndimage.map_coordinates(rows, [index, column], order=1, mode="nearest")
+        excess = ndimage.map_coordinates(rows, [index, column], order=1, mode="nearest")
         outside = (own < 0) | (own >= layers) | (height < 0.0)
-        return np.asarray(np.where(outside, -1.0, found))
+        return np.asarray(np.where(outside, -1.0, excess))
 
     def profile_um(self) -> FloatArray:
         """How far the printed lens stands beyond the wanted one, (N,) along its normals, steps and all."""

@@ -197,9 +197,9 @@ class Coupon(_Table):
             raise SpecError(
                 f"coupon {self.name}", limit="two features have the same size", remedy="name each size once"
             )
-        for one, other in combinations(self.features, 2):
-            if one.stage == other.stage and one.distance_mm(other) < TOUCH_MM:
-                value = f"{one.name} and {other.name}"
+        for first, other in combinations(self.features, 2):
+            if first.stage == other.stage and first.distance_mm(other) < TOUCH_MM:
+                value = f"{first.name} and {other.name}"
                 raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="space them farther")
 
     def _check(self, feature: Feature) -> None:
@@ -231,14 +231,14 @@ class Coupon(_Table):
         if self.slab is not None:
             width, depth = self.slab.width_mm, self.slab.depth_mm
         else:
-            width = 2.0 * max(abs(one.x_mm) + 0.5 * one.width_mm for one in self.features)
-            depth = 2.0 * max(abs(one.y_mm) + 0.5 * one.depth_mm for one in self.features)
-        return width, depth, max(one.to_mm for one in self.features)
+            width = 2.0 * max(abs(feature.x_mm) + 0.5 * feature.width_mm for feature in self.features)
+            depth = 2.0 * max(abs(feature.y_mm) + 0.5 * feature.depth_mm for feature in self.features)
+        return width, depth, max(feature.to_mm for feature in self.features)
 
     @property
     def measured_kinds(self) -> tuple[str, ...]:
         """What an image or a z map of it shows: some of ``pillar``, ``hole``, ``gap``, ``step``."""
-        kinds = [kind for kind in ("pillar", "hole") if any(one.kind == kind for one in self.features)]
+        kinds = [kind for kind in ("pillar", "hole") if any(feature.kind == kind for feature in self.features)]
         return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
 
 
@@ -269,8 +269,8 @@ def coupon_of(data: Any, what: str) -> Coupon:
 def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
     """Names, the second of the same with a suffix: ``t-1s``, ``t-1s-2``."""
     seen: Counter[str] = Counter()
-    found = []
+    numbered = []
     for name in names:
         seen[name] += 1
-        found.append(name if seen[name] == 1 else f"{name}-{suffix(seen[name])}")
-    return found
+        numbered.append(name if seen[name] == 1 else f"{name}-{suffix(seen[name])}")
+    return numbered

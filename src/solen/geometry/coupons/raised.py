@@ -193,10 +193,10 @@ def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], o
     leads = {gap.between[1]: gap.between[0] for gap in gaps}
     by: dict[str, float] = {}
     placed = []
-    for one in features:
-        x, y = one.x_mm - middle[0], one.y_mm - middle[1]
-        by[one.name] = by[leads[one.name]] if one.name in leads else snapped(x, options) - x
-        placed.append(replace(one, x_mm=x + by[one.name], y_mm=snapped(y, options)))
+    for feature in features:
+        x, y = feature.x_mm - middle[0], feature.y_mm - middle[1]
+        by[feature.name] = by[leads[feature.name]] if feature.name in leads else snapped(x, options) - x
+        placed.append(replace(feature, x_mm=x + by[feature.name], y_mm=snapped(y, options)))
     return placed
 
 

@@ -47,8 +47,8 @@ def holes(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float
 def _row(sizes: Sequence[float], wall: float, thickness: float) -> tuple[Feature, ...]:
     """Holes along x with equal walls; a size that is repeated gets a letter."""
     names = distinct((f"hole-{size:g}" for size in sizes), lambda number: chr(ord("a") + number - 1))
-    found, edge = [], -0.5 * SLAB_MM[0] + wall
+    holes, edge = [], -0.5 * SLAB_MM[0] + wall
     for name, size in zip(names, sizes, strict=True):
-        found.append(Feature(name, "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))
+        holes.append(Feature(name, "hole", edge + 0.5 * size, 0.0, size, size, 0.0, thickness))
         edge += size + wall
-    return tuple(found)
+    return tuple(holes)

@@ -52,7 +52,7 @@ def predict(
     check_ending(compensate, "a design", ".toml")
     check_ending(solid, "a solid", *(f".{kind}" for kind in MESH_WRITERS))
     sensor = Sensor.of(open_design(path, assignments))
-    found = print_design(
+    prediction = print_design(
         sensor,
         options,
         response=response,
@@ -62,16 +62,16 @@ def predict(
     )
     contents: dict[Path, files.Content] = {}
     if out is not None:
-        contents[out] = profile_text(found.profile).encode()
+        contents[out] = profile_text(prediction.profile).encode()
     if compensate is not None:
-        contents |= compensation_files(compensate, sensor, found)
+        contents |= compensation_files(compensate, sensor, prediction)
     if figure is not None:
         from solen.report import canvas
         from solen.report.print.predict import printed_figure
 
-        contents[figure] = canvas.encoded(printed_figure(found), figure.suffix.lower(), "printed")
-    if solid is not None and found.part is not None:
-        contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](found.part.mesh, found.part.label)
+        contents[figure] = canvas.encoded(printed_figure(prediction), figure.suffix.lower(), "printed")
+    if solid is not None and prediction.part is not None:
+        contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)
     named = {"figure": figure, "out": out, "compensated": compensate, "solid": solid}
-    return Outcome(found, {kind: file for kind, file in named.items() if file is not None})
+    return Outcome(prediction, {kind: file for kind, file in named.items() if file is not None})

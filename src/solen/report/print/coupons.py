@@ -20,7 +20,7 @@ def plans_figure(coupons: list[Coupon]) -> Figure:
     heights = [_height_in(coupon) for coupon in coupons]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)), layout="constrained")
-        grid = figure.add_gridspec(len(coupons), 1, height_ratios=[one + TITLE_IN for one in heights])
+        grid = figure.add_gridspec(len(coupons), 1, height_ratios=[height + TITLE_IN for height in heights])
         for row, coupon in enumerate(coupons):
             _draw(figure.add_subplot(grid[row, 0]), coupon)
     return figure
@@ -36,11 +36,11 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
     if coupon.slab is not None:
         slab = coupon.slab
         axes.add_patch(_rectangle(0.0, 0.0, slab.width_mm, slab.depth_mm, slab.bevel_mm, SOFT))
-    for one in coupon.features:
-        if one.stage in {"", coupon.stages[-1].name}:
-            axes.add_patch(_patch(one))
-    for one, text in _labels(coupon):
-        _label(axes, one, text, inside=one.depth_mm > INSIDE * depth and one.kind != "hole")
+    for feature in coupon.features:
+        if feature.stage in {"", coupon.stages[-1].name}:
+            axes.add_patch(_patch(feature))
+    for feature, text in _labels(coupon):
+        _label(axes, feature, text, inside=feature.depth_mm > INSIDE * depth and feature.kind != "hole")
     axes.set_xlim(-0.52 * width, 0.52 * width)
     axes.set_ylim(-0.5 * depth - 0.02 * width, 0.5 * depth + 0.02 * width)
     axes.set_aspect("equal")
@@ -51,11 +51,11 @@ def _draw(axes: Axes, coupon: Coupon) -> None:
     axes.set_title(f"{coupon.name}: {coupon.title}, {width:.4g} × {depth:.4g} × {height:.4g} mm", fontsize=8)
 
 
-def _label(axes: Axes, one: Feature, text: str, *, inside: bool) -> None:
+def _label(axes: Axes, feature: Feature, text: str, *, inside: bool) -> None:
     if inside:
-        axes.text(one.x_mm, one.y_mm, text, ha="center", va="center", fontsize=7, color="white")
+        axes.text(feature.x_mm, feature.y_mm, text, ha="center", va="center", fontsize=7, color="white")
         return
-    top = (one.x_mm, one.y_mm + 0.5 * one.depth_mm)
+    top = (feature.x_mm, feature.y_mm + 0.5 * feature.depth_mm)
     axes.annotate(text, top, xytext=(0, 2), textcoords="offset points", ha="center", fontsize=5.5, color=INK)
 
 
@@ -63,17 +63,21 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
     """Numbers beside the features: what varies."""
     if coupon.gaps:
         return [(coupon.feature(gap.between[0]), f"{gap.gap_mm:g}") for gap in coupon.gaps]
-    shown = [one for one in coupon.features if one.kind != "mark" and one.stage in {"", coupon.stages[-1].name}]
+    shown = [
+        feature
+        for feature in coupon.features
+        if feature.kind != "mark" and feature.stage in {"", coupon.stages[-1].name}
+    ]
     if coupon.steps or coupon.name == "z-reference":
-        return [(one, f"{one.height_mm:g}") for one in shown]
-    return [(one, f"{one.exposure_s:g} s" if one.exposure_s else f"{one.width_mm:g}") for one in shown]
+        return [(feature, f"{feature.height_mm:g}") for feature in shown]
+    return [(each, f"{each.exposure_s:g} s" if each.exposure_s else f"{each.width_mm:g}") for each in shown]
 
 
-def _patch(one: Feature) -> Circle | Polygon:
-    colour = COLOURS.get(one.kind, RIGHT)
-    if one.round:
-        return Circle((one.x_mm, one.y_mm), 0.5 * one.diameter_mm, facecolor=colour, edgecolor=INK, lw=0.4)
-    return _rectangle(one.x_mm, one.y_mm, one.width_mm, one.depth_mm, one.bevel_mm, colour)
+def _patch(feature: Feature) -> Circle | Polygon:
+    colour = COLOURS.get(feature.kind, RIGHT)
+    if feature.round:
+        return Circle((feature.x_mm, feature.y_mm), 0.5 * feature.diameter_mm, facecolor=colour, edgecolor=INK, lw=0.4)
+    return _rectangle(feature.x_mm, feature.y_mm, feature.width_mm, feature.depth_mm, feature.bevel_mm, colour)
 
 
 def _rectangle(x: float, y: float, width: float, depth: float, bevel: float, colour: str) -> Polygon:

@@ -144,9 +144,9 @@ def _draw_plan(axes: Axes, part: Part) -> None:
 
 def _seats(part: Part) -> list[tuple[str, str, str]]:
     """Colour, name and heights of the kinds of seats that a part has."""
-    found: dict[str, tuple[str, str, str]] = {}
+    seats: dict[str, tuple[str, str, str]] = {}
     for cut in part.cuts:
         kind = cut.name.partition("-")[0]
         heights = f"Z {cut.takes.from_mm:.4g} to {cut.takes.to_mm:.4g} mm"
-        found[kind] = (LEFT if kind == "slot" else RIGHT, f"{kind}s", heights)
-    return list(found.values())
+        seats[kind] = (LEFT if kind == "slot" else RIGHT, f"{kind}s", heights)
+    return list(seats.values())

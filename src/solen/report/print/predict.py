@@ -13,27 +13,27 @@ _EXAGGERATED = 10.0
 _BAND = 0.2
 
 
-def printed_figure(found: PrintedDesign) -> Figure:
+def printed_figure(prediction: PrintedDesign) -> Figure:
     """Outline and deviation; walls or steps; contrast where it was traced."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 7.2), layout="constrained")
         (outline, deviation), (through, response) = figure.subplots(2, 2)
-        _outline(outline, found)
-        _deviation(deviation, found)
-        (_walls if found.walls is not None else _steps)(through, found)
-        _response(response, found.response)
+        _outline(outline, prediction)
+        _deviation(deviation, prediction)
+        (_walls if prediction.walls is not None else _steps)(through, prediction)
+        _response(response, prediction.response)
         figure.suptitle(
-            f"simulated: {found.name}, printed {found.orientation} ({found.process}), off by "
-            f"{found.deviation.rms_um:.3g} µm rms, largest {found.deviation.largest_um:+.3g} µm",
+            f"simulated: {prediction.name}, printed {prediction.orientation} ({prediction.process}), off by "
+            f"{prediction.deviation.rms_um:.3g} µm rms, largest {prediction.deviation.largest_um:+.3g} µm",
             fontsize=9,
         )
     return figure
 
 
-def _outline(axes: Axes, found: PrintedDesign) -> None:
-    target, made = found.deviation.target, found.compensation
+def _outline(axes: Axes, prediction: PrintedDesign) -> None:
+    target, made = prediction.deviation.target, prediction.compensation
     axes.plot(*target.points_mm.T, color=INK, lw=3.0, alpha=0.5, label="wanted")
-    axes.plot(*target.moved_um(_EXAGGERATED * found.deviation.um).T, color=LEFT, lw=1.2, label="printed")
+    axes.plot(*target.moved_um(_EXAGGERATED * prediction.deviation.um).T, color=LEFT, lw=1.2, label="printed")
     if made is not None:
         axes.plot(*target.moved_um(_EXAGGERATED * made.drawn_um).T, "--", color=SPACE, lw=1.2, label="to be drawn")
         axes.plot(*target.moved_um(_EXAGGERATED * made.printed.um).T, color=RIGHT, lw=1.2, label="printed then")
@@ -42,30 +42,30 @@ def _outline(axes: Axes, found: PrintedDesign) -> None:
     axes.legend(fontsize=8, loc="upper center")
 
 
-def _deviation(axes: Axes, found: PrintedDesign) -> None:
-    x, um, u_um = found.deviation.target.points_mm[:, 0], found.deviation.um, found.lens.u_um
+def _deviation(axes: Axes, prediction: PrintedDesign) -> None:
+    x, um, u_um = prediction.deviation.target.points_mm[:, 0], prediction.deviation.um, prediction.lens.u_um
     axes.axhline(0.0, color=LOST, lw=1.0)
     axes.fill_between(x, um - 2 * u_um, um + 2 * u_um, color=LEFT, alpha=_BAND, lw=0, label="± 2 u")
-    if np.any(found.lens.ripple_um):
-        axes.plot(x, um + found.lens.ripple_um, color=LOST, lw=0.6, label="with its steps")
-    axes.plot(x, um, color=LEFT, lw=1.4, label=f"printed, {found.deviation.rms_um:.3g} µm rms")
-    if found.compensation is not None:
-        printed = found.compensation.printed
+    if np.any(prediction.lens.ripple_um):
+        axes.plot(x, um + prediction.lens.ripple_um, color=LOST, lw=0.6, label="with its steps")
+    axes.plot(x, um, color=LEFT, lw=1.4, label=f"printed, {prediction.deviation.rms_um:.3g} µm rms")
+    if prediction.compensation is not None:
+        printed = prediction.compensation.printed
         axes.plot(x, printed.um, color=RIGHT, lw=1.4, label=f"compensated, {printed.rms_um:.2g} µm rms")
     axes.set(xlabel="x on the wanted lens (mm)", ylabel="beyond the wanted lens (µm)")
     axes.set_title("deviation along the normal, more material upwards", fontsize=9)
     axes.legend(fontsize=8)
 
 
-def _walls(axes: Axes, found: PrintedDesign) -> None:
-    if found.walls is not None:
-        axes.plot(found.walls.beyond_um, 1e-3 * found.walls.height_um, ".-", ms=3, lw=0.8, color=RIGHT)
+def _walls(axes: Axes, prediction: PrintedDesign) -> None:
+    if prediction.walls is not None:
+        axes.plot(prediction.walls.beyond_um, 1e-3 * prediction.walls.height_um, ".-", ms=3, lw=0.8, color=RIGHT)
     axes.set(xlabel="straight wall beyond its image (µm)", ylabel="height above the platform (mm)")
     axes.set_title("walls through the thickness, without shrinkage", fontsize=9)
 
 
-def _steps(axes: Axes, found: PrintedDesign) -> None:
-    axes.plot(found.deviation.target.along_mm, found.lens.ripple_um, color=RIGHT, lw=0.8)
+def _steps(axes: Axes, prediction: PrintedDesign) -> None:
+    axes.plot(prediction.deviation.target.along_mm, prediction.lens.ripple_um, color=RIGHT, lw=0.8)
     axes.set(xlabel="along the lens (mm)", ylabel="steps of the layers (µm)")
     axes.set_title("steps that the traced profile leaves out", fontsize=9)
 
