@@ -216,5 +216,5 @@ def test_the_same_design_gives_the_same_file(write: Any) -> None:
 
 def test_without_ezdxf_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(OutputError, match=r'^--dxf; .* is not installed; pip install "solen\[dxf\]"$'):
+    with pytest.raises(OutputError, match=r'^--dxf; .* is not installed; pip install "\.\[dxf\]"$'):
         as_dxf(body_of(design()), LABEL)

@@ -136,7 +136,7 @@ def test_pillars_stand_on_corners_of_pixels(name: str) -> None:
         ({"layer_um": math.inf}, "layer_um"),
         ({"hole_reading": "fifths"}, "hole_reading = 'fifths'"),
         ({"guide_lengths_mm": ()}, "guide_lengths_mm"),
-        ({"guide_lengths_mm": (5.0, -1.0)}, "guide_lengths_mm[1] = -1.0"),
+        ({"guide_lengths_mm": (5.0, -1.0)}, "guide_lengths_mm = -1.0"),
         ({"cubes": 0}, "cubes = 0"),
     ],
 )

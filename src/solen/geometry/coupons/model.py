@@ -261,9 +261,11 @@ def coupon_of(data: Any, what: str) -> Coupon:
         return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)
     except ValidationError as invalid:
         bad = option_refusal(invalid)
+        steps = invalid.errors()[0]["loc"]
+        where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps).lstrip(".")
     except SpecError as impossible:
-        bad = impossible
-    raise DataError(f"{what}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
+        bad, where = impossible, impossible.what
+    raise DataError(f"{what}: {where}", value=bad.value, limit=bad.limit, remedy=bad.remedy)
 
 
 def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
