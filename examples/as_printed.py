@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.lens import MeasuredLens, OvalLens, measured_lens, profile_of
-from solen.sensor import Comparison, Sensor, printed
+from solen.sensor import Comparison, Sensor, as_printed
 from solen.spec import loads, template, with_values
 
 RMS_UM, NOISE_UM = 20.0, 0.5
@@ -24,7 +24,7 @@ class Found(NamedTuple):
     response: Comparison
 
 
-def as_printed(oval: OvalLens) -> MeasuredLens:
+def printed_lens(oval: OvalLens) -> MeasuredLens:
     """Lens with a wave of `RMS_UM` in its face, as points with noise tell it."""
     x = np.linspace(-oval.half_width_mm, oval.half_width_mm, 1001)
     steep = np.hypot(1.0, oval.slope(x))
@@ -40,9 +40,9 @@ def main() -> Found:
     sensor = Sensor.of(with_values(loads(template("solen-860")), {"emitter.width_mm": 0.2}))
     if not isinstance(sensor.lens, OvalLens):
         raise TypeError("this design has no oval")
-    lens, index = as_printed(sensor.lens), sensor.material.index
+    lens, index = printed_lens(sensor.lens), sensor.material.index
     sensor = replace(sensor, cut=lens)
-    response = printed(sensor, sensor.power(ANGLES_DEG), draws=4).own
+    response = as_printed(sensor, sensor.power(ANGLES_DEG), draws=4).emitter
     print(f"the lens lies {lens.fit.deviation.rms_um:.1f} µm (rms) from its design")
     focus, u_focus = lens.best_focus_mm(index), lens.u_best_focus_mm(index)
     print(f"smallest spot at {focus:.2f} ± {u_focus:.2f} mm, designed {lens.designed.best_focus_mm(index):.2f} mm")
@@ -51,7 +51,7 @@ def main() -> Found:
         print(
             f"  {angle:+.0f}°: contrast {before:+.3f} designed, {after:+.3f} ± {response.u_difference[i]:.3f} printed"
         )
-    print(f"balance point moved by {response.null_shift_deg:+.2f} ± {response.u_null_deg:.2f}°")
+    print(f"null moved by {response.null_shift_deg:+.2f} ± {response.u_null_shift_deg:.2f}°")
     return Found(lens, response)
 
 

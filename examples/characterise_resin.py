@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from solen.material.gather import BuildOptions
 from solen.material.index.options import IndexOptions
 from solen.pipeline.resin import cure, cutback, index, library, stiffness
-from solen.sensor import Sensor
-from solen.sensor.off_index import off_indices
+from solen.sensor import Sensor, index_offsets
 from solen.spec import loads, template, with_values
 
 NOISE = np.random.default_rng(5).normal
@@ -48,7 +47,7 @@ def main() -> dict[str, float]:
         made = library.build(out, results(Path(name)), options).result.to_dict()
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
         sensor = Sensor.of(with_values(loads(template()), changes))
-    moved = max(one.shift.contrast for one in off_indices(sensor, sensor.power()) if one.shift)
+    moved = max(one.shift.contrast for one in index_offsets(sensor, sensor.power()) if one.shift)
     found = {"n": sensor.material.index, "u_n": sensor.material.u_index or 0.0, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}
     print(*(f"{key} {value:.4g}" for key, value in found.items()), sep=", ")

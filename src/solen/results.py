@@ -36,10 +36,14 @@ _SHOWN_FIELDS = 14
 
 if typing.TYPE_CHECKING:
     reported = property  # type checkers infer types through a plain property only
+    reported_once = functools.cached_property
 else:
 
     class reported(property):  # noqa: N801  used as a decorator, as `property` is
         """A property that JSON, tables and reprs hold beside the fields."""
+
+    class reported_once(functools.cached_property):  # noqa: N801
+        """As `reported`, computed at its first use and kept."""
 
 
 class Result:
@@ -97,7 +101,7 @@ class Result:
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
 
-R = typing.TypeVar("R", bound=Result)
+R = typing.TypeVar("R", bound=Result, covariant=True)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -119,6 +123,15 @@ def entries(value: Any) -> Iterator[tuple[str, Any]]:
             yield field.name, getattr(value, field.name)
     for name in _reported(type(value)):
         yield name, getattr(value, name)
+
+
+def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
+    """Numbers, texts and flags of a dataclass by name, those of dataclasses inside it as ``deviation.rms_um``."""
+    for name, entry in entries(value):
+        if dataclasses.is_dataclass(entry):
+            yield from scalars(entry, f"{within}{name}.")
+        elif isinstance(entry, str | int | float | np.generic | Path | None):
+            yield f"{within}{name}", entry
 
 
 @functools.singledispatch
@@ -229,7 +242,8 @@ def _object_schema(kind: type) -> dict[str, Any]:
         if not field.name.startswith("_") and field.metadata.get("reported", True)
     }
     for name in _reported(kind):
-        getter = typing.cast("property", getattr(kind, name)).fget
+        attribute = getattr(kind, name)
+        getter = attribute.fget if isinstance(attribute, property) else attribute.func
         kinds[name] = typing.get_type_hints(getter).get("return", Any) if getter is not None else Any
     words = described(kind)
     properties = {
@@ -259,7 +273,9 @@ def _reported(kind: type) -> list[str]:
     """Names of the reported properties of a type, those of its bases first."""
     found: dict[str, None] = {}
     for base in reversed(kind.__mro__):
-        found |= dict.fromkeys(name for name, value in vars(base).items() if isinstance(value, reported))
+        found |= dict.fromkeys(
+            name for name, value in vars(base).items() if isinstance(value, reported | reported_once)
+        )
     return list(found)
 
 

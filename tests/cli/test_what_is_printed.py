@@ -13,8 +13,9 @@ import xarray as xr
 
 import solen
 from solen.cli import run_command
-from solen.pipeline.design import commands as pipeline
+from solen.pipeline.design import check as pipeline
 from solen.report.design import html
+from solen.sensor import traced
 from solen.spec import loads, template
 from solen.trace import convergence
 
@@ -62,23 +63,24 @@ def test_every_command_prints_one_json_object(told: Told, design: str, tmp_path:
     assert told.json("new", str(tmp_path / "new"), "--json") == {
         "design": str(tmp_path / "new" / "sensor.toml"),
         "example": "solen-860",
+        "files": {},
     }
     assert told.json("schema", "--json")["title"] == "solen design file"
     assert told.json("schema") == told.json("schema", "--json")
     assert told.json("check", design, "--json")["angles"] == 25
-    assert told.json("lens", design, "--json")["focus_mm"] == 20.0
+    assert told.json("lens", design, "--json")["lens"]["focus_mm"] == 20.0
     assert told.json("trace", design, "--json")["rays"] == 100
     assert told.json("convergence", design, "--json")["reference"]["method"] == "adaptive"
     assert told.json("sensitivity", design, "body.arm_width_mm", "--json")["skipped"] == {}
     found = told.json("run", design, "--out", str(tmp_path / "out"), *STEP, "--json")
     assert found["summary"]["lens"]["to_deg"] == 3.0
-    assert all(Path(name).is_file() for name in found["files"])
+    assert all(Path(name).is_file() for name in found["files"].values())
 
 
 def test_json_with_csv_and_figure_says_where_they_are(told: Told, design: str, tmp_path: Path) -> None:
     table, figure = tmp_path / "lens.csv", tmp_path / "rays.svg"
-    assert told.json("lens", design, "--csv", str(table), "--json")["profile"] == str(table)
-    assert told.json("trace", design, "--figure", str(figure), "--json")["figure"] == str(figure)
+    assert told.json("lens", design, "--csv", str(table), "--json")["files"] == {"profile": str(table)}
+    assert told.json("trace", design, "--figure", str(figure), "--json")["files"] == {"figure": str(figure)}
     assert table.is_file()
     assert figure.is_file()
 
@@ -88,17 +90,18 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
     found = told.json("trace", design, "--angle-deg", "-1", "--rays", "50", "--mode", mode, "--json")
     assert set(found["detectors"]) == {"left", "right"}
     for detector in found["detectors"].values():
-        assert set(detector) == {"power", "u", "rays", "optical_path_mm"}
+        assert (detector["power_by_angle"], detector["power_by_position"]) == ([], [])
         assert isinstance(detector["rays"], int)
     assert set(found["ledger"]) == {"detected", "escaped", "absorbed", "truncated"}
     assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-12)
     assert (found["rays"], found["mode"], found["angle_deg"]) == (50, mode, -1.0)
-    assert "paths" not in found
+    assert found["branches"] is None
 
 
 TRACED = {
     *("name", "angle_deg", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
-    *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why", "warnings"),
+    *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why", "warnings", "monitors"),
+    *("missed", "leaked", "in_space", "faces", "branches", "simulated", "u_power", "files"),
 }
 
 
@@ -123,7 +126,7 @@ def test_every_way_to_trace_has_the_same_keys(told: Told, design: str, arguments
     assert sum(found["ledger"].values()) == pytest.approx(1.0, abs=1e-7 if "single" in arguments else 1e-12)
     assert (found["single_error"] is None) == ("single" not in arguments)
     assert (found["pieces"] > 0) == ("adaptive" in arguments)
-    assert (found["why"] is None) == found["reached"]
+    assert (found["why"] == "") == found["reached"]
     lines = told.lines("trace", design, "--angle-deg", "0.2", *arguments)
     assert lines[0].startswith(f"SOLen 860 nm at 0.2 deg, {found['rays']} rays, mode {found['mode']}")
     assert any("single precision" in line for line in lines) == ("single" in arguments)
@@ -132,7 +135,7 @@ def test_every_way_to_trace_has_the_same_keys(told: Told, design: str, arguments
 
 def test_an_uncertainty_that_is_not_known_is_null(told: Told, design: str) -> None:
     found = told.json("trace", design, "--rays", "1", "--json")
-    assert [one["u"] for one in found["detectors"].values()] == [None, None]
+    assert [one["u_power"] for one in found["detectors"].values()] == [None, None]
 
 
 def test_a_tolerance_is_what_the_uncertainty_stays_below(told: Told, design: str) -> None:
@@ -143,9 +146,9 @@ def test_a_tolerance_is_what_the_uncertainty_stays_below(told: Told, design: str
         assert found["method"] == "adaptive"
         assert found["reached"]
         for side in ("right", "left"):
-            assert found["detectors"][side]["u"] <= tolerance
+            assert found["detectors"][side]["u_power"] <= tolerance
             off = abs(found["detectors"][side]["power"] - tight["detectors"][side]["power"])
-            assert off <= found["detectors"][side]["u"] + 1e-9
+            assert off <= found["detectors"][side]["u_power"] + 1e-9
     assert loose["rays"] < plain["rays"] < tight["rays"]
 
 
@@ -156,34 +159,34 @@ def test_a_seed_makes_the_sample(told: Told, design: str, mode: str) -> None:
     assert one == same
     assert one["detectors"] != other["detectors"]
     assert one["rays"] == 256
-    assert all(detector["u"] > 0.0 for detector in one["detectors"].values())
+    assert all(detector["u_power"] > 0.0 for detector in one["detectors"].values())
 
 
 def test_a_histogram_adds_up_to_the_power(told: Told, design: str) -> None:
     found = told.json("trace", design, "--rays", "500", "--mode", "power", "--histogram", "7", "--json")
     for side, detector in found["detectors"].items():
-        assert set(detector) == {"power", "u", "rays", "optical_path_mm", "position", "angle"}
-        assert list(detector["position"]) == [f"receiver-{side}"]
-        assert len(detector["angle"]) == len(detector["position"][f"receiver-{side}"]) == 7
-        assert sum(detector["angle"]) == pytest.approx(detector["power"], abs=1e-12)
-        assert sum(detector["position"][f"receiver-{side}"]) == pytest.approx(detector["power"], abs=1e-12)
+        assert found["faces"][side] == [f"receiver-{side}"]
+        (by_position,) = detector["power_by_position"]
+        assert len(detector["power_by_angle"]) == len(by_position) == 7
+        assert sum(detector["power_by_angle"]) == pytest.approx(detector["power"], abs=1e-12)
+        assert sum(by_position) == pytest.approx(detector["power"], abs=1e-12)
 
 
 def test_a_netcdf_file_holds_what_was_traced_and_the_design(told: Told, design: str, tmp_path: Path) -> None:
     target = tmp_path / "a trace.nc"
     how = ("--angle-deg", "0.2", "--mode", "power", "--histogram", "5", "--paths", "--netcdf", str(target))
     found = told.json("trace", design, *how, "--json")
-    assert found["netcdf"] == str(target)
+    assert found["files"] == {"netcdf": str(target)}
     held = xr.load_dataset(target, engine="h5netcdf")
     assert (held.attrs["name"], held.attrs["angle_deg"], held.attrs["simulated"]) == ("SOLen 860 nm", 0.2, 1)
     assert loads(held.attrs["design"]).trace.mode == "power"
     for side, detector in found["detectors"].items():
         assert float(held["power"].sel(receiver=side)) == detector["power"]
-        assert list(held["power_by_angle"].sel(receiver=side).values) == detector["angle"]
+        assert list(held["power_by_angle"].sel(receiver=side).values) == detector["power_by_angle"]
     faces = held.attrs["interfaces"].split(", ")
     first = held.isel(leg=0)
-    assert found["paths"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
-    assert found["paths"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
+    assert found["branches"][0]["faces"][:1] == [faces[int(first["leg_interface"])]][: int(first["leg_interface"] >= 0)]
+    assert found["branches"][0]["points_mm"][0] == [float(first["leg_x_mm"]), float(first["leg_z_mm"])]
     first_bytes = target.read_bytes()
     assert told.lines("trace", design, *how)[-1] == f"netcdf: {target}"
     assert target.read_bytes() == first_bytes
@@ -192,12 +195,12 @@ def test_a_netcdf_file_holds_what_was_traced_and_the_design(told: Told, design: 
 def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
     told: Told, design: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "convergence", partial(convergence, most_rays=64))
+    monkeypatch.setattr(traced, "convergence", partial(convergence, most_rays=64))
     figure = tmp_path / "convergence.svg"
     how = ("convergence", design, "--angle-deg", "0.2", "--figure", str(figure))
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "warnings", "figure"}
-    assert (found["mode"], found["angle_deg"], found["figure"]) == ("power", 0.2, str(figure))
+    assert set(found) == {"name", "angle_deg", "mode", "reference", "series", "warnings", "files"}
+    assert (found["mode"], found["angle_deg"], found["files"]) == ("power", 0.2, {"figure": str(figure)})
     assert set(found["reference"]["detectors"]) == {"left", "right"}
     assert [series["method"] for series in found["series"]] == ["fan", "sobol", "adaptive"]
     assert found["series"][0]["rays"] == [16, 32, 64]
@@ -214,19 +217,17 @@ def test_convergence_says_the_same_in_lines_in_json_and_draws_it(
 def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str) -> None:
     how = ("sensitivity", design, "--angle-deg", "0.2")
     found, lines = told.json(*how, "--json"), told.lines(*how)
-    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped", "warnings"}
+    assert set(found) == {"name", "angle_deg", "sensitivities", "skipped", "warnings", "simulated", "files"}
     rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
     for row in found["sensitivities"]:
-        assert set(row) == {
-            "key", "value", "right", "left", "contrast", "u_right", "u_left", "u_contrast", "why"
-        }  # fmt: skip
+        assert set(row) == {"key", "value", "right", "left", "contrast", "why"}
         shown = rows[row["key"]]
         assert float(shown[0]) == pytest.approx(row["value"], rel=1e-5)
         if row["why"] is None:
-            wanted = [row["right"], row["left"], row["contrast"]]
+            wanted = [row[name]["value"] for name in ("right", "left", "contrast")]
             assert [float(text) for text in shown[1:4]] == pytest.approx(wanted, rel=1e-5)
         else:
-            assert row["contrast"] is row["u_contrast"] is None
+            assert row["contrast"] == {"value": None, "u_value": None}
             assert row["why"].split() == shown[1:]
     assert [line for line in lines if line.startswith("left out: ")] == [
         f"left out: {key}: {why}" for key, why in found["skipped"].items()
@@ -239,14 +240,15 @@ def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str)
 def test_in_the_dark_there_is_no_contrast_to_change(told: Told, design: str) -> None:
     dark = ("--set", "material.absorption_per_mm=1000.0")
     (row,) = told.json("sensitivity", design, "body.arm_width_mm", *dark, "--json")["sensitivities"]
-    assert (row["right"], row["contrast"], row["why"]) == (0.0, None, None)
+    assert (row["right"]["value"], row["contrast"]["value"], row["why"]) == (0.0, None, None)
     assert "none" in told.lines("sensitivity", design, "body.arm_width_mm", *dark)[2]
 
 
 def test_the_paper_s_numbers_come_out_of_the_command(told: Told, design: str) -> None:
     found = told.json("trace", design, "--angle-deg", "-3", "--rays", "100000", "--json")
     assert found["detectors"]["right"]["power"] == pytest.approx(0.5905, abs=0.003)
-    assert found["detectors"]["left"] == {"power": 0.0, "u": 1e-5, "rays": 0, "optical_path_mm": None}
+    left = found["detectors"]["left"]
+    assert (left["power"], left["u_power"], left["rays"], left["optical_path_mm"]) == (0.0, 1e-5, 0, None)
     assert found["detectors"]["right"]["rays"] == round(found["detectors"]["right"]["power"] * 100_000)
     rest = told.json("trace", design, "--rays", "100000", "--json")["detectors"]
     assert rest["left"]["power"] == pytest.approx(0.5905 / 2, abs=0.0015)
@@ -267,8 +269,8 @@ def test_without_lens_the_receivers_hardly_differ(told: Told, design: str) -> No
 def test_paths_are_added_with_json(told: Told, design: str) -> None:
     plain = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--json")
     found = told.json("trace", design, "--rays", "8", "--angle-deg", "1", "--paths", "--json")
-    paths = found.pop("paths")
-    assert found == plain
+    paths = found.pop("branches")
+    assert found | {"branches": None} == plain
     assert [path["ray"] for path in paths] == list(range(8))
     for path in paths:
         assert set(path) == {"ray", "branch", "parent", "fate", "power", "faces", "points_mm", "exit_direction"}
@@ -279,7 +281,7 @@ def test_paths_are_added_with_json(told: Told, design: str) -> None:
 
 
 def test_paths_of_a_ray_straight_ahead_warn_of_nothing(told: Told, design: str) -> None:
-    assert len(told.json("trace", design, "--rays", "3", "--mode", "power", "--paths", "--json")["paths"]) >= 3
+    assert len(told.json("trace", design, "--rays", "3", "--mode", "power", "--paths", "--json")["branches"]) >= 3
 
 
 @pytest.mark.parametrize(
@@ -328,7 +330,8 @@ def test_lines_say_what_json_says(told: Told, design: str) -> None:
     lens, lines = told.json("lens", design, "--json"), told.lines("lens", design)
     for line in lines:
         key, text = line.split()
-        assert text == lens[key] if isinstance(lens[key], str) else float(text) == pytest.approx(lens[key], rel=1e-5)
+        wanted = (lens["lens"] | lens["foci"][1])[key]
+        assert text == wanted if isinstance(wanted, str) else float(text) == pytest.approx(wanted, rel=1e-5)
 
 
 def test_a_run_ends_with_where_its_report_is(
@@ -457,7 +460,7 @@ def test_a_reader_that_has_enough_is_no_error(design: str) -> None:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
         assert running.stdout is not None
         assert running.stderr is not None
-        assert running.stdout.read(10) == b'{"name": "'
+        assert running.stdout.read(10) == b'{"mode": "'
         running.stdout.close()
         complaint = running.stderr.read()
     assert complaint == b""

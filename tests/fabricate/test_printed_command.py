@@ -23,8 +23,8 @@ from solen.fabricate.process import (
     read_process,
     with_resin,
 )
-from solen.lens.measured import read_profile
-from solen.pipeline.design.commands import open_design
+from solen.lens.profile import read_profile
+from solen.pipeline.design.designs import open_design
 from solen.pipeline.print.calibrate import calibrate_printer
 from solen.pipeline.print.predict import predict
 from solen.results import Outcome

@@ -31,9 +31,16 @@ seen contrast pitch_ratio factor scale_factor rms_um_per_percent_of_scale
 ambiguous within_68 within_95
 """
 _CONTRASTS, _IN_THE_FILES_UNIT = "largest_change at_low at_high", "dark"
-DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT)).split())
+_OF_LIGHT = """
+power power_by_source detected escaped absorbed truncated missed leaked reflected beside above_below right left emitted
+error single_error ledger_error received_share received_plane received_space used_of_supply contrast contrast_from
+contrast_to index material_index step response exponent gain
+"""
+DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT)).split())
 """Names of numbers without a unit: indices, shares from 0 to 1, contrasts, probabilities, factors."""
 RELATIVE = {"ln_Ec", "length", "area"}
+OF_ALL = {"power"}
+"""Values that several names beside an uncertainty hold: the powers at all receivers."""
 """Values whose uncertainty is stated relative to them, or of their logarithm."""
 OF_ROWS = {
     *("value", "u", "u_before", "u_value", "design_value", "u_prior"),
@@ -87,7 +94,7 @@ def violations(command: str) -> list[str]:
         if re.search(r".(interval95$|_interval95|_u$|(?<!_of)_u_)", name):
             faults.append("what it is of a value is the first part of a name")
         of = bare(name).rpartition("_")[2]
-        if bare(name) not in {name, *RELATIVE} and not any(
+        if bare(name) not in {name, *RELATIVE, *OF_ALL} and not any(
             bare(other) == other and other.endswith(of) for other in beside
         ):
             faults.append(f"there is no value of {of} beside it")

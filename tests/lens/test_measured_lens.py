@@ -10,7 +10,7 @@ from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.interface import refracted
 from solen.lens import FlatFace, MeasuredLens, OvalLens, lens_of, profile_of, profile_text
-from solen.lens.deviation import FittedProfile
+from solen.lens.fitted_profile import FittedProfile
 from solen.plane import unit
 from solen.spec import Design, loads
 from tests.lens.measured_support import LENS, X, lens, noise_um, placed, profile

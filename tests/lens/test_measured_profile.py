@@ -10,7 +10,7 @@ import pytest
 
 from solen.errors import DataError
 from solen.lens import MeasuredProfile, OvalLens, profile_of, profile_text, read_profile
-from solen.lens.measured import scatter_mm
+from solen.lens.profile import scatter_mm
 
 LENS = OvalLens(1.0, 20.0, 2.0, 1.44)
 X = np.linspace(-2.0, 2.0, 201)

@@ -9,7 +9,7 @@ import pytest
 
 from solen.cli import run_command
 from solen.errors import SolenError
-from solen.lens.measured import read_profile
+from solen.lens.profile import read_profile
 from solen.metrology import InspectOptions
 from solen.pipeline.print.inspect import inspect
 from solen.spec import dumps

@@ -9,8 +9,10 @@ import pytest
 
 from solen.errors import DataError, DesignError, SolenError, SpecError
 from solen.lens import profile_text
-from solen.pipeline.design import commands as pipeline
+from solen.pipeline.design import check as pipeline
 from solen.pipeline.design.export import export
+from solen.pipeline.design.run import run
+from solen.pipeline.design.trace import trace
 from solen.spec import dumps, json_schema, load, loads, save, with_values
 from tests.lens.measured_support import X, noise_um, profile
 
@@ -38,32 +40,35 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_lens_tells_deviation_focus_and_smoothing(folder: Path) -> None:
-    found = pipeline.lens(folder / "sensor.toml", table=folder / "out.csv")
+    found = pipeline.lens(folder / "sensor.toml", csv=folder / "out.csv").to_dict()
     assert json.loads(json.dumps(found, allow_nan=False)) == found
-    assert found["shape"] == "measured"
-    assert found["simulated"] is True
-    assert found["deviation_max_um"] == pytest.approx(10.0, abs=0.6)
-    assert found["deviation_max_x_mm"] == pytest.approx(0.5, abs=0.1)
-    assert found["designed_best_focus_mm"] == pytest.approx(20.0, abs=1e-3)
-    assert abs(found["best_focus_mm"] - 20.0) > 3.0 * found["u_best_focus_mm"] > 0.0
-    assert found["smoothed_residual"] == pytest.approx(1.0, abs=0.1)
+    lens, (focus,) = found["lens"], found["foci"]
+    assert lens["shape"] == "measured"
+    assert lens["fit"]["simulated"] is True
+    assert lens["fit"]["deviation"]["max_um"] == pytest.approx(10.0, abs=0.6)
+    assert lens["fit"]["deviation"]["max_x_mm"] == pytest.approx(0.5, abs=0.1)
+    assert focus["designed_best_focus_mm"] == pytest.approx(20.0, abs=1e-3)
+    assert abs(focus["best_focus_mm"] - 20.0) > 3.0 * focus["u_best_focus_mm"] > 0.0
+    assert lens["fit"]["smooth"]["residual"] == pytest.approx(1.0, abs=0.1)
     assert found["warnings"] == []
     assert (folder / "out.csv").read_text(encoding="utf-8").startswith("x_mm,z_mm\n")
 
 
 def test_check_and_trace_work_with_it(folder: Path) -> None:
-    assert pipeline.check(folder / "sensor.toml")["lens"]["shape"] == "measured"
-    found = pipeline.trace_design(folder / "sensor.toml", angle_deg=-1.0)
-    assert found["lens"] == "measured"
-    assert sum(found["ledger"].values()) == pytest.approx(1.0)
+    checked = pipeline.check(folder / "sensor.toml").result.lens
+    assert checked is not None
+    assert checked.shape == "measured"
+    found = trace(folder / "sensor.toml", angle_deg=-1.0).result
+    assert found.lens == "measured"
+    assert found.ledger.total == pytest.approx(1.0)
 
 
 def test_a_table_is_a_profile_and_its_missing_uncertainty_is_told(folder: Path) -> None:
     rows = "\n".join(f"{x:.6f},{z:.6f}" for x, z in zip(X, profile(noise_um(0.5)).z_mm, strict=True))
     (folder / "lens.csv").write_text(f"x_mm,z_mm\n{rows}\n", encoding="utf-8")
-    found = pipeline.check(folder / "sensor.toml", ["lens.profile=lens.csv"])
+    found = pipeline.check(folder / "sensor.toml", ["lens.profile=lens.csv"]).to_dict()
     assert "states no uncertainty; 0.49 µm is taken" in found["warnings"][0]
-    assert found["lens"]["simulated"] is False
+    assert found["lens"]["fit"]["simulated"] is False
 
 
 def test_it_is_exported_as_it_is_traced(folder: Path) -> None:
@@ -75,28 +80,29 @@ def test_it_is_exported_as_it_is_traced(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def ran(folder: Path) -> dict[str, Any]:
-    return pipeline.run(folder / "sensor.toml", folder / "out")
+    return run(folder / "sensor.toml", folder / "out").to_dict()
 
 
 def test_a_run_shows_designed_against_printed(folder: Path, ran: dict[str, Any]) -> None:
     data = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))
     found = data["as_printed"]
-    assert found["told"] == "as printed (simulated)"
+    assert found["simulated"] is True
     assert set(data["response"]) == {"lens", "designed", "no_lens"}
     for part in ("emitter", "chip"):
         one = found[part]
-        assert one["angle_deg"] == [-1.0, 1.0]
-        rows = zip(one["printed"], one["designed"], one["difference"], strict=True)
+        assert one["designed"]["angle_deg"] == [-1.0, 1.0]
+        rows = zip(one["printed"]["contrast"], one["designed"]["contrast"], one["difference"], strict=True)
         assert all(after - before == pytest.approx(change) for after, before, change in rows)
         assert all(u > 0.0 for u in one["u_difference"])
         assert one["null_shift_deg"] == pytest.approx(one["null_printed_deg"] - one["null_designed_deg"])
-        assert 0.3 < one["received_printed"] < 0.7
-    assert abs(found["chip"]["largest"]["difference"]) > 3.0 * found["chip"]["largest"]["u"]
+        received = [sum(pair) for pair in zip(one["printed"]["right"], one["printed"]["left"], strict=True)]
+        assert 0.3 < sum(received) / len(received) < 0.7
+    assert abs(found["chip"]["largest"]["contrast"]) > 3.0 * found["chip"]["largest"]["u_contrast"]
     assert ran["as_printed"]["chip"]["largest"] == found["chip"]["largest"]
 
 
 def test_the_report_says_what_it_is(folder: Path, ran: dict[str, Any]) -> None:
-    page = Path(ran["report"]).read_text(encoding="utf-8")
+    page = Path(ran["files"]["report"]).read_text(encoding="utf-8")
     assert "As designed and as printed (simulated)" in page
     assert "as printed (measured)" not in page
     assert "lens as designed" in page
@@ -108,8 +114,8 @@ def test_a_measured_print_is_called_measured(folder: Path, ran: dict[str, Any]) 
     assert ran["as_printed"]["simulated"]
     text = (folder / "lens.json").read_text(encoding="utf-8").replace('"simulated": true', '"simulated": false')
     (folder / "real.json").write_text(text, encoding="utf-8")
-    found = pipeline.lens(folder / "sensor.toml", ["lens.profile=real.json"])
-    assert found["simulated"] is False
+    found = pipeline.lens(folder / "sensor.toml", ["lens.profile=real.json"]).to_dict()
+    assert found["lens"]["fit"]["simulated"] is False
 
 
 REFUSED: list[tuple[list[str], type[SolenError], str]] = [

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 
 from solen import files
 from solen.errors import OutputError, SpecError
-from solen.pipeline.design import commands as pipeline
+from solen.pipeline.design import check as pipeline
+from solen.pipeline.design.designs import new, open_design
+from solen.pipeline.design.trace import trace
+from solen.sensor import LensOptions
 from solen.spec import load, template, template_names
 
 S, F, N, HALF = 1.0, 20.0, 1.44, 2.0
@@ -34,13 +37,12 @@ def oval_z(x: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def profile(design: Path, table: Path, tolerance_mm: float) -> NDArray[np.float64]:
-    found = pipeline.lens(design, table=table, tolerance_mm=tolerance_mm)
+    found = pipeline.lens(design, options=LensOptions(tolerance_mm=tolerance_mm), csv=table)
     with table.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     assert header == ["x_mm", "z_mm"]
     points = np.array(rows, dtype=float)
-    assert found["profile_points"] == len(points)
-    assert (found["profile"], found["profile_tolerance_mm"]) == (str(table), tolerance_mm)
+    assert found.files == {"profile": table}
     return points
 
 
@@ -65,8 +67,8 @@ def test_a_coarser_tolerance_takes_fewer_points(design: Path, tmp_path: Path) ->
 
 
 def test_a_flat_face_has_a_straight_profile(design: Path, tmp_path: Path) -> None:
-    found = pipeline.lens(design, ["lens.shape=none"], tmp_path / "lens.csv")
-    assert found["shape"] == "none"
+    found = pipeline.lens(design, ["lens.shape=none"], csv=tmp_path / "lens.csv").result
+    assert found.lens.shape == "none"
     header, *rows = (tmp_path / "lens.csv").read_text(encoding="utf-8").splitlines()
     assert header == "x_mm,z_mm"
     assert (rows[0], rows[-1]) == ("-2.0,0.0", "2.0,0.0")
@@ -75,42 +77,46 @@ def test_a_flat_face_has_a_straight_profile(design: Path, tmp_path: Path) -> Non
 
 def test_without_a_table_none_is_written(design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert "profile" not in pipeline.lens(design)
+    assert pipeline.lens(design).files == {}
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_lens_of_another_material_crosses_the_axis_elsewhere(design: Path) -> None:
-    same, other = pipeline.lens(design), pipeline.lens(design, ["lens.design_index=1.44", "material.index=1.49"])
-    assert same["paraxial_focus_mm"] == pytest.approx(F)
-    assert (other["design_index"], other["material_index"]) == (1.44, 1.49)
-    assert other["depth_mm"] == same["depth_mm"]
-    assert other["paraxial_focus_mm"] < other["marginal_focus_mm"] < F
+    same = pipeline.lens(design).result
+    other = pipeline.lens(design, ["lens.design_index=1.44", "material.index=1.49"]).result
+    assert same.foci[1].paraxial_focus_mm == pytest.approx(F)
+    focus = other.foci[1]
+    assert (other.to_dict()["lens"]["design_index"], focus.material_index) == (1.44, 1.49)
+    assert other.lens.depth_mm == same.lens.depth_mm
+    assert focus.paraxial_focus_mm is not None
+    assert focus.marginal_focus_mm is not None
+    assert focus.paraxial_focus_mm < focus.marginal_focus_mm < F
 
 
 @pytest.mark.parametrize("example", template_names())
 def test_new_writes_a_design_that_checks(tmp_path: Path, example: str) -> None:
-    found = pipeline.new(tmp_path / "my sensor", example)
+    found = new(tmp_path / "my sensor", example).result
     target = tmp_path / "my sensor" / "sensor.toml"
-    assert found == {"design": str(target), "example": example}
+    assert (found.design, found.example) == (target, example)
     assert target.read_text(encoding="utf-8") == template(example)
-    checked = pipeline.check(target)
-    assert checked["name"] == load(target).name
-    assert checked["angles"] == 25
-    assert checked["lens"]["material_index"] == checked["material"]["index"]
+    checked = pipeline.check(target).result
+    assert checked.name == load(target).name
+    assert checked.angles == 25
+    assert checked.foci[1].material_index == checked.material.index
 
 
 def test_new_never_overwrites(tmp_path: Path) -> None:
     target = tmp_path / "sensor.toml"
     target.write_text("mine", encoding="utf-8")
     with pytest.raises(OutputError, match="exists already"):
-        pipeline.new(tmp_path)
+        new(tmp_path)
     assert target.read_text(encoding="utf-8") == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["sensor.toml"]
 
 
 def test_new_refuses_an_unknown_example_and_makes_no_folder(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="solen-860"):
-        pipeline.new(tmp_path / "new", "solen-680")
+        new(tmp_path / "new", "solen-680")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -123,7 +129,7 @@ def test_a_folder_that_existed_empty_stays(tmp_path: Path, monkeypatch: pytest.M
         if stays:
             folder.mkdir()
         with pytest.raises(OutputError):
-            pipeline.new(folder)
+            new(folder)
         assert folder.exists() is stays
 
 
@@ -131,26 +137,26 @@ def test_check_builds_the_body_at_every_angle(design: Path) -> None:
     breaks = ['motion.moves=["emitter"]', "motion.pivot=[30.0, 0.0]"]
     with pytest.raises(SpecError, match=r"less than motion\.to_deg"):
         pipeline.check(design, ["motion.from_deg=4"])
-    assert pipeline.check(design, [*breaks, "motion.from_deg=0"])["angles"] == 13
+    assert pipeline.check(design, [*breaks, "motion.from_deg=0"]).result.angles == 13
     with pytest.raises(Exception, match="inside the body"):
         pipeline.check(design, breaks)
 
 
 def test_of_two_values_of_a_key_the_later_one_counts(design: Path) -> None:
-    opened = pipeline.open_design(design, ["emitter.rays=7", "name=Set by text", "emitter.rays=9"])
+    opened = open_design(design, ["emitter.rays=7", "name=Set by text", "emitter.rays=9"])
     assert (opened.emitter.rays, opened.name) == (9, "Set by text")
 
 
 def test_more_paths_than_a_reader_can_hold_are_refused(design: Path) -> None:
     with pytest.raises(SpecError, match="at most 100000"):
-        pipeline.trace_design(design, ["emitter.rays=100001"], paths=True)
+        trace(design, ["emitter.rays=100001"], paths=True)
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf", ".SVG"])
 def test_a_figure_of_rays_is_of_the_kind_its_name_says(design: Path, tmp_path: Path, suffix: str) -> None:
     starts = {".svg": b"<?xml", ".png": b"\x89PNG", ".pdf": b"%PDF"}
     target = tmp_path / f"rays at 1{suffix}"
-    found = pipeline.trace_design(design, angle_deg=1.0, figure=target)
-    assert found["figure"] == str(target)
+    found = trace(design, angle_deg=1.0, figure=target)
+    assert found.files == {"figure": target}
     assert target.read_bytes().startswith(starts[suffix.lower()])
     assert [path.name for path in tmp_path.iterdir()] == [target.name]

@@ -26,11 +26,11 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(design: Path) -> dict[str, Any]:
-    return readout(design, FAST)
+    return readout(design, FAST).to_dict()
 
 
 def test_its_source_and_its_idle_keys_are_told(design: Path) -> None:
-    found = readout(design, (*FAST, "motion.step_deg=3", "receivers.height_mm=1"))
+    found = readout(design, (*FAST, "motion.step_deg=3", "receivers.height_mm=1")).to_dict()
     (source,) = found["sources"]
     assert (source["file"], source["format"], len(source["sha256"])) == ("sensor.toml", "design", 64)
     assert any(text.startswith("receivers.height_mm = 1 has no effect in the plane") for text in found["warnings"])
@@ -39,30 +39,32 @@ def test_its_source_and_its_idle_keys_are_told(design: Path) -> None:
 def test_a_negative_angle_lowers_the_right_voltage(found: dict[str, Any]) -> None:
     """As in the paper: turned to the right, the right receiver is brighter, which is a lower voltage."""
     assert found["angle_deg"] == [-3.0, -1.5, 0.0, 1.5, 3.0]
-    right, left = (np.array(found["receivers"][name]["volts"]) for name in ("right", "left"))
+    assert found["circuit"]["names"] == ["right", "left"]
+    right, left = np.array(found["voltage_V"]).T
     assert (np.diff(right) > 0).all()
     assert (np.diff(left) < 0).all()
     assert right == pytest.approx(left[::-1], abs=1e-3), "the sensor is symmetric"
-    assert found["both"]["contrast"][0] > 0.8
+    assert found["contrast"][0] > 0.8
     assert found["simulated"] is True
 
 
 def test_the_numbers_hang_together(found: dict[str, Any]) -> None:
-    one, circuit = found["receivers"]["right"], found["circuit"]
-    mW = circuit["emitter_power_mW"][1]
-    asked_A = np.array(one["irradiance_mW_cm2"]) * 450e-6 * circuit["response"]
-    assert np.array(one["power_fraction"]) * mW / 0.12 == pytest.approx(np.array(one["irradiance_mW_cm2"]), rel=1e-6)
+    circuit, volts = found["circuit"], np.array(found["voltage_V"])
+    irradiance = np.array(found["irradiance_mW_per_cm2"])
+    asked_A = irradiance * 450e-6 * circuit["transistor"]["response"]
+    mW = circuit["drive"]["typical_mW"]
+    assert np.array(found["power_fraction"]) * mW / 0.12 == pytest.approx(irradiance, rel=1e-6)
     dim = asked_A * 2000.0 < 3.0
     assert dim.any()
-    assert np.array(one["volts"])[dim] == pytest.approx(5.0 - 2000.0 * asked_A[dim], abs=1e-4)
-    parts = [one[f"noise_{name}_V"] for name in ("shot", "thermal", "converter", "quantisation")]
-    assert np.array(one["noise_V"]) == pytest.approx(np.sqrt(np.square(parts).sum(axis=0)))
-    middle = one["noise_subtracted_V"][2] / abs(one["slope_V_per_deg"][2])
-    assert one["resolution_deg"][2] == pytest.approx(middle)
-    assert found["both"]["resolution_deg"][2] == pytest.approx(middle / math.sqrt(2.0), rel=1e-2), "two alike"
-    assert (np.array(one["volts_brightest"]) < one["volts"]).all()
-    assert (np.array(one["volts_dimmest"]) > one["volts"]).all()
-    assert found["range"]["lowest_V"] == min(min(each["volts"]) for each in found["receivers"].values())
+    assert volts[dim] == pytest.approx(5.0 - 2000.0 * asked_A[dim], abs=1e-4)
+    parts = [found["noise"][f"{name}_V"] for name in ("shot", "thermal", "converter", "quantisation")]
+    assert np.array(found["noise"]["reading_V"]) == pytest.approx(np.sqrt(np.square(parts).sum(axis=0)))
+    middle = found["sd_V"][2][0] / abs(found["slope_V_per_deg"][2][0])
+    assert found["resolution_deg"][2][0] == pytest.approx(middle)
+    assert found["resolution_of_all_deg"][2] == pytest.approx(middle / math.sqrt(2.0), rel=1e-2), "two alike"
+    assert (np.array(found["voltage_by_case_V"]["brightest"]) < volts).all()
+    assert (np.array(found["voltage_by_case_V"]["dimmest"]) > volts).all()
+    assert found["range"]["lowest_V"] == volts.min()
 
 
 def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
@@ -91,7 +93,7 @@ def test_what_rests_on_estimates_is_told(found: dict[str, Any]) -> None:
     ],
 )
 def test_what_must_be_known_is_said(design: Path, assignments: tuple[str, ...], words: str) -> None:
-    told = readout(design, ("motion.step_deg=3", *assignments))["warnings"]
+    told = readout(design, ("motion.step_deg=3", *assignments)).result.warnings
     assert any(words in one for one in told), told
 
 
@@ -104,7 +106,7 @@ def test_nothing_is_said_where_nothing_is_wrong(design: Path) -> None:
     mine += '[pattern]\nangle_deg = [0, 90]\nrelative = [1, 0]\nbasis = "measured"\nsource = "bench"\n'
     (design.parent / "red.toml").write_text(mine, encoding="utf-8")
     parts = ("readout.part=TEMT7000X01", "readout.emitter_part=red.toml", "readout.emitter_current_ma=1")
-    told = readout(design, (*FAST, "motion.step_deg=0.75", "emitter.wavelength_nm=650", *parts))["warnings"]
+    told = readout(design, (*FAST, "motion.step_deg=0.75", "emitter.wavelength_nm=650", *parts)).result.warnings
     assert len(told) == 1, told
 
 
@@ -117,7 +119,7 @@ def test_a_directional_part_loses_light_from_the_side(design: Path) -> None:
     (design.parent / "narrow.toml").write_text(text, encoding="utf-8")
     (design.parent / "flat.toml").write_text(text.replace("= 10\n", "= 60\n"), encoding="utf-8")
     narrow, flat = (
-        readout(design, ("motion.step_deg=3", f"readout.part={name}.toml"))["receivers"]["right"]["power_fraction"][0]
+        readout(design, ("motion.step_deg=3", f"readout.part={name}.toml")).result.power_fraction[0, 0]
         for name in ("narrow", "flat")
     )
     assert 0.01 < narrow / flat < 0.9
@@ -149,7 +151,7 @@ def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
     assert "brighter is lower" in drawn
     data = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert data["kind"] == "readout"
-    assert data["receivers"] == found["receivers"]
+    assert data["voltage_V"] == found.to_dict()["voltage_V"]
 
 
 def test_the_command(design: Path) -> None:

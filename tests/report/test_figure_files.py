@@ -20,7 +20,7 @@ def words(text: str) -> list[str]:
 def test_figures_are_the_same_byte_for_byte(studied: Studies, drawn: Drawn) -> None:
     assert figures(studied("paper")) == drawn("paper")
     dark = studied("dark")
-    one, other = (svg(response_figure(dark.lens, dark.flat), "response") for _ in range(2))
+    one, other = (svg(response_figure(dark.with_lens, dark.no_lens), "response") for _ in range(2))
     assert one == other
 
 
@@ -35,7 +35,7 @@ def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix
 
 
 def test_the_salt_keeps_the_names_of_two_figures_apart(studied: Studies) -> None:
-    case = studied("no lens").flat
+    case = studied("no lens").no_lens
     one, other = (svg(response_figure(None, case), salt) for salt in ("one", "other"))
     assert one != other
     assert words(one) == words(other)
@@ -67,7 +67,7 @@ def test_the_response_shows_both_receivers_of_both_cases(studied: Studies, drawn
     alone = words(drawn("no lens")["response"])
     assert "right, no lens" in alone
     assert "right, with lens" not in alone
-    alone = words(svg(response_figure(studied("no comparison").lens, None), "response"))
+    alone = words(svg(response_figure(studied("no comparison").with_lens, None), "response"))
     assert "right, with lens" in alone
     assert "right, no lens" not in alone
 

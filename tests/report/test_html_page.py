@@ -8,7 +8,6 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.design.html import html, shown
-from solen.report.design.results import results
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}
@@ -136,11 +135,11 @@ def test_a_design_without_lens_has_only_its_own_figures(studied: Studies, drawn:
 
 def test_where_there_is_no_comparison_the_page_says_why(studied: Studies, drawn: Drawn, text: str) -> None:
     study, texts = studied("no comparison"), drawn("no comparison")
-    assert study.flat_refused is not None
+    assert study.no_lens_refused is not None
     assert set(texts) == set(PAPER_FIGURES) - {"practice", "focus", "rays-without-lens"}
     page = Page(html(study, texts))
     (told,) = [one for one in page.texts["p"] if "no comparison" in one]
-    assert study.flat_refused in told
+    assert study.no_lens_refused in told
     assert page.tags["svg"] == 4
     assert "no lens" not in "".join(page.texts["th"])
     assert "no comparison" not in text
@@ -150,7 +149,7 @@ def test_the_table_of_all_angles_has_a_row_for_each(text: str, studied: Studies)
     rows = text.split("All angles", 1)[1].split("</details>", 1)[0]
     first = [row.strip() for row in re.findall(r"<tr><td>([^<]*)</td>", rows)]
     assert first == ["-3", "0", "3"]
-    power = results(studied("paper"))["response"]["lens"]["power"]
+    power = studied("paper").to_dict()["response"]["lens"]["power"]
     assert f"<td>{shown(power['right'][0])}</td>" in rows
     assert f"<td>{shown(power['contrast'][-1])}</td>" in rows
 

@@ -5,7 +5,6 @@ import re
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.design.results import results
 from solen.report.design.words import findings, headline, warnings
 from solen.sensor import Study
 from tests.report.conftest import DESIGNS, Studies
@@ -47,7 +46,7 @@ def test_every_design_is_told_in_whole_sentences(studied: Studies, name: str) ->
 @pytest.mark.parametrize("name", ["paper", "mismatched", "one-sided", "dim", "acrylate"])
 def test_the_signal_is_the_contrast_at_both_ends_with_lens_and_without(studied: Studies, name: str) -> None:
     study = studied(name)
-    found = results(study)["summary"]
+    found = study.to_dict()["summary"]
     lens, flat = found["lens"], found["no_lens"]
     agree(
         numbers(said(study)["The signal"]),
@@ -78,7 +77,7 @@ def test_without_light_no_contrast_is_told(studied: Studies) -> None:
 @pytest.mark.parametrize("name", ["paper", "mismatched", "no lens", "acrylate", "dim"])
 def test_the_range_is_null_slope_and_saturation(studied: Studies, name: str) -> None:
     study = studied(name)
-    (found, *_) = results(study)["summary"].values()
+    (found, *_) = study.to_dict()["summary"].values()
     expected = [found["null_deg"], abs(found["slope_per_deg"])]
     text = said(study)["Range"]
     if found["saturation_deg"] is None:
@@ -95,14 +94,14 @@ def test_the_range_is_null_slope_and_saturation(studied: Studies, name: str) -> 
 
 def test_without_a_balance_no_range_is_told(studied: Studies) -> None:
     text = said(studied("one-sided"))["Range"]
-    assert "no balance point" in text
+    assert "no null" in text
     assert numbers(text) == []
 
 
 @pytest.mark.parametrize("name", ["paper", "mismatched", "no lens", "acrylate", "dim"])
 def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studies, name: str) -> None:
     study = studied(name)
-    data = results(study)
+    data = study.to_dict()
     (found, *_) = data["summary"].values()
     expected = [100 * found["received_share"]]
     assert data["practice"] is None or data["practice"]["budget"] is not None
@@ -111,7 +110,7 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
         expected += [100 * share for share in shares if share >= 5e-4]
     if data["lens"]["acceptance_deg"] < 60.0:
         expected += [data["lens"]["acceptance_deg"], 60.0]
-    if study.lens is not None:
+    if study.with_lens is not None:
         expected.append(data["lens"]["edge_incidence_deg"])
     agree(numbers(said(study)["Light"]), expected)
 
@@ -119,24 +118,24 @@ def test_the_light_is_what_is_received_and_what_the_face_accepts(studied: Studie
 @pytest.mark.parametrize("name", ["paper", "acrylate"])
 def test_the_alignment_is_told_by_the_magnification(studied: Studies, name: str) -> None:
     study = studied(name)
-    magnification = results(study)["lens"]["magnification"]
+    magnification = study.to_dict()["lens"]["magnification"]
     text = said(study)["Alignment"].split(" With ")[0]
     agree(numbers(text), [magnification, 0.01, 0.01 * magnification, 0.2, 0.2 * magnification])
 
 
 def test_the_shift_of_the_balance_point_is_told_of_the_chip(studied: Studies) -> None:
     for name in ("paper", "chip", "in space", "no lens"):
-        shift = results(studied(name))["practice"]["null_shift"]
-        _, _, text = said(studied(name))["Alignment"].rpartition("balance point moves by ")
+        shift = studied(name).to_dict()["practice"]["null_shift"]
+        _, _, text = said(studied(name))["Alignment"].rpartition("the null moves by ")
         assert float(text.split("°")[0]) == pytest.approx(shift["shift_deg"], abs=5.1e-4)
         assert "for each" not in text
     assert "0.02 mm off its place" in said(studied("chip"))["Alignment"]
     assert said(studied("chip"))["Alignment"].count("the chip 0.3 mm wide") == 2
-    assert "balance" not in said(studied("one-sided"))["Alignment"]
+    assert "null" not in said(studied("one-sided"))["Alignment"]
 
 
 def test_a_real_chip_is_told_beside_the_point(studied: Studies) -> None:
-    practice = results(studied("paper"))["practice"]
+    practice = studied("paper").to_dict()["practice"]
     text = said(studied("paper"))["A real chip"]
     assert "for comparison" in text
     chip, point = practice["chip"]["contrast"], practice["point"]["contrast"]
@@ -149,7 +148,7 @@ def test_a_real_chip_is_told_beside_the_point(studied: Studies) -> None:
 
 
 def test_the_plane_is_told_beside_space(studied: Studies) -> None:
-    found = results(studied("paper"))["practice"]["in_space"]
+    found = studied("paper").to_dict()["practice"]["in_space"]
     text = said(studied("paper"))["In space"]
     assert "in place of the design's fan" in text
     told = numbers(text.split("a contrast of ")[1])
@@ -164,7 +163,7 @@ def test_what_is_not_known_of_the_neighbours_is_not_told(studied: Studies) -> No
     dark, plain = said(studied("dark")), said(studied("acrylate"))
     assert {"A real chip", "In space"}.isdisjoint(dark)
     assert {"A real chip", "In space"}.isdisjoint(plain)
-    assert "balance" not in dark["Alignment"]
+    assert "null" not in dark["Alignment"]
     assert "the contrast is" not in dark["Index"]
     assert "reaches the right receiver" not in dark["Light"]
     assert "whatever the thickness" in plain["Not in these numbers"]
@@ -180,14 +179,14 @@ def test_a_matched_lens_is_told_what_another_index_would_do(studied: Studies) ->
     assert text.startswith("If the print's index were 0.01 lower")
     focus, _, response = text.partition(" With ")
     agree(numbers(focus), [0.01, low, low_best, 0.01, high, high_best])
-    off = results(study)["practice"]["index"]
+    off = study.to_dict()["practice"]["index"]
     assert [one["index"] for one in off] == pytest.approx([1.43, 1.45])
-    ends = [off[0]["contrast"][0], 1.43, results(study)["practice"]["chip"]["contrast"][0], 1.44]
-    agree(numbers(response.partition("contrast is ")[2])[:6], [*ends, off[1]["contrast"][0], 1.45])
+    ends = [off[0]["response"]["contrast"][0], 1.43, study.to_dict()["practice"]["chip"]["contrast"][0], 1.44]
+    agree(numbers(response.partition("contrast is ")[2])[:6], [*ends, off[1]["response"]["contrast"][0], 1.45])
 
 
 def test_how_far_the_response_moves_is_told_beside_the_chip(studied: Studies) -> None:
-    practice = results(studied("paper"))["practice"]
+    practice = studied("paper").to_dict()["practice"]
     index, chip = practice["index_shift"], practice["chip_shift"]
     text = said(studied("paper"))["Index"].partition("Over the motion")[2]
     agree(numbers(text), [index["contrast"], index["angle_deg"], 0.2, chip["contrast"], chip["angle_deg"]])
@@ -196,13 +195,13 @@ def test_how_far_the_response_moves_is_told_beside_the_chip(studied: Studies) ->
 
 def test_an_uncertain_index_is_told_with_its_uncertainty_and_warned_of(studied: Studies) -> None:
     study = studied("uncertain")
-    material = results(study)["material"]
+    material = study.to_dict()["material"]
     assert (material["u_index"], material["mode"]) == (pytest.approx(0.02), "lossless")
     text = said(study)["Index"]
     assert text.startswith(
         f"The index is {material['index']:.6g} ± 0.02 (standard). If the print's index were 0.02 lower"
     )
-    index = results(study)["practice"]["index_shift"]
+    index = study.to_dict()["practice"]["index_shift"]
     assert f"moves by at most {index['contrast']:.3f}" in text
     told = warnings(study)
     assert told[0] == "Index: taken from T alone."
@@ -219,7 +218,7 @@ def test_an_index_as_published_is_warned_of(studied: Studies) -> None:
 
 def test_a_mismatched_lens_is_told_where_its_rays_go(studied: Studies) -> None:
     study = studied("mismatched")
-    lens = results(study)["lens"]
+    lens = study.to_dict()["foci"][1]
     text = said(study)["Index"]
     assert text.startswith("The lens is cut for")
     focus, _, _ = text.partition(" With ")

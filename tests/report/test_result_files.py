@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from solen.report.design.results import csv_table, json_text, results, summary
-from solen.report.plain import number
+from solen.report.design.table import csv_table
 from solen.sensor import Study
 from solen.spec import Design
 from tests.report.conftest import Studies
@@ -34,72 +33,66 @@ def table(study: Study) -> list[dict[str, str]]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_results_are_strict_json_and_read_back_the_same(studied: Studies, name: str) -> None:
-    data = results(studied(name))
-    assert strict(json_text(data)) == data
-
-
-def test_a_nan_is_an_error_and_not_a_file() -> None:
-    with pytest.raises(ValueError, match="JSON"):
-        json_text({"contrast": float("nan")})
-    assert [number(value) for value in (float("nan"), float("inf"), 0.5)] == [None, None, 0.5]
+    data = studied(name).to_dict()
+    assert strict(json.dumps(data, allow_nan=False)) == data
 
 
 def test_what_is_missing_is_null(studied: Studies) -> None:
-    dark = results(studied("dark"))
+    dark = studied("dark").to_dict()
     assert dark["summary"]["lens"]["contrast_from"] is None
     assert dark["summary"]["lens"]["null_deg"] is None
     assert dark["response"]["lens"]["power"]["contrast"] == [None, None, None]
     assert None not in dark["response"]["lens"]["power"]["u_power"]
     assert dark["response"]["lens"]["count"]["u_power"] == [None, None, None]
-    one_sided = results(studied("one-sided"))["summary"]["lens"]
+    one_sided = studied("one-sided").to_dict()["summary"]["lens"]
     assert (one_sided["null_deg"], one_sided["slope_per_deg"], one_sided["saturation_deg"]) == (None, None, None)
-    assert results(studied("paper"))["material"]["u_index"] is None
+    assert studied("paper").to_dict()["material"]["u_index"] is None
 
 
 def test_a_design_without_lens_has_the_one_case(studied: Studies) -> None:
-    data = results(studied("no lens"))
+    data = studied("no lens").to_dict()
     assert list(data["summary"]) == list(data["response"]) == ["no_lens"]
     assert data["lens"]["shape"] == "none"
-    assert list(results(studied("paper"))["summary"]) == ["lens", "no_lens"]
+    assert list(studied("paper").to_dict()["summary"]) == ["lens", "no_lens"]
 
 
 def test_a_comparison_that_cannot_be_is_left_out_and_said_why(studied: Studies) -> None:
     study = studied("no comparison")
-    data = results(study)
+    data = study.to_dict()
     assert list(data["summary"]) == list(data["response"]) == ["lens"]
-    assert data["no_lens_refused"] == study.flat_refused
+    assert data["no_lens_refused"] == study.no_lens_refused
     assert "inside the body" in data["no_lens_refused"]
     for name in ("paper", "no lens"):
-        assert results(studied(name))["no_lens_refused"] is None
+        assert studied(name).to_dict()["no_lens_refused"] is None
 
 
 def test_results_say_what_was_simulated(studied: Studies) -> None:
-    data = results(studied("acrylate"))
+    data = studied("acrylate").to_dict()
     assert data["simulated"] is True
     assert data["schema"] == 1
     assert data["design"]["material"]["resin"] == "pmma"
     assert data["material"]["index"] == pytest.approx(1.483, abs=2e-3)
-    assert data["lens"]["design_index"] == data["material"]["index"]
+    assert data["lens"]["design_index"] == data["foci"][1]["material_index"] == data["material"]["index"]
     assert "PMMA" in data["material"]["source"]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_design_in_the_results_reads_back(studied: Studies, name: str) -> None:
     design = studied(name).design
-    assert Design(**results(studied(name))["design"]).in_folder(design.folder) == design
+    assert Design(**studied(name).to_dict()["design"]).in_folder(design.folder) == design
 
 
 def test_the_design_in_the_results_leaves_the_loss_to_its_resin(studied: Studies) -> None:
     design = studied("acrylate").design
     assert not design.material.states_absorption
-    assert not Design(**results(studied("acrylate"))["design"]).material.states_absorption
+    assert not Design(**studied("acrylate").to_dict()["design"]).material.states_absorption
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_response_is_what_was_traced_and_its_ledgers_close(studied: Studies, name: str) -> None:
     study = studied(name)
-    for case in results(study)["response"].values():
-        for one in case.values():
+    for case in study.to_dict()["response"].values():
+        for one in (case["count"], case["power"]):
             assert one["angle_deg"] == list(study.design.motion.angles_deg())
             for right, left, ledger in zip(one["right"], one["left"], one["ledger"], strict=True):
                 assert sum(ledger.values()) == pytest.approx(1.0, abs=1e-12)
@@ -109,7 +102,7 @@ def test_the_response_is_what_was_traced_and_its_ledgers_close(studied: Studies,
 @pytest.mark.parametrize("name", NAMES)
 def test_the_summary_is_of_the_converged_power(studied: Studies, name: str) -> None:
     study = studied(name)
-    data = results(study)
+    data = study.to_dict()
     for case, found in data["summary"].items():
         power = data["response"][case]["power"]
         assert found["from_deg"] == power["angle_deg"][0]
@@ -128,10 +121,10 @@ def test_the_summary_is_of_the_converged_power(studied: Studies, name: str) -> N
 
 
 def test_the_paper_s_numbers_are_in_the_summary(studied: Studies) -> None:
-    found = summary(studied("paper").case)
-    assert found["contrast_from"] == pytest.approx(0.999, abs=2e-3)
-    assert found["received_share"] == pytest.approx(0.521, abs=2e-3)
-    assert found["null_deg"] == pytest.approx(0.0, abs=1e-3)
+    found = studied("paper").case.summary
+    assert found.contrast_from == pytest.approx(0.999, abs=2e-3)
+    assert found.received_share == pytest.approx(0.521, abs=2e-3)
+    assert found.null_deg == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -147,8 +140,9 @@ def test_the_table_has_a_header_and_one_row_an_angle(studied: Studies, name: str
 @pytest.mark.parametrize("name", NAMES)
 def test_the_table_holds_the_numbers_of_the_json_to_the_last_digit(studied: Studies, name: str) -> None:
     study = studied(name)
-    for case, kinds in results(study)["response"].items():
-        for kind, one in kinds.items():
+    for case, kinds in study.to_dict()["response"].items():
+        for kind in ("count", "power"):
+            one = kinds[kind]
             for what in ("right", "left", "contrast"):
                 column = [row[f"{case}_{kind}_{what}"] for row in table(study)]
                 assert [None if text == "" else float(text) for text in column] == one[what]
@@ -159,33 +153,32 @@ def test_a_contrast_without_light_is_an_empty_cell(studied: Studies) -> None:
 
 
 def test_the_focus_is_told_for_the_index_and_its_uncertainty(studied: Studies) -> None:
-    lens = results(studied("uncertain"))["lens"]
-    assert [one["index"] for one in lens["focus_by_index"]] == pytest.approx([1.44, 1.46, 1.48])
-    assert [one["is_u_index"] for one in lens["focus_by_index"]] == [True, False, True]
-    middle = lens["focus_by_index"][1]
+    foci = studied("uncertain").to_dict()["foci"]
+    assert [one["material_index"] for one in foci] == pytest.approx([1.44, 1.46, 1.48])
+    assert [one["by_uncertainty"] for one in foci] == [True, False, True]
     for key in ("paraxial_focus_mm", "best_focus_mm", "marginal_focus_mm"):
-        assert middle[key] == lens[key] == pytest.approx(20.0, abs=1e-6)
-        focus = [one[key] for one in lens["focus_by_index"]]
+        focus = [one[key] for one in foci]
+        assert focus[1] == pytest.approx(20.0, abs=1e-6)
         assert focus[0] > focus[1] > focus[2]
-    assert [one["step"] for one in results(studied("paper"))["lens"]["focus_by_index"]] == [-0.01, 0.0, 0.01]
+    assert [one["step"] for one in studied("paper").to_dict()["foci"]] == [-0.01, 0.0, 0.01]
 
 
 def test_how_far_the_response_moves_is_the_largest_of_the_changes(studied: Studies) -> None:
-    practice = results(studied("uncertain"))["practice"]
+    practice = studied("uncertain").to_dict()["practice"]
     largest = max(abs(change) for one in practice["index"] for change in one["change"])
     assert practice["index_shift"]["contrast"] == largest
     for one in practice["index"]:
-        place = one["angle_deg"].index(one["shift"]["angle_deg"])
+        place = one["response"]["angle_deg"].index(one["shift"]["angle_deg"])
         assert abs(one["change"][place]) == one["shift"]["contrast"] == max(map(abs, one["change"]))
     assert len(practice["warnings"]) == 1
-    assert results(studied("paper"))["practice"]["warnings"] == []
+    assert studied("paper").to_dict()["practice"]["warnings"] == []
 
 
 def test_what_must_be_known_of_a_material_stands_with_its_numbers(studied: Studies) -> None:
-    material = results(studied("as published"))["material"]
+    material = studied("as published").to_dict()["material"]
     assert material["mode"] == "as-published"
     assert all("as published" in text for text in material["warnings"])
-    uncertain = results(studied("uncertain"))["material"]
+    uncertain = studied("uncertain").to_dict()["material"]
     assert (uncertain["u_index"], uncertain["u_absorption_per_mm"]) == (0.02, 0.002)
-    paper = results(studied("paper"))["material"]
+    paper = studied("paper").to_dict()["material"]
     assert (paper["mode"], paper["u_absorption_per_mm"], paper["warnings"]) == (None, None, [])

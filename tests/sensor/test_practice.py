@@ -41,7 +41,7 @@ def contrast(found: Practice, angle_deg: float) -> float:
 
 def test_a_chip_softens_the_response() -> None:
     point = paper().point
-    assert paper().extent.kind == "comparison"
+    assert paper().emitter.kind == "comparison"
     assert point is not None
     assert point.contrast[0] > 0.999
     assert contrast(paper(), -3.0) == pytest.approx(0.896, abs=2e-3)
@@ -61,7 +61,7 @@ def test_a_chip_agrees_with_many_points_side_by_side() -> None:
 
 def test_the_design_s_own_chip_is_compared_with_a_point() -> None:
     own = found(emitter__width_mm=0.2)
-    assert (own.extent.kind, own.extent.width_mm) == ("own", 0.2)
+    assert (own.emitter.kind, own.emitter.width_mm) == ("own", 0.2)
     assert contrast(own, -3.0) == pytest.approx(contrast(paper(), -3.0), abs=2e-4)
     point = paper().point
     assert own.point is not None
@@ -80,7 +80,7 @@ def test_the_index_is_off_and_the_lens_is_not() -> None:
     off = paper().index
     assert off is not None
     low, high = off
-    assert (low.step, high.step, low.known) == (-0.01, 0.01, False)
+    assert (low.step, high.step, low.by_uncertainty) == (-0.01, 0.01, False)
     assert (low.index, high.index) == pytest.approx((1.43, 1.45))
     same = Sensor.of(design(material__index=1.43, lens__design_index=1.44, emitter__width_mm=0.2)).power([-1.0])
     assert low.response.contrast[low.response.at(-1.0)] == pytest.approx(same.contrast[0], abs=1e-9)
@@ -97,7 +97,7 @@ def test_a_known_uncertainty_of_the_index_is_what_it_is_off_by(tmp_path: Path) -
     sensor = resin_of(tmp_path, 0.003)
     off = practice(sensor, sensor.power()).index
     assert off is not None
-    assert [(one.step, one.known) for one in off] == [(-0.003, True), (0.003, True)]
+    assert [(one.step, one.by_uncertainty) for one in off] == [(-0.003, True), (0.003, True)]
     assert [one.index for one in off] == pytest.approx([1.437, 1.443])
 
 
@@ -115,7 +115,7 @@ def test_the_largest_change_is_that_of_the_whole_curve(u_n: float, tmp_path: Pat
         other = replace(sensor, material=replace(sensor.material, index=1.44 + step))
         true[step] = np.abs(other.power(angles).contrast - here)
     largest = max(float(change.max()) for change in true.values())
-    assert 0.88 * largest < moved.contrast < largest + 2 * moved.u
+    assert 0.88 * largest < moved.contrast < largest + 2 * moved.u_contrast
     at = {step: float(np.interp(moved.angle_deg, angles, change)) for step, change in true.items()}
     assert moved.contrast == pytest.approx(max(at.values()), abs=0.05 * largest)
     assert found.index is not None
@@ -169,21 +169,21 @@ def test_dispersion_is_moved_at_all_wavelengths() -> None:
 
 @pytest.mark.parametrize("offset_mm", [0.0, 0.05])
 def test_the_balance_point_moves_with_the_emitter(offset_mm: float) -> None:
-    here = found(emitter__offset_mm=offset_mm).null
+    here = found(emitter__offset_mm=offset_mm).null_shift
     assert here is not None
     there = Sensor.of(design(emitter__offset_mm=offset_mm + 0.01, emitter__width_mm=0.2))
     near = there.power([here.moved_deg - 0.01, here.moved_deg + 0.01])
     assert near.contrast[0] > 0.0 > near.contrast[1]
-    assert here.u_deg < 0.002
+    assert here.u_shift_deg < 0.002
     assert here.shift_deg == pytest.approx(-0.19, abs=0.01)
 
 
 def test_without_a_balance_point_there_is_no_shift() -> None:
     one_sided = found(motion__from_deg=1.0)
-    assert one_sided.null is None
-    assert "no balance point" in one_sided.skipped["null"]
+    assert one_sided.null_shift is None
+    assert "no null" in one_sided.skipped["null_shift"]
     dark = found(material__absorption_per_mm=1000.0)
-    assert dark.null is None
+    assert dark.null_shift is None
     assert dark.chip is not None
     assert np.isnan(dark.chip.contrast).all()
 
@@ -223,11 +223,11 @@ def test_light_from_around_is_not_in_the_budget() -> None:
 def test_in_space_skew_rays_see_another_lens() -> None:
     space = paper().in_space
     assert space is not None
-    assert (space.pattern, space.replaced, space.cone_deg) == ("lambertian", True, 120.0)
-    assert (space.extent.width_mm, space.extent.height_mm, space.thickness_mm) == (0.2, 0.2, 4.0)
+    assert (space.pattern, space.pattern_replaced, space.cone_deg) == ("lambertian", True, 120.0)
+    assert (space.emitter.width_mm, space.emitter.height_mm, space.thickness_mm) == (0.2, 0.2, 4.0)
     assert abs(space.plane.contrast[[0, -1]]) == pytest.approx([0.89, 0.89], abs=5e-3)
     assert abs(space.same.contrast[[0, -1]]) == pytest.approx([0.65, 0.65], abs=6e-3)
-    assert space.space.u.max() < 1e-3
+    assert space.space.u_power.max() < 1e-3
 
 
 def test_an_extruded_design_is_compared_with_the_plane() -> None:
@@ -239,7 +239,7 @@ def test_an_extruded_design_is_compared_with_the_plane() -> None:
         emitter__height_mm=0.2,
     )
     assert own.in_space is not None
-    assert not own.in_space.replaced
+    assert not own.in_space.pattern_replaced
     assert own.in_space.plane.contrast[0] == pytest.approx(0.89, abs=5e-3)
     assert own.in_space.space.contrast[0] == pytest.approx(contrast(own, -3.0), abs=1e-12)
     assert contrast(own, -3.0) == pytest.approx(0.654, abs=4e-3)
@@ -249,8 +249,8 @@ def test_a_flat_face_and_a_bend_have_all_of_it() -> None:
     for values in ({"lens__shape": "none"}, {"motion__kind": "bend"}):
         one = found(**values)
         assert one.skipped == {}
-        assert one.null is not None
-        assert abs(one.null.shift_deg) > 0.03
+        assert one.null_shift is not None
+        assert abs(one.null_shift.shift_deg) > 0.03
 
 
 def test_a_file_of_rays_has_its_own_size(tmp_path: Any) -> None:
@@ -259,7 +259,7 @@ def test_a_file_of_rays_has_its_own_size(tmp_path: Any) -> None:
         Design(name="one", material={"index": 1.44}, emitter={"ray_file": "led.sdf"}).in_folder(tmp_path)
     )
     own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
-    assert own.extent.kind == "file"
+    assert own.emitter.kind == "file"
     assert own.point is None
     assert "file of rays" in own.skipped["point"]
     assert own.in_space is not None
@@ -279,7 +279,7 @@ def test_a_drawn_body_has_what_has_a_meaning(tmp_path: Any) -> None:
     sensor = Sensor.of(Design(name="one", material={"index": 1.49}, body=body).in_folder(tmp_path))
     own = practice(sensor, sensor.power([-3.0, 0.0, 3.0]))
     assert own.skipped == {}
-    assert own.null is not None
+    assert own.null_shift is not None
     assert own.budget is not None
 
 

@@ -33,7 +33,7 @@ def test_a_chip_makes_the_response_analog() -> None:
     response = sensor(width_mm=0.2).power([-3.0, -1.0, -0.5, 0.0])
     assert all(trace.method == "adaptive" and trace.reached for trace in response.traces)
     assert response.contrast == pytest.approx([0.895, 0.486, 0.249, 0.0], abs=2e-3)
-    assert np.all(response.u <= 1e-4)
+    assert np.all(response.u_power <= 1e-4)
 
 
 def test_a_chips_slope_at_the_null_is_finite_and_that_of_its_response() -> None:

@@ -56,9 +56,9 @@ def test_null_is_where_both_see_the_same(
 def test_a_null_within_the_uncertainty_is_at_the_traced_angle() -> None:
     found = response([-1, 0, 1], [0.5, 1e-5, 0.4])
     assert found.null_deg() is None
-    uncertain = replace(found, u=np.full(3, 0.5 * 1e-5))
+    uncertain = replace(found, u_power=np.full(3, 0.5 * 1e-5))
     assert uncertain.null_deg() == 0.0
-    unknown = replace(found, u=np.full(3, math.nan))
+    unknown = replace(found, u_power=np.full(3, math.nan))
     assert unknown.null_deg() is None
 
 

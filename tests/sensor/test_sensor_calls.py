@@ -6,8 +6,9 @@ import pytest
 
 from solen.errors import DataError, DesignError
 from solen.lens import FlatFace, OvalLens
-from solen.sensor import SLOPE_DEG, TOLERANCE, Sensor
+from solen.sensor import SLOPE_DEG, Sensor
 from solen.spec import Design, loads, template, with_values
+from solen.trace.adaptive import POINT_TOLERANCE
 
 MANY_RAYS = 2**20 + 3
 
@@ -86,7 +87,7 @@ def test_a_count_is_of_whole_rays_of_the_design(paper: Sensor) -> None:
     assert response.mode == "count"
     assert list(response.angle_deg) == [-3.0, 0.0]
     assert list(response.rays) == [100, 100]
-    assert all(math.isnan(u) for u in response.u)
+    assert all(math.isnan(u) for u in response.u_power)
     for share in (*response.right, *response.left):
         assert share * 100 == pytest.approx(round(share * 100), abs=1e-9)
     assert response.right[0] > 0.5
@@ -99,7 +100,7 @@ def test_power_at_the_design_s_angles_is_what_the_integral_is() -> None:
     assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
     found = sensor.integrate(-3.0)
     assert response.right[0] == found.detectors["right"].power
-    assert response.u[0] == found.u_power
+    assert response.u_power[0] == found.u_power
     assert response.rays[0] == found.rays
 
 
@@ -109,7 +110,7 @@ def test_an_integral_holds_against_many_rays(values: dict[str, object], angle_de
     sensor = Sensor.of(design(**values))
     found = sensor.integrate(angle_deg)
     assert found.reached
-    assert found.u_power <= TOLERANCE
+    assert found.u_power <= POINT_TOLERANCE
     many = sensor.trace(angle_deg, "power", MANY_RAYS)
     for name, reading in found.detectors.items():
         assert reading.power == pytest.approx(many.detectors[name].power, abs=found.u_power + 20 / MANY_RAYS)
@@ -163,6 +164,6 @@ def test_ever_denser_fans_stand_in_where_the_integral_does_not_reach() -> None:
     assert not sensor.integrate(-5.0).reached
     response = sensor.power([-5.0])
     assert response.traces[0].method == "fan"
-    assert response.u[0] >= 1 / response.rays[0]
+    assert response.u_power[0] >= 1 / response.rays[0]
     many = sensor.trace(-5.0, "power", MANY_RAYS)
-    assert response.right[0] == pytest.approx(many.detectors["right"].power, abs=3 * response.u[0])
+    assert response.right[0] == pytest.approx(many.detectors["right"].power, abs=3 * response.u_power[0])

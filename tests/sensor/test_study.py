@@ -27,49 +27,49 @@ def paper(told: list[float]) -> Study:
 
 @pytest.fixture(scope="module")
 def flat(paper: Study) -> Case:
-    assert paper.flat is not None
-    return paper.flat
+    assert paper.no_lens is not None
+    return paper.no_lens
 
 
 def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: Study, flat: Case) -> None:
-    assert paper.lens is not None
-    assert paper.case is paper.lens
-    assert paper.cases == {"lens": paper.lens, "no_lens": flat}
-    assert paper.flat_refused is None
-    assert paper.lens.sensor.has_lens
+    assert paper.with_lens is not None
+    assert paper.case is paper.with_lens
+    assert paper.cases == {"lens": paper.with_lens, "no_lens": flat}
+    assert paper.no_lens_refused is None
+    assert paper.with_lens.sensor.has_lens
     assert not flat.sensor.has_lens
-    for case in (paper.lens, flat):
-        assert (case.counted.mode, case.power.mode) == ("count", "power")
-        for response in (case.counted, case.power):
+    for case in (paper.with_lens, flat):
+        assert (case.count.mode, case.power.mode) == ("count", "power")
+        for response in (case.count, case.power):
             assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
-        assert (case.counted.rays == 100).all()
+        assert (case.count.rays == 100).all()
         assert (case.power.rays > 200).all()
 
 
 def test_the_lens_separates_the_receivers_and_the_flat_face_does_not(paper: Study, flat: Case) -> None:
-    assert paper.lens is not None
-    assert paper.lens.power.contrast[0] > 0.99
-    assert paper.lens.power.contrast[-1] < -0.99
+    assert paper.with_lens is not None
+    assert paper.with_lens.power.contrast[0] > 0.99
+    assert paper.with_lens.power.contrast[-1] < -0.99
     assert np.abs(flat.power.contrast).max() < 0.12
 
 
 def test_the_slope_of_a_case_is_at_its_null(paper: Study, flat: Case) -> None:
-    assert paper.lens is not None
-    for case in (paper.lens, flat):
+    assert paper.with_lens is not None
+    for case in (paper.with_lens, flat):
         assert case.null_deg == case.power.null_deg() == pytest.approx(0.0, abs=1e-3)
         assert case.null_deg is not None
         assert case.slope_per_deg == case.sensor.slope_per_deg(case.null_deg)
-    assert paper.lens.slope_per_deg is not None
+    assert paper.with_lens.slope_per_deg is not None
     assert flat.slope_per_deg is not None
-    assert paper.lens.slope_per_deg < -2.0 < flat.slope_per_deg < 0.0
+    assert paper.with_lens.slope_per_deg < -2.0 < flat.slope_per_deg < 0.0
 
 
 def test_the_slope_does_not_depend_on_the_sweep(paper: Study) -> None:
-    assert paper.lens is not None
+    assert paper.with_lens is not None
     for values in ({"motion.step_deg": 1.5}, {"motion.from_deg": 0.0}):
-        case = study(with_values(paper.design, values)).lens
+        case = study(with_values(paper.design, values)).with_lens
         assert case is not None
-        assert case.slope_per_deg == pytest.approx(paper.lens.slope_per_deg, rel=0.05)
+        assert case.slope_per_deg == pytest.approx(paper.with_lens.slope_per_deg, rel=0.05)
 
 
 def test_without_a_null_there_is_no_slope() -> None:
@@ -83,7 +83,7 @@ def test_in_the_dark_there_is_no_slope() -> None:
 
 
 def test_progress_rises_to_one(paper: Study, told: list[float]) -> None:
-    assert paper.lens is not None
+    assert paper.with_lens is not None
     assert len(told) > 4
     assert told == sorted(told)
     assert 0.0 < told[0] < 0.2
@@ -93,10 +93,10 @@ def test_progress_rises_to_one(paper: Study, told: list[float]) -> None:
 def test_a_design_without_lens_has_one_case() -> None:
     told: list[float] = []
     found = study(design(lens__shape="none"), told.append)
-    assert found.lens is None
-    assert found.case is found.flat
-    assert found.cases == {"no_lens": found.flat}
-    assert found.flat_refused is None
+    assert found.with_lens is None
+    assert found.case is found.no_lens
+    assert found.cases == {"no_lens": found.no_lens}
+    assert found.no_lens_refused is None
     assert told == sorted(told)
     assert told[-1] == 1.0
 
@@ -128,9 +128,9 @@ def test_a_motion_that_breaks_the_body_is_refused_before_the_first_ray(monkeypat
 )
 def test_odd_designs_are_studied_and_every_ledger_closes(values: dict[str, object]) -> None:
     found = study(design(**values))
-    for case in (found.lens, found.flat):
+    for case in (found.with_lens, found.no_lens):
         assert case is not None
-        for response in (case.counted, case.power):
+        for response in (case.count, case.power):
             assert len(response.traces) == len(found.design.motion.angles_deg())
             for trace, right, left in zip(response.traces, response.right, response.left, strict=True):
                 assert abs(trace.ledger.total - 1.0) < 1e-12
@@ -139,10 +139,10 @@ def test_odd_designs_are_studied_and_every_ledger_closes(values: dict[str, objec
 
 def test_absorption_takes_light_from_the_power_and_not_from_the_count() -> None:
     clear, dim = study(design(lens__shape="none")), study(design(lens__shape="none", material__absorption_per_mm=0.02))
-    assert clear.flat is not None
-    assert dim.flat is not None
-    assert (dim.flat.power.right < 0.6 * clear.flat.power.right).all()
-    assert (dim.flat.counted.right == clear.flat.counted.right).all()
+    assert clear.no_lens is not None
+    assert dim.no_lens is not None
+    assert (dim.no_lens.power.right < 0.6 * clear.no_lens.power.right).all()
+    assert (dim.no_lens.count.right == clear.no_lens.count.right).all()
 
 
 def test_a_sensor_that_works_is_studied_though_its_flat_face_would_not() -> None:
@@ -152,12 +152,12 @@ def test_a_sensor_that_works_is_studied_though_its_flat_face_would_not() -> None
         sensor.body(angle_deg)
     told: list[float] = []
     found = study(odd, told.append)
-    assert found.lens is not None
-    assert found.case is found.lens
-    assert found.cases == {"lens": found.lens}
-    assert found.flat is None
+    assert found.with_lens is not None
+    assert found.case is found.with_lens
+    assert found.cases == {"lens": found.with_lens}
+    assert found.no_lens is None
     with pytest.raises(DesignError) as refusal:
         sensor.without_lens.check()
-    assert found.flat_refused == str(refusal.value)
+    assert found.no_lens_refused == str(refusal.value)
     assert told == sorted(told)
     assert told[-1] == 1.0

@@ -14,13 +14,13 @@ GROUPS = {
 
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     DESIGN: (
-        ("new", "design.commands:new", "Write a commented design file, FOLDER/sensor.toml."),
-        ("check", "design.commands:check", "Check that a design can be built at every angle of its motion."),
-        ("run", "design.commands:run", "Simulate a design: response with and without lens, figures, tables, report."),
-        ("trace", "design.commands:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
-        ("lens", "design.commands:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
-        ("sensitivity", "design.commands:sensitivity", "Rank the numbers of a design by what they change."),
-        ("convergence", "design.commands:convergence", "Show how the error falls with the number of rays."),
+        ("new", "design.new:new", "Write a commented design file, FOLDER/sensor.toml."),
+        ("check", "design.check:check", "Check that a design can be built at every angle of its motion."),
+        ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
+        ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
+        ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
+        ("sensitivity", "design.sensitivity:sensitivity", "Rank the numbers of a design by what they change."),
+        ("convergence", "design.sensitivity:convergence", "Show how the error falls with the number of rays."),
         ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
         ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),

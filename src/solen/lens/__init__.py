@@ -1,10 +1,10 @@
 """The lens: a Cartesian oval that takes the emitter to one focus, one that was measured, or a flat face without one."""
 
 from solen.lens.build import lens_of, measured_lens
-from solen.lens.deviation import Deviation, FittedProfile
-from solen.lens.measured import MeasuredProfile, profile_of, profile_text, read_profile
+from solen.lens.fitted_profile import Deviation, FittedProfile
+from solen.lens.measured import MeasuredLens, Spot
 from solen.lens.optics import FlatFace, Lens, OvalLens, nearest_focus_mm, tangency
-from solen.lens.printed import MeasuredLens, Spot
+from solen.lens.profile import MeasuredProfile, profile_of, profile_text, read_profile
 
 __all__ = [
     "Deviation",

@@ -5,10 +5,10 @@ from functools import lru_cache
 from pathlib import Path
 
 from solen.errors import DataError, DesignError
-from solen.lens.deviation import FittedProfile
-from solen.lens.measured import MeasuredProfile, read_profile
+from solen.lens.fitted_profile import FittedProfile
+from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, Lens, OvalLens
-from solen.lens.printed import MeasuredLens
+from solen.lens.profile import MeasuredProfile, read_profile
 from solen.spec import Design
 
 

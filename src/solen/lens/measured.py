@@ -1,280 +1,172 @@
-"""The profile of a lens as a picture, a scan or a print model gives it: points and their uncertainties.
+"""The lens as it is: the designed oval plus the deviation of a measured profile.
 
-The idea: whatever measures a printed lens or predicts one gives the same thing, a :class:`MeasuredProfile` in the frame
-of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a
-profile that folds back on itself cannot be compared with a designed lens. Its file is JSON that `profile_text` writes,
-or any table with the columns x and z, and u if the uncertainty is known.
-
-The interface: `read_profile` a file, `profile_of` columns of numbers, `profile_text` for writing.
+Its width, its depth and where the stem begins are those of the design, to which the profile is registered.
+Uncertainties come from drawn outlines: the smoothed one plus a random curve of the size of the points' uncertainty,
+correlated over `FittedProfile.correlation_mm`.
 """
 
-import json
-import math
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen import recording
 from solen.arrays import FloatArray
-from solen.errors import DataError
-from solen.files import read_text
-from solen.results import Result, plain
-from solen.spec.objects import made, parsed
-from solen.spec.strict import told_of
+from solen.curve import Spline, fitted
+from solen.lens.fitted_profile import FittedProfile
+from solen.lens.optics import Lens, OvalLens
+from solen.results import HIDDEN, reported
 
-KIND = "lens profile"
-SCHEMA = 1
-EDGES = ("top", "bottom", "mean", "predicted")
-"""Which edge of a part the points are of: a thick transparent one shows two; a print model predicts one."""
-
-LEAST_POINTS, MOST_POINTS = 16, 100_000
-NARROWEST_MM, WIDEST_MM = 0.02, 200.0
-"""Widths between which a profile can be a lens: beyond them its numbers are of another unit."""
-LARGEST_U_MM = 1.0
-
-_GAUSS_MAD = 1.4826
-"""Standard deviation of normal numbers per median of their sizes."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class MeasuredProfile(Result):
-    """Profile of a lens as it is, in the sensor's frame: the vertex of the designed lens is the origin.
-
-    Equality is identity: two measurements of one lens are two.
-
-    Attributes
-    ----------
-    x_mm, z_mm
-        Places (N,), x strictly ascending; z grows into the body.
-    u_mm
-        Standard uncertainty of each along the profile's normal, (N,), without what all of them share (scale, place);
-        0 for exact points.
-    simulated
-        Whether it was computed, as by a print model or from a rendered picture, rather than measured.
-    name
-        Of the lens or the part.
-    edge
-        Which edge of it: ``top``, ``bottom``, ``mean``, or ``predicted``.
-    sources
-        Provenance of the files that it comes from, as plain data.
-    warnings
-        What cannot be concluded from it.
-    """
-
-    x_mm: FloatArray
-    z_mm: FloatArray
-    u_mm: FloatArray
-    simulated: bool
-    name: str
-    edge: str
-    sources: tuple[dict[str, Any], ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for key in ("x_mm", "z_mm", "u_mm"):
-            object.__setattr__(self, key, _column(key, getattr(self, key)))
-        if self.edge not in EDGES:
-            raise DataError("edge", value=self.edge, limit=f"must be one of {', '.join(EDGES)}")
-        _check(self.x_mm, self.z_mm, self.u_mm)
-
-    @property
-    def width_mm(self) -> tuple[float, float]:
-        """Lateral positions of its ends."""
-        return (float(self.x_mm[0]), float(self.x_mm[-1]))
-
-
-def read_profile(path: Path | str) -> MeasuredProfile:
-    """Profile of a file: JSON as `profile_text` writes it, or a table with the columns x and z, and u if it has one.
-
-    Raises
-    ------
-    DataError
-        Where the file cannot be read, holds other keys or columns, or no profile: points that are not numbers, too few,
-        not in order or folded back, or of a size that no lens has.
-    """
-    path = Path(path)
-    if _is_json(path):
-        return _from_json(read_text(path, DataError), str(path))
-    return _from_table(path)
-
-
-def profile_of(
-    x_mm: ArrayLike,
-    z_mm: ArrayLike,
-    u_mm: ArrayLike | float | None = None,
-    *,
-    name: str = "lens",
-    simulated: bool = False,
-    edge: str = "mean",
-    sources: tuple[dict[str, Any], ...] = (),
-) -> MeasuredProfile:
-    """Profile of columns of numbers (N,); those from right to left are reversed.
-
-    Where no uncertainty is given, that of a point is estimated from the scatter of neighbouring points, with a warning:
-    an error that all of them have in common is not in it.
-    """
-    x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
-    if x.shape != z.shape:
-        raise DataError("z_mm", value=f"{z.size} numbers", limit=f"must be as many as x_mm has, {x.size}")
-    backwards = x.size > 1 and bool(np.all(np.diff(x) < 0.0))
-    _check_order(x[::-1] if backwards else x)
-    warnings: tuple[str, ...] = ()
-    if u_mm is None:
-        u_each = scatter_mm(x, z)
-        warnings = (
-            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is taken, the scatter of neighbouring points: "
-            "an error of scale or place that all points share is not in it",
-        )
-        u_mm = u_each
-    u = np.full_like(x, u_mm) if np.ndim(u_mm) == 0 else _column("u_mm", u_mm)
-    if backwards:
-        x, z, u = x[::-1], z[::-1], u[::-1]
-    return MeasuredProfile(x, z, u, simulated, name, edge, sources, warnings)
-
-
-def profile_text(profile: MeasuredProfile) -> str:
-    """JSON text of a profile; `read_profile` of it gives the same numbers to the last digit."""
-    data = {"solen": KIND, "schema": SCHEMA} | profile.to_dict()
-    return json.dumps(data, indent=1, allow_nan=False) + "\n"
-
-
-def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
-    """Standard deviation, along the normal, of what is not common to neighbouring points.
-
-    Each point is compared with the straight line through its neighbours; the median of the sizes of these deviations,
-    0.6745 standard deviations if they are normal, is robust against outliers as at a step. Where z is not a profile but
-    a deviation from one, ``slope`` (N,) is that of the profile.
-    """
-    if x_mm.size < 3:
-        return 0.0
-    share = (x_mm[1:-1] - x_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
-    deviation = z_mm[1:-1] - (1.0 - share) * z_mm[:-2] - share * z_mm[2:]
-    deviation = deviation - _running_median(deviation)  # the curvature of the profile itself
-    steep = (z_mm[2:] - z_mm[:-2]) / (x_mm[2:] - x_mm[:-2])
-    leans = _running_median(steep) if slope is None else slope[1:-1]
-    size = np.abs(deviation) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2) / np.hypot(1.0, leans)
-    return float(_GAUSS_MAD * np.median(size))
-
-
-def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
-    """Median of each number and up to ``reach`` on either side."""
-    reach = min(reach, (values.size - 1) // 2)
-    padded = np.pad(values, reach, mode="edge")
-    return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1))
-
-
-def _is_json(path: Path) -> bool:
-    """Whether a file begins as a JSON object does; a file that cannot be opened is judged by its name."""
-    try:
-        with path.open("rb") as file:
-            return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))
-    except (OSError, ValueError):
-        return path.suffix.lower() == ".json"
+CURVE_TOLERANCE_MM = 1e-6
+"""How far the curve that rays meet may be from the smoothed profile: 1 nm."""
+DRAWN_CURVE_SHARE = 0.05
+"""The same for an outline drawn within the uncertainty, as a share of that: it turns the normals by a tenth of what the
+uncertainty does at most, and half of the pieces are searched much faster."""
+SPOT_RAYS = 512
+"""Rays by which the smallest spot is found."""
+DRAWN_SPOTS = 24
+"""Outlines drawn for the uncertainty of the focus, which they give to a seventh of itself."""
 
 
 @dataclass(frozen=True)
-class _ProfileFile:
-    """What a profile's JSON holds beside its kind and schema."""
+class Spot:
+    """Smallest spot of the light that a lens takes: where it lies, and the root of its mean square width, in mm."""
 
-    x_mm: tuple[float, ...]
-    z_mm: tuple[float, ...]
-    u_mm: tuple[float, ...]
-    simulated: bool
-    edge: str
-    name: str = ""
-    sources: tuple[dict[str, Any], ...] = ()
-    warnings: tuple[str, ...] = ()
+    x_mm: float
+    z_mm: float
+    rms_mm: float
 
 
-def _from_json(text: str, where: str) -> MeasuredProfile:
-    data = parsed(text, where)
-    if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        limit = f'not a profile of a lens: it has no "solen": "{KIND}"'
-        raise DataError(where, limit=limit, remedy="solen print inspect writes one")
-    if (schema := data.pop("schema", None)) != SCHEMA:
-        raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
-    fields = vars(made(_ProfileFile, data, where))
-    with told_of(where):
-        return MeasuredProfile(
-            **{"name": Path(where).stem} | {key: value for key, value in fields.items() if value != ""}
-        )
+@dataclass(frozen=True, repr=False)
+class MeasuredLens(Lens):
+    """A lens whose profile was measured, or predicted by a print model.
+
+    ``drawn`` is 0 for the smoothed profile itself, else the number of an outline drawn within its uncertainty; a number
+    is the same outline each time.
+    """
+
+    shape_name: ClassVar[str] = "measured"
+
+    fit: FittedProfile
+    drawn: int = field(default=0, metadata=HIDDEN)
+
+    @reported
+    def designed(self) -> OvalLens:
+        """The oval that was asked for."""
+        return self.fit.designed
+
+    @reported
+    def distance_mm(self) -> float:  # type: ignore[override]  # a field there
+        """From the emitter to the designed vertex."""
+        return self.designed.distance_mm
+
+    @reported
+    def half_width_mm(self) -> float:  # type: ignore[override]  # a field there
+        """Half the designed width."""
+        return self.designed.half_width_mm
+
+    @property
+    def depth_mm(self) -> float:
+        """From the designed vertex to the plane where the stem begins."""
+        return self.designed.depth_mm
+
+    @cached_property
+    def front(self) -> Spline:
+        """See :attr:`solen.lens.optics.Lens.front`: a spline within `CURVE_TOLERANCE_MM` of the smoothed profile.
+
+        That of a drawn outline is within `DRAWN_CURVE_SHARE` of the profile's uncertainty.
+        """
+
+        def place(x: FloatArray) -> FloatArray:
+            return np.column_stack([x, self.z_mm(x)])
+
+        def velocity(x: FloatArray) -> FloatArray:
+            return np.column_stack([np.ones_like(x), self.slope(x)])
+
+        half_mm = self.half_width_mm
+        return fitted(place, velocity, self._curve_mm, (-half_mm, -0.5 * half_mm, 0.0, 0.5 * half_mm, half_mm))
+
+    def z_mm(self, x_mm: ArrayLike) -> FloatArray:
+        """Profile z(x) at lateral positions (N,) within the half width."""
+        x = np.asarray(x_mm, dtype=float)
+        error = self._error(x, 0) if self.drawn else 0.0
+        return np.asarray(self.designed.z_mm(x) + self.fit.deviation_mm(x) + error)
+
+    def slope(self, x_mm: ArrayLike) -> FloatArray:
+        """dz/dx of the profile, dimensionless."""
+        x = np.asarray(x_mm, dtype=float)
+        error = self._error(x, 1) if self.drawn else 0.0
+        return np.asarray(self.designed.slope(x) + self.fit.deviation_slope(x) + error)
+
+    @property
+    def _curve_mm(self) -> float:
+        """How far the curve may be from the profile."""
+        within_mm = 1e-3 * DRAWN_CURVE_SHARE * self.fit.u_rms_um if self.drawn else 0.0
+        return max(within_mm, CURVE_TOLERANCE_MM)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`solen.lens.optics.Lens.warnings`."""
+        return self.fit.warnings
+
+    def drawn_within(self, number: int) -> "MeasuredLens":
+        """Outline of a number above 0, drawn within the uncertainty of the points; 0 is the smoothed profile."""
+        return replace(self, drawn=number)
+
+    def best_spot(self, index: float) -> Spot | None:
+        """Smallest spot of the emitter's light in a material of ``index``; None where it is not behind the vertex.
+
+        Rays go from the emitter at `SPOT_RAYS` angles, evenly over the acceptance. A ray is x = a + t z, so the
+        variance of x is least at z = −cov(a, t) / var(t).
+        """
+        a, t = self._rays(index)
+        spread = float(np.var(t)) if t.size > 1 else 0.0
+        if spread == 0.0:
+            return None
+        z = -float(np.mean((a - a.mean()) * (t - t.mean()))) / spread
+        x = a + t * z
+        return Spot(float(x.mean()), z, float(x.std())) if z > 0.0 else None
+
+    def best_focus_mm(self, index: float) -> float | None:
+        """Where the light that the lens takes makes the smallest spot in a material of ``index``."""
+        spot = self.best_spot(index)
+        return None if spot is None else spot.z_mm
+
+    def u_best_focus_mm(self, index: float) -> float | None:
+        """Standard uncertainty of `best_focus_mm` by that of the points: `DRAWN_SPOTS` drawn outlines scatter so."""
+        return _u_best_focus_mm(self, index)
+
+    def _rays(self, index: float) -> tuple[FloatArray, FloatArray]:
+        """Rays in the material, x = a + t z, of those that the face lets in; one behind another part is left out."""
+        x = np.linspace(-self.half_width_mm, self.half_width_mm, 4 * SPOT_RAYS + 1)
+        seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
+        angle = seen[0] + (seen[-1] - seen[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
+        x = np.interp(angle, seen, x)
+        z, lean = self.z_mm(x), np.arctan(self.slope(x))
+        sine = self.designed.outside_index / index * np.sin(np.arctan2(x, z + self.distance_mm) + lean)
+        bent = np.abs(sine) < 1.0
+        t = np.tan(np.arcsin(sine[bent]) - lean[bent])
+        return x[bent] - t * z[bent], t
+
+    @cached_property
+    def _error(self) -> Callable[[FloatArray, int], FloatArray]:
+        """Random curve along z of a drawn outline, or its derivative by x: normal, correlated along the oval."""
+        from scipy.interpolate import CubicSpline
+
+        track, (nodes, root) = self.fit.track, self.fit.errors
+        spline = CubicSpline(nodes, root @ np.random.default_rng(self.drawn).standard_normal(nodes.size))
+
+        def error(x: FloatArray, order: int) -> FloatArray:
+            per_x = track.length_per_x(x) if order else 1.0
+            return np.asarray(spline(track.length_at(x), order) * per_x)
+
+        return error
 
 
-def _from_table(path: Path) -> MeasuredProfile:
-    table = recording.read(path)
-    x, z = (table.need(key, f"{key}_mm").to("mm") for key in ("x", "z"))
-    u = table.find("u", "u_mm", "uncertainty")
-    with told_of(str(path)):
-        return profile_of(
-            x,
-            z,
-            None if u is None else u.to("mm"),
-            name=path.stem,
-            simulated=table.provenance.simulated,
-            sources=(plain(table.provenance),),
-        )
-
-
-def _column(key: str, values: ArrayLike) -> FloatArray:
-    """Finite numbers (N,), read-only; `DataError` where they are not."""
-    try:
-        column = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise DataError(key, limit="must be a list of numbers") from None
-    if column.ndim != 1:
-        raise DataError(key, value=f"an array of {column.ndim} dimensions", limit="must be a list of numbers")
-    bad = np.flatnonzero(~np.isfinite(column))
-    if bad.size:
-        where = f"{key}[{int(bad[0])}]"
-        raise DataError(where, value=float(column[bad[0]]), limit="must be a finite number", remedy="leave it out")
-    column.setflags(write=False)
-    return column
-
-
-def _check(x: FloatArray, z: FloatArray, u: FloatArray) -> None:
-    for key, column in (("z_mm", z), ("u_mm", u)):
-        if column.size != x.size:
-            limit = f"must be as many as x_mm has, {x.size}"
-            raise DataError(key, value=f"{column.size} numbers", limit=limit, remedy="restore what is cut off")
-    if not LEAST_POINTS <= x.size <= MOST_POINTS:
-        limit = f"must be {LEAST_POINTS} to {MOST_POINTS:,} points"
-        raise DataError(
-            "x_mm", value=f"{x.size} points", limit=limit, remedy="trace the outline more finely or thin it"
-        )
-    _check_order(x)
-    _check_size(x, z)
-    bad = np.flatnonzero((u < 0.0) | (u > LARGEST_U_MM))
-    if bad.size:
-        limit = f"must be 0 to {LARGEST_U_MM:g} mm"
-        raise DataError(f"u_mm[{int(bad[0])}]", value=float(u[bad[0]]), limit=limit, remedy="give it in mm")
-
-
-def _check_order(x: FloatArray) -> None:
-    step = np.diff(x)
-    wrong = np.flatnonzero(step <= 0.0)
-    if not wrong.size:
-        return
-    i = int(wrong[0])
-    if np.all(step < 0.0):
-        remedy = "reverse the list"
-        raise DataError("x_mm", value=f"{x[0]:g} to {x[-1]:g}", limit="must ascend", remedy=remedy)
-    raise DataError(
-        f"x_mm[{i + 1}]",
-        value=float(x[i + 1]),
-        limit=f"follows {x[i]:.9g}: x must ascend; the profile folds back or repeats a point there",
-        remedy="keep the face of the lens alone, one z for each x",
-    )
-
-
-def _check_size(x: FloatArray, z: FloatArray) -> None:
-    width_mm = float(x[-1] - x[0])
-    if not NARROWEST_MM <= width_mm <= WIDEST_MM:
-        limit = f"must be {NARROWEST_MM:g} to {WIDEST_MM:g} mm wide"
-        raise DataError("x_mm", value=f"{width_mm:.6g} mm wide", limit=limit, remedy="give it in mm")
-    far = max(math.fabs(float(column[i])) for column in (x, z) for i in (column.argmin(), column.argmax()))
-    if far > WIDEST_MM:
-        limit = f"no point may be farther than {WIDEST_MM:g} mm from the designed vertex"
-        raise DataError("z_mm", value=f"{far:.6g} mm", limit=limit, remedy="give it in mm, registered to the design")
+@lru_cache(maxsize=16)
+def _u_best_focus_mm(lens: MeasuredLens, index: float) -> float | None:
+    drawn = [lens.drawn_within(number).best_focus_mm(index) for number in range(1, DRAWN_SPOTS + 1)]
+    found = [focus_mm for focus_mm in drawn if focus_mm is not None]
+    return float(np.std(found, ddof=1)) if len(found) == DRAWN_SPOTS else None

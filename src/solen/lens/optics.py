@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,12 +19,13 @@ from solen.curve import CartesianOval, Curve, Segment, check_numbers
 from solen.errors import DesignError
 from solen.interface import refracted
 from solen.plane import Point, dot, unit
+from solen.results import Result, reported
 
 BEST_RAYS = 512
 """Rays by which the smallest spot is found; twice as many move it by less than 2e-5 of itself."""
 
 
-class Lens(ABC):
+class Lens(Result, ABC):
     """The face that light enters by."""
 
     distance_mm: float
@@ -34,25 +36,39 @@ class Lens(ABC):
     def front(self) -> Curve:
         """The face from its left edge to its right one, vertex at the origin, material on its left."""
 
-    @property
+    shape_name: ClassVar[str] = ""
+
+    @reported
+    def shape(self) -> str:
+        """What it is: ``none``, ``cartesian-oval`` or ``measured``."""
+        return self.shape_name
+
+    @reported
     @abstractmethod
     def depth_mm(self) -> float:
         """From the vertex to the plane of the edges, where the stem begins."""
+
+    def table(self, tolerance_mm: float = 1e-4) -> str:
+        """CSV of x and z of points whose polyline stays within ``tolerance_mm`` of the face."""
+        rows = (f"{round(float(x), 14)},{round(float(z), 14)}" for x, z in self.front.flattened(tolerance_mm))
+        return "\n".join(["x_mm,z_mm", *rows, ""])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What must be known before its response is believed, in sentences."""
         return ()
 
-    @property
+    @reported
     def acceptance_deg(self) -> float:
         """Largest angle from the axis at which the emitter's light meets the face."""
         return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FlatFace(Lens):
     """No lens: a flat face at the stem's base."""
+
+    shape_name: ClassVar[str] = "none"
 
     distance_mm: float
     half_width_mm: float
@@ -71,7 +87,7 @@ class FlatFace(Lens):
         return 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class OvalLens(Lens):
     """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that meets it goes to F2.
 
@@ -91,6 +107,8 @@ class OvalLens(Lens):
     outside_index
         n1, of what lies before it.
     """
+
+    shape_name: ClassVar[str] = "cartesian-oval"
 
     distance_mm: float
     focus_mm: float
@@ -145,32 +163,43 @@ class OvalLens(Lens):
         fx, fz, fxx, fxz, fzz = self._derivatives(np.asarray(x_mm, dtype=float))
         return np.asarray(-(fxx * fz**2 - 2 * fxz * fx * fz + fzz * fx**2) / (np.hypot(fx, fz) ** 3) * np.sign(fz))
 
-    @cached_property
+    @reported
     def tangency_half_width_mm(self) -> float:
         """Half width at which rays from the emitter graze the oval: the limit of a usable one."""
         return tangency(self.outside_index, self.design_index, self.distance_mm, self.focus_mm)[1]
 
-    @property
+    @reported
     def vertex_radius_mm(self) -> float:
         """Radius of curvature at the vertex, (n2 − n1)/(n1/s + n2/s')."""
         n1, n2 = self.outside_index, self.design_index
         return (n2 - n1) / (n1 / self.distance_mm + n2 / self.focus_mm)
 
-    @property
+    @reported
     def na_object(self) -> float:
         """Numerical aperture on the emitter's side, n1 sin of the acceptance angle."""
         return self.outside_index * math.sin(math.radians(self.acceptance_deg))
 
-    @property
+    @reported
     def na_image(self) -> float:
         """Numerical aperture on the focus's side, n2 sin of the edge ray's angle there."""
         return self.design_index * math.sin(math.atan2(self.half_width_mm, self.focus_mm - self.depth_mm))
 
-    @property
+    @reported
     def magnification(self) -> float:
         """Size of the focal spot per size of the emitter near the axis, (s'/s)(n1/n2); the image is upside down."""
         return (self.focus_mm / self.distance_mm) * (self.outside_index / self.design_index)
 
+    @reported
+    def edge_slope(self) -> float:
+        """dz/dx of the profile at its right edge."""
+        return float(self.slope(self.half_width_mm))
+
+    @reported
+    def edge_curvature_per_mm(self) -> float:
+        """Curvature of the profile at its edges."""
+        return float(self.curvature_per_mm(self.half_width_mm))
+
+    @reported
     def edge_incidence_deg(self) -> float:
         """Angle of incidence of the emitter's ray on the lens's edge."""
         edge: Point = (self.half_width_mm, self.depth_mm)
@@ -213,10 +242,6 @@ class OvalLens(Lens):
         spread = float(t @ t)
         best = -float((x[bent] - t * z[bent]) @ t) / spread if spread > 0.0 else -1.0
         return best if best > 0.0 else None
-
-    def profile(self, tolerance_mm: float = 1e-4) -> NDArray[np.float64]:
-        """Points (N, 2), left to right, as many as keep the polyline within ``tolerance_mm`` of the oval."""
-        return self.front.flattened(tolerance_mm)
 
     def _oval(self, from_deg: float, to_deg: float) -> CartesianOval:
         return CartesianOval(

@@ -11,11 +11,12 @@ The interface: `smoothed` returns a `Smooth`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from solen.arrays import FloatArray
+from solen.results import HIDDEN, Result, reported
 
 DEGREE, ORDER = 3, 3
 """Of the spline's pieces, and of the penalised differences; a parabola is free of penalty."""
@@ -24,8 +25,8 @@ WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
 """Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""
 
 
-@dataclass(frozen=True, eq=False)
-class Smooth:
+@dataclass(frozen=True, eq=False, repr=False)
+class Smooth(Result):
     """A smoothed column over a length.
 
     Attributes
@@ -40,12 +41,12 @@ class Smooth:
         Root of the mean square of the residuals, each in units of its standard uncertainty.
     """
 
-    spline: Callable[..., FloatArray]
+    spline: Callable[..., FloatArray] = field(metadata=HIDDEN)
     length: float
     parameters: float
     residual: float
 
-    @property
+    @reported
     def resolution(self) -> float:
         """Length over which values are averaged: the whole length per parameter."""
         return self.length / self.parameters

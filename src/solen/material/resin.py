@@ -22,8 +22,9 @@ from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
+from solen.results import HIDDEN, reported
 from solen.spec import Design
-from solen.spec.shelf import Shelf
+from solen.spec.shipped import ShippedFiles
 from solen.spec.strict import (
     Document,
     Migrations,
@@ -46,7 +47,7 @@ LOSS_APART_NM = 20.0
 WHOLE, OFF_WHOLE = 100.0, 0.1
 """What the parts of a formulation add up to, and how far the rounding of their percentages may leave it."""
 
-_SHELF = Shelf(files("solen.material") / "library", "resin")
+_SHELF = ShippedFiles(files("solen.material") / "library", "resin")
 
 Interval = tuple[Number, Number]
 
@@ -225,14 +226,14 @@ class Optical:
     u_index: float | None
     absorption_per_mm: float
     source: str
-    dispersion: Dispersion | None = field(default=None, compare=False, repr=False)
+    dispersion: Dispersion | None = field(default=None, compare=False, repr=False, metadata=HIDDEN)
     u_absorption_per_mm: float | None = None
     warnings: tuple[str, ...] = ()
 
-    @property
-    def mode(self) -> str:
-        """How its index was found; empty where that is not stated."""
-        return "" if self.dispersion is None else self.dispersion.mode
+    @reported
+    def mode(self) -> str | None:
+        """How its index was found; None where that is not stated."""
+        return None if self.dispersion is None else self.dispersion.mode or None
 
 
 def _resin(text: str, what: str) -> Resin:

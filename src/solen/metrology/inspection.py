@@ -11,7 +11,7 @@ from scipy.special import ndtri
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.lens.measured import MeasuredProfile
+from solen.lens.profile import MeasuredProfile
 from solen.metrology.comparison import ComparedDesign, compare, designs_to_compare, doubts
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, nominal_front

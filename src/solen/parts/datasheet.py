@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 from solen.errors import DataError, SolenError
 from solen.files import read_text
 from solen.spec.light import why_no_pattern
-from solen.spec.shelf import Shelf
+from solen.spec.shipped import ShippedFiles
 from solen.spec.strict import (
     Migrations,
     NotNegative,
@@ -39,7 +39,7 @@ PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into t
 Basis = Literal["datasheet", "sibling", "measured", "estimate"]
 Angle = Annotated[Number, Field(ge=0, le=180)]
 
-_SHELF = Shelf(files("solen.parts") / "library", "part")
+_SHELF = ShippedFiles(files("solen.parts") / "library", "part")
 
 
 class Sourced(Strict):
@@ -131,6 +131,16 @@ class Sheet(Strict):
     maker: Text = Field(description="who makes it, one line.")
     document: Text = Field(description="the document that the numbers are taken from, one line.")
     notes: str = Field("", description="Anything worth knowing.")
+
+    @property
+    def estimates(self) -> tuple[str, ...]:
+        """Keys whose values are estimated rather than stated or measured."""
+        lists = {key: value if isinstance(value, tuple) else (value,) for key, value in self}
+        return tuple(
+            key
+            for key, values in lists.items()
+            if any(isinstance(value, Sourced) and value.basis == "estimate" for value in values)
+        )
 
 
 class Datasheet(Sheet):

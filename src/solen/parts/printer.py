@@ -20,7 +20,7 @@ from solen.files import read_text
 from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sourced
 from solen.registry import PRINTERS
 from solen.results import Result
-from solen.spec.shelf import Shelf
+from solen.spec.shipped import ShippedFiles
 from solen.spec.strict import Strict, Text, migrated, parse_toml, told_of
 
 MOST_PIXELS = 20_000
@@ -29,7 +29,7 @@ SURE = ("datasheet", "measured")
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 
-_SHELF = Shelf(files("solen.parts") / "printers", "printer", PRINTERS)
+_SHELF = ShippedFiles(files("solen.parts") / "printers", "printer", PRINTERS)
 
 
 class Pixels(Sourced):

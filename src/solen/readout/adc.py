@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.arrays import FloatArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
 from solen.parts import AdcPart, AdcRange
+from solen.results import reported
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Adc:
         bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.usual
         return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
 
-    @property
+    @reported
     def step_V(self) -> float:
         """Volts from one number to the next."""
         return (self.high_V - self.low_V) / (1 << self.bits)
@@ -66,7 +66,7 @@ class Adc:
         numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
         return np.asarray(self.low_V + self.step_V * numbers)
 
-    def is_clipped(self, volts: FloatArray) -> NDArray[np.bool_]:
+    def is_clipped(self, volts: FloatArray) -> BoolArray:
         """Whether what it read (...) stands at an end of its range."""
         half = 0.5 * self.step_V
         return np.asarray((volts <= self.low_V + half) | (volts >= self.top_V - half))

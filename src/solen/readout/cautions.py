@@ -1,21 +1,14 @@
-"""What must be known of a readout's numbers, in sentences.
+"""Warnings on a readout: `cautions` of a circuit, its advice and its light."""
 
-The interface: `cautions` of a circuit, its advice and its light.
-"""
-
-import math
 from collections.abc import Iterator
 
-import numpy as np
-
-from solen.arrays import FloatArray
 from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
 SETTLED = 5.0
 """Time constants after which 0.7 % of a step are left."""
 FAR_NM = 40.0
-"""Difference of wavelengths from which on an emitter is another one."""
+"""Difference of wavelengths beyond which an emitter is another one."""
 DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
@@ -42,7 +35,7 @@ def cautions(circuit: Circuit, found: Advice, wavelength_nm: float, dark_V: floa
     ]
     if not in_space:
         sentences.append(
-            "the powers are those of rays in the plane: light that the emitter sends above and below it is taken to "
+            "the powers are those of rays in the plane: light that the emitter sends above and below it is assumed to "
             'arrive in the same shares; trace.dimension = "extruded" traces it'
         )
     return sentences
@@ -119,26 +112,3 @@ def _time(circuit: Circuit) -> Iterator[str]:
             f"after a switch the receivers need some {SETTLED * tau_us:.0f} µs, and a slot at {circuit.rate_hz:g} Hz "
             f"lasts {slot_us:.0f} µs: lower the load or the rate"
         )
-
-
-def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of an angle told from one reading of each receiver, (A, R), and of all together, (A,).
-
-    Each receiver tells the angle to σ/|slope|; together, weighted as their information, to (Σ (slope/σ)²)^−1/2, which
-    no way to decode them can better (Cramér, Rao). NaN where nothing moves.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
-        information = ((slope_V_per_deg / sd_V) ** 2).sum(axis=-1)
-        both = np.where(information > 0.0, 1.0 / np.sqrt(information), np.nan)
-    return np.asarray(each), np.asarray(both)
-
-
-def of_a_difference_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
-    """Noise of an on reading less the mean of the off readings before and after it."""
-    return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))
-
-
-def number(value: float) -> float | None:
-    """A number, or None for what is none."""
-    return float(value) if math.isfinite(value) else None

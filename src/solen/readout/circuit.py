@@ -23,6 +23,7 @@ from solen.parts import AdcPart, EmitterPart, Part, ReceiverPart, TrimmerPart, l
 from solen.readout.adc import Adc
 from solen.readout.emitter import REFERENCE_C, Drive
 from solen.readout.transistor import LoadLine, Phototransistor, load_line
+from solen.results import reported
 from solen.spec import Design
 
 Floats = float | FloatArray
@@ -104,12 +105,12 @@ class Circuit:
         knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
         return load_line(current_mA, loads, self.supply_V, *knee)
 
-    @property
+    @reported
     def time_constant_us(self) -> FloatArray:
         """Of each receiver (R,)."""
         return self.transistor.time_constant_us(np.array(self.load_ohm))
 
-    @property
+    @reported
     def noise_bandwidth_hz(self) -> FloatArray:
         """Noise bandwidth (R,): of the first order of receiver and load, or of the converter's input where less."""
         corner_hz = 1e6 / (2.0 * np.pi * self.time_constant_us)

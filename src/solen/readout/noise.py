@@ -20,14 +20,15 @@ from solen.arrays import FloatArray
 from solen.readout.circuit import Circuit, Floats
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.transistor import LoadLine
+from solen.results import Result, reported
 
 CHARGE_C = 1.602176634e-19
 BOLTZMANN_J_PER_K = 1.380649e-23
 ZERO_K = 273.15
 
 
-@dataclass(frozen=True)
-class Noise:
+@dataclass(frozen=True, eq=False, repr=False)
+class Noise(Result):
     """Standard deviations of one sample (..., R) in V, and of a reading of ``samples`` of them."""
 
     shot_V: FloatArray
@@ -46,7 +47,7 @@ class Noise:
         """Of one sample."""
         return np.asarray(np.hypot(self.before_V, self.quantisation_V))
 
-    @property
+    @reported
     def reading_V(self) -> FloatArray:
         """Of the mean of the samples.
 

@@ -1,9 +1,9 @@
-"""What the receivers read at the angles of a motion: volts of all sets of parts, noise, slopes, resolution, advice.
+"""Readings over a motion: voltages of all sets of parts, noise, slopes, resolution, advice.
 
 The interface: `readings_of` a circuit and the power fractions of a motion.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,15 +11,39 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.parts import TrimmerPart
 from solen.readout.advice import Advice, advise, slopes_V_per_deg
-from solen.readout.cautions import of_a_difference_V, resolution_deg
 from solen.readout.circuit import Case, Circuit, spread
 from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import Noise, noise
+from solen.results import Result, reported
+
+MOST_STEP = 0.25
+"""Share of the whole range by which a reading may move from one angle to the next before its slope is called coarse."""
 
 
 @dataclass(frozen=True)
-class Readings:
-    """What R receivers read at A angles; arrays (A, R) in the order of the circuit's receivers.
+class VoltageRange:
+    """What a motion makes of the supply.
+
+    Attributes
+    ----------
+    lowest_V, highest_V
+        Voltages of typical parts.
+    used_of_supply
+        Share of the supply between them.
+    best_resolution_deg, worst_resolution_deg
+        Of one reading of all receivers over the motion; None where nothing moves.
+    """
+
+    lowest_V: float
+    highest_V: float
+    used_of_supply: float
+    best_resolution_deg: float | None
+    worst_resolution_deg: float | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Readings(Result):
+    """Readings of R receivers at A angles; arrays (A, R) in the order of the circuit's receivers.
 
     Attributes
     ----------
@@ -28,22 +52,22 @@ class Readings:
     angle_deg
         Shape (A,), ascending.
     power_fraction, u_power
-        Of the emitted power (A, R), and what a trace may be off by (A,).
-    cases
-        Volts with the emitter on, of the dimmest, typical and brightest parts.
+        Of the emitted power (A, R), and its uncertainty (A,).
+    voltage_by_case_V
+        Voltages with the emitter on, of the dimmest, typical and brightest parts.
     off_V
-        Volts with the emitter off.
+        Voltages with the emitter off.
     noise
         Of one sample with the emitter on.
     sd_V
         Noise of an on reading less its ambient light.
     slope_V_per_deg
-        Change of typical volts.
-    resolution_deg, both_deg
-        Standard deviation of an angle told from one such reading of each receiver, and of all together (A,); NaN where
+        Change of typical voltages.
+    resolution_deg, resolution_of_all_deg
+        Standard deviation of an angle from one such reading of each receiver, and of all together (A,); NaN where
         nothing moves.
     drift_V_per_K
-        Change of typical volts by temperature.
+        Change of typical voltages by temperature.
     advice
         On the loads.
     """
@@ -52,38 +76,66 @@ class Readings:
     angle_deg: FloatArray
     power_fraction: FloatArray
     u_power: FloatArray
-    cases: Mapping[Case, FloatArray]
+    voltage_by_case_V: Mapping[Case, FloatArray]
     off_V: FloatArray
     noise: Noise
     sd_V: FloatArray
     slope_V_per_deg: FloatArray
     resolution_deg: FloatArray
-    both_deg: FloatArray
+    resolution_of_all_deg: FloatArray
     drift_V_per_K: FloatArray
     advice: Advice
 
-    @property
-    def volts(self) -> FloatArray:
-        """Of typical parts."""
-        return self.cases["typical"]
+    @reported
+    def voltage_V(self) -> FloatArray:
+        """Voltages of typical parts (A, R)."""
+        return self.voltage_by_case_V["typical"]
 
-    @property
+    @reported
+    def irradiance_mW_per_cm2(self) -> FloatArray:
+        """Mean irradiance of the receivers' faces (A, R)."""
+        return self.circuit.irradiance_mW_cm2(self.power_fraction)
+
+    @reported
     def contrast(self) -> FloatArray:
         """(R − L)/(R + L) of what the emitter's light pulls the receivers down by, (A,); NaN where it does nothing."""
-        drop = self.off_V - self.volts
+        drop = self.off_V - self.voltage_V
         right, left = (drop[:, self.circuit.names.index(name)] for name in ("right", "left"))
         total = right + left
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(np.where(total > 0.0, (right - left) / total, np.nan))
 
-    @property
+    @reported
     def u_trace_V(self) -> FloatArray:
-        """What the trace's own uncertainty makes of the volts."""
+        """Uncertainty of the voltages by that of the traced power (A, R)."""
         circuit = self.circuit
-        one = circuit.transistor.response * circuit.irradiance_mW_cm2(np.ones_like(self.power_fraction))
-        asked_A = 1e-6 * np.array(circuit.sensitivity_uA) * one
+        whole = circuit.transistor.response * circuit.irradiance_mW_cm2(np.ones_like(self.power_fraction))
+        asked_A = 1e-6 * np.array(circuit.sensitivity_uA) * whole
         drive_ohm = circuit.load_line(circuit.current_mA(self.power_fraction)).drive_ohm
         return np.asarray(self.u_power[:, None] * asked_A * drive_ohm)
+
+    @reported
+    def range(self) -> VoltageRange:
+        """Lowest and highest voltage, and the resolution between."""
+        low, high = float(self.voltage_V.min()), float(self.voltage_V.max())
+        finite = self.resolution_of_all_deg[np.isfinite(self.resolution_of_all_deg)]
+        ends = (float(finite.min()), float(finite.max())) if finite.size else (None, None)
+        return VoltageRange(low, high, (high - low) / self.circuit.supply_V, *ends)
+
+    def coarse(self) -> Iterator[str]:
+        """A warning where the angles are too far apart for a slope."""
+        if len(self.angle_deg) < 2:
+            yield "one angle has no slope, and so no resolution"
+            return
+        moved, whole = np.abs(np.diff(self.voltage_V, axis=0)), float(np.ptp(self.voltage_V))
+        if whole > 0.0 and moved.max() > MOST_STEP * whole:
+            row = int(np.argmax(moved.max(axis=1)))
+            low, high = self.angle_deg[row], self.angle_deg[row + 1]
+            yield (
+                f"from {low:g} to {high:g} deg a reading moves by {moved.max():.2f} V, "
+                f"{100 * moved.max() / whole:.0f} % of its range: slopes and resolution there are means over the step; "
+                "take a smaller motion.step_deg"
+            )
 
 
 def readings_of(
@@ -113,7 +165,7 @@ def readings_of(
     dark = np.zeros_like(power_fraction)
     on, off = (noise(circuit, shares, *light) for shares in (power_fraction, dark))
     cases = {case: _volts(one, power_fraction, *light) for case, one in spread(circuit).items()}
-    sd = of_a_difference_V(on.reading_V, off.reading_V)
+    sd = difference_sd_V(on.reading_V, off.reading_V)
     slope = slopes_V_per_deg(angle_deg, cases["typical"])
     each, both = resolution_deg(slope, sd)
     warm, cold = (_volts(circuit, power_fraction, ambient_mW_cm2, temperature_C + step) for step in (0.5, -0.5))
@@ -122,13 +174,13 @@ def readings_of(
         angle_deg=angle_deg,
         power_fraction=power_fraction,
         u_power=u_power,
-        cases=cases,
+        voltage_by_case_V=cases,
         off_V=_volts(circuit, dark, *light),
         noise=on,
         sd_V=sd,
         slope_V_per_deg=slope,
         resolution_deg=each,
-        both_deg=both,
+        resolution_of_all_deg=both,
         drift_V_per_K=warm - cold,
         advice=advise(circuit, power_fraction, trimmer, *light),
     )
@@ -136,3 +188,21 @@ def readings_of(
 
 def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, temperature_C: float) -> FloatArray:
     return circuit.load_line(circuit.current_mA(fractions, ambient_mW_cm2, temperature_C)).volts
+
+
+def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of an angle told from one reading of each receiver, (A, R), and of all together, (A,).
+
+    Each receiver tells the angle to σ/|slope|; together, weighted as their information, to (Σ (slope/σ)²)^−1/2, which
+    no way to decode them can better (Cramér, Rao). NaN where nothing moves.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
+        information = ((slope_V_per_deg / sd_V) ** 2).sum(axis=-1)
+        both = np.where(information > 0.0, 1.0 / np.sqrt(information), np.nan)
+    return np.asarray(each), np.asarray(both)
+
+
+def difference_sd_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
+    """Noise of an on reading less the mean of the off readings before and after it."""
+    return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))

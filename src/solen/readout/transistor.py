@@ -22,6 +22,7 @@ from scipy.special import wrightomega
 from solen.arrays import FloatArray
 from solen.parts import Light, ReceiverPart
 from solen.readout.emitter import REFERENCE_C
+from solen.results import Result
 
 SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
 """Where a part does not say: usual for small silicon phototransistors."""
@@ -120,8 +121,8 @@ class Phototransistor:
         return np.asarray(np.hypot(self.rise_us, load_us) / RISE_OF_TAU)
 
 
-@dataclass(frozen=True)
-class LoadLine:
+@dataclass(frozen=True, eq=False, repr=False)
+class LoadLine(Result):
     """Volts at a phototransistor on a load, all of the broadcast shape of the currents.
 
     ``collector_mA`` flows. ``output_ohm`` turns a small current there into volts: the load, and less in saturation.

@@ -1,44 +1,57 @@
-"""One design under its motion, as plain calls: lens, body, scene, trace, response.
+"""One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
 
-A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers see over the
-angles of a sweep; a :class:`Study` is all of it, counted and in power, with the lens and without. A
-:class:`Sensitivity` is how its receivers answer to one number of the design; a :class:`Practice` is how its response
-compares with those of a real chip, in space, moved and in another index; a :class:`Printed` is what a lens as it was
-printed does to it.
+A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers get over the
+angles of a motion; `readings` are their volts; a :class:`Study` is all of it, counted and in power, with the lens and
+without. A :class:`Sensitivity` is the derivative by one number of the design; a :class:`Practice` compares the response
+with those of a real chip, in space, decentred and in another index; an :class:`AsPrinted` with that of the lens as
+printed.
 """
 
-from solen.sensor.budget import Budget
+from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
+from solen.sensor.budget import Budget, budget
+from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
 from solen.sensor.idle import idle_keys
-from solen.sensor.off_index import OffIndex
+from solen.sensor.index_offset import IndexOffset, index_offsets
 from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
-from solen.sensor.printed import Comparison, Printed, printed
+from solen.sensor.readings import Acceptance, readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
-from solen.sensor.sensor import CHIP_TOLERANCE, OPTICAL_KEYS, SLOPE_DEG, TOLERANCE, Sensor, TraceOptions
-from solen.sensor.study import Case, Study, study
+from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
+from solen.sensor.study import Case, Study, Summary, study
 
 __all__ = [
-    "CHIP_TOLERANCE",
     "OPTICAL_KEYS",
     "SATURATED",
     "SLOPE_DEG",
-    "TOLERANCE",
+    "Acceptance",
+    "AsPrinted",
+    "BodySizes",
     "Budget",
     "Case",
+    "Check",
     "Comparison",
     "Extent",
+    "Focus",
     "InSpace",
+    "IndexOffset",
+    "LensCheck",
+    "LensOptions",
     "NullShift",
-    "OffIndex",
     "Practice",
-    "Printed",
     "Response",
     "Sensitivity",
     "Sensor",
     "Shift",
     "Study",
-    "TraceOptions",
+    "Summary",
+    "TraceKeywords",
+    "as_printed",
+    "budget",
+    "check",
     "idle_keys",
+    "index_offsets",
+    "lens_check",
     "practice",
-    "printed",
+    "readings",
+    "received",
     "study",
 ]

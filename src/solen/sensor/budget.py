@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.scene import Scene
-from solen.sensor.sensor import CHIP_TOLERANCE, Sensor
+from solen.sensor.sensor import Sensor
 from solen.trace import Trace, integrate, trace
-from solen.trace.adaptive import why_not
+from solen.trace.adaptive import EXTENDED_TOLERANCE, why_not
 
 BUDGET_RAYS = 2**17
 """Rays of the budget where it cannot be integrated."""
@@ -106,9 +106,9 @@ def _opaque(scene: Scene) -> Scene:
 def _settled(scene: Scene) -> tuple[Trace, float]:
     """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
     if not why_not(scene):
-        found = integrate(scene, "power", CHIP_TOLERANCE)
+        found = integrate(scene, "power", EXTENDED_TOLERANCE)
         if found.reached:
-            return found, CHIP_TOLERANCE
+            return found, EXTENDED_TOLERANCE
     made_of_points = all(source.emission() is not None for source in scene.sources)
     many = scene
     if made_of_points:  # a file has the rays that it has

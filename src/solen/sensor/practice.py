@@ -1,10 +1,10 @@
-"""What matters to someone about to print: the numbers that a point in the plane, exactly in its place, does not tell.
+"""What matters before printing: a real chip, its decentre, the index, and light out of the plane.
 
-The idea: the design's own response is compared with that of a few neighbours, traced as it was. A real emitter is a
-chip; it is glued on some hundredths of a millimetre beside the axis; the print's index is not the one the lens is cut
-for; and its light leaves the plane. Where the design states a chip, that one is taken, and the point is the comparison;
-where it states none, a chip of `CHIP_MM` is. A part of this that has no meaning for a design, or cannot be built, is
-left out and `Practice.skipped` says why.
+The idea: the design's own response is compared with those of a few neighbours, traced alike. A real emitter is a chip;
+it is glued on some hundredths of a millimetre off the axis; the print's index differs from the one the lens is cut for;
+and its light leaves the plane. Where the design states a chip, the point is the comparison; where it states none, a
+chip of `CHIP_MM` is. A comparison that has no meaning for a design, or cannot be built, is left out, and
+`Practice.skipped` says why.
 
 The interface: `practice` of a sensor and its response, which returns a `Practice`.
 """
@@ -18,8 +18,9 @@ import numpy as np
 from solen.arrays import Progress
 from solen.errors import SolenError
 from solen.parts import Light
+from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
-from solen.sensor.off_index import NEAR_DEG, STANDARD_ERROR, Angles, OffIndex, off_indices, swept
+from solen.sensor.index_offset import NEAR_DEG, STANDARD_ERROR, Angles, IndexOffset, index_offsets, swept
 from solen.sensor.response import Response, Shift, contrast, shift
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
@@ -31,16 +32,16 @@ DECENTRE_MM = 0.01
 MOST_ANGLES, FEW_ANGLES = 13, 3
 """Angles at most: of a response, and of one in the other dimension."""
 MOVED = 0.05
-"""From what change of the contrast on the uncertainty of the index is warned of: a fortieth of its whole range."""
+"""Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of its range."""
 SETTLED_DEG, MOST_STEPS = 1e-4, 8
-"""When a balance point is found, and after how many steps the search ends."""
+"""How closely a null is sought, and after how many steps the search ends."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Size of the emitter that is told of: the design's ``own``, one for comparison, or that of its file of rays."""
+    """Size of the emitter: the design's ``own``, one for ``comparison``, or that of its ``file`` of rays."""
 
     width_mm: float
     height_mm: float
@@ -49,30 +50,34 @@ class Extent:
 
 @dataclass(frozen=True)
 class NullShift:
-    """Balance point of the chip in its place, and moved by ``step_mm`` towards +x, with the error of their distance."""
+    """Null of the chip in its place, and moved by ``step_mm`` towards +x, with the uncertainty of their distance."""
 
     step_mm: float
     null_deg: float
     moved_deg: float
-    u_deg: float
-
-    @property
-    def shift_deg(self) -> float:
-        """How far it moves."""
-        return self.moved_deg - self.null_deg
+    shift_deg: float
+    u_shift_deg: float
 
 
-@dataclass(frozen=True)
-class InSpace:
-    """The same chip in the plane and in space; the plane at few of the angles.
+@dataclass(frozen=True, eq=False, repr=False)
+class InSpace(Result):
+    """The same chip in the plane and in space.
 
-    ``pattern`` is what it emits by, in both; ``replaced`` says that it stands for the design's fan, which has no light
-    out of the plane. ``extent`` is the chip's.
+    Attributes
+    ----------
+    emitter
+        Size of the chip.
+    pattern, pattern_replaced
+        What it emits by, in both; whether that stands for the design's fan, which has no light out of the plane.
+    cone_deg, thickness_mm
+        Of the emitter and of the body.
+    plane, space
+        Responses; the plane at few of the angles.
     """
 
-    extent: Extent
+    emitter: Extent
     pattern: str
-    replaced: bool
+    pattern_replaced: bool
     cone_deg: float
     thickness_mm: float
     plane: Response
@@ -83,36 +88,62 @@ class InSpace:
         """In space, at the angles of the plane."""
         return self.space.part([self.space.at(angle) for angle in self.plane.angle_deg])
 
+    @reported
+    def received_plane(self) -> float:
+        """Power at both receivers, mean over the angles of the plane."""
+        return self.plane.received_share
 
-@dataclass(frozen=True)
-class Practice:
-    """What `practice` found; None is what ``skipped`` gives a reason for, by the same name.
+    @reported
+    def received_space(self) -> float:
+        """The same in space."""
+        return self.same.received_share
 
-    ``point`` and ``chip`` are in the design's own dimension, and so are ``null`` and ``index``, which are with the
-    chip. ``chip_shift`` is how far the chip moves the response of the point at most.
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Practice(Result):
+    """A design beside its neighbours; None is what ``skipped`` gives a reason for, by the same name.
+
+    Attributes
+    ----------
+    emitter
+        Size of the emitter.
+    point, chip
+        Responses of a point and of the chip, in the design's own dimension.
+    null_shift
+        What a decentre of the chip does to the null.
+    index
+        Responses with the chip in materials of another index.
+    budget
+        Where the light goes at rest.
+    in_space
+        The chip in the plane and in space.
+    skipped
+        Reasons.
+    chip_shift
+        How far the chip moves the response of the point at most.
     """
 
-    extent: Extent
+    emitter: Extent
     point: Response | None
     chip: Response | None
-    null: NullShift | None
-    index: tuple[OffIndex, ...] | None
+    null_shift: NullShift | None
+    index: tuple[IndexOffset, ...] | None
     budget: Budget | None
     in_space: InSpace | None
     skipped: dict[str, str]
     chip_shift: Shift | None = None
 
-    @property
+    @reported
     def index_shift(self) -> Shift | None:
         """How far another index moves the response at most; None without light."""
-        found = [one.shift for one in self.index or () if one.shift is not None]
-        return max(found, key=lambda one: one.contrast, default=None)
+        shifts = [offset.shift for offset in self.index or () if offset.shift is not None]
+        return max(shifts, key=lambda shift: shift.contrast, default=None)
 
-    @property
+    @reported
     def warnings(self) -> tuple[str, ...]:
         """What must be known before printing."""
         moved = self.index_shift
-        if moved is None or not self.index or not self.index[0].known or moved.contrast < MOVED:
+        if moved is None or not self.index or not self.index[0].by_uncertainty or moved.contrast < MOVED:
             return ()
         return (
             f"the index is known to ± {abs(self.index[0].step):.2g} only: within that the response moves by up to "
@@ -138,7 +169,7 @@ def practice(
     progress
         Called with the share done, up to 1.
     chip
-        What is known of its response in power with a chip of `CHIP_MM`, where the design is a point.
+        Its response in power with a chip of `CHIP_MM`, as far as it is known, where the design is a point.
     """
     found, skipped = _Neighbours(sensor, own, chip), dict[str, str]()
 
@@ -155,10 +186,10 @@ def practice(
     point = part("point", found.point, 0.05)
     chip = part("chip", found.chip, 0.3)
     return Practice(
-        extent=found.extent,
+        emitter=found.extent,
         point=point,
         chip=chip,
-        null=part("null", lambda: found.null(chip), 0.4),
+        null_shift=part("null_shift", lambda: found.null_shift(chip), 0.4),
         index=part("index", lambda: found.index(chip), 0.7),
         budget=part("budget", found.budget, 0.75),
         in_space=part("in_space", found.in_space, 1.0),
@@ -191,7 +222,7 @@ class _Neighbours:
 
     @property
     def angles(self) -> Angles:
-        """Some of the response's angles, and those where an index that is off shows."""
+        """Some of the response's angles, and those near the null."""
         return self._near(self._some(MOST_ANGLES))
 
     def _some(self, most: int) -> Angles:
@@ -234,22 +265,22 @@ class _Neighbours:
             return None
         return shift(chip, swept(self._point, chip.angle_deg.tolist(), point))
 
-    def null(self, chip: Response | None) -> NullShift:
+    def null_shift(self, chip: Response | None) -> NullShift:
         null = None if chip is None else chip.null_deg()
         if chip is None or null is None:
-            raise _NoMeaning("with the chip there is no balance point in this range")
+            raise _NoMeaning("with the chip there is no null in this range")
         slope = slope_per_deg(chip, null)
         offset_mm = self.sensor.design.emitter.offset_mm
         moved = _with(self.real, {"emitter.offset_mm": offset_mm + DECENTRE_MM})
         here, u_here = _null(self.real, null, slope)
         there, u_there = _null(moved, here, slope)
-        return NullShift(DECENTRE_MM, here, there, u_here + u_there)
+        return NullShift(DECENTRE_MM, here, there, there - here, u_here + u_there)
 
-    def index(self, chip: Response | None) -> tuple[OffIndex, ...]:
+    def index(self, chip: Response | None) -> tuple[IndexOffset, ...]:
         if chip is None:
             raise _NoMeaning("the response with the chip is not known")
         known = chip if self.extent.kind == "comparison" else chip.joined(self.own)
-        return off_indices(self.real, known, self._near([float(known.angle_deg[0]), float(known.angle_deg[-1])]))
+        return index_offsets(self.real, known, self._near([float(known.angle_deg[0]), float(known.angle_deg[-1])]))
 
     def budget(self) -> Budget:
         return budget(self.sensor)
@@ -296,7 +327,7 @@ def spread(angles: Angles, most: int) -> Angles:
 
 
 def slope_per_deg(response: Response, null_deg: float) -> float:
-    """Slope of the contrast between the angles on both sides of a balance point."""
+    """Slope of the contrast between the angles on both sides of a null."""
     angle, value = response.angle_deg, response.contrast
     high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))
     low = high - 1 if angle[high] > null_deg or high == len(angle) - 1 else high
@@ -305,14 +336,14 @@ def slope_per_deg(response: Response, null_deg: float) -> float:
 
 
 def _null(sensor: Sensor, start_deg: float, slope_per_deg: float) -> tuple[float, float]:
-    """Balance point by the secant method, with its error; `_NoMeaning` where it does not settle."""
+    """Null by the secant method, with its uncertainty; `_NoMeaning` where it does not converge."""
     angle, slope, before = start_deg, slope_per_deg, None
     for _ in range(MOST_STEPS):
         found = sensor.power([angle], standard_error=STANDARD_ERROR)
         value = contrast(float(found.right[0]), float(found.left[0]))
         if value is None or not np.isfinite(slope) or slope == 0.0:
-            raise _NoMeaning("no light reaches the receivers at the balance point")
-        u = 2.0 * float(found.u[0]) / float(found.right[0] + found.left[0])
+            raise _NoMeaning("no light reaches the receivers at the null")
+        u = 2.0 * float(found.u_power[0]) / float(found.right[0] + found.left[0])
         if before is not None and angle != before[0]:
             slope = (value - before[1]) / (angle - before[0]) or slope
         if abs(value) <= max(u, SETTLED_DEG * abs(slope)):
@@ -321,4 +352,4 @@ def _null(sensor: Sensor, start_deg: float, slope_per_deg: float) -> tuple[float
         angle -= value / slope
         if abs(angle - start_deg) > 45.0:
             break
-    raise _NoMeaning("the balance point of the moved emitter is not found")
+    raise _NoMeaning("the null of the decentred emitter is not found")

@@ -14,7 +14,7 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.lens import OvalLens
 from solen.lens.build import measured_lens
-from solen.lens.measured import MeasuredProfile
+from solen.lens.profile import MeasuredProfile
 from solen.results import reported
 from solen.sensor.practice import CHIP_MM, spread
 from solen.sensor.response import contrast, powers

@@ -11,11 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from solen.arrays import FloatArray, Progress
-from solen.parts import ReceiverPart
+from solen.parts import AdcPart, ReceiverPart
 from solen.readout import Readings, circuit_of, face_areas_mm2, readings_of
-from solen.readout.circuit import named_part, trimmer_part
+from solen.readout.cautions import cautions
+from solen.readout.circuit import emitter_part, named_part, trimmer_part
 from solen.readout.transistor import angular_factor, exponent_of
+from solen.recording import Provenance
 from solen.scene import Scene
+from solen.sensor.idle import idle_keys
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.trace import trace
@@ -80,6 +83,68 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
     return np.asarray(power * [acceptance.factors(sensor.scene(angle, ANGLE_RAYS)) for angle in angles_deg])
 
 
+@dataclass(frozen=True)
+class PartUsed:
+    """A part that a circuit is made of, its document, and which of its numbers are estimates."""
+
+    name: str
+    kind: str
+    document: str
+    estimates: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DesignReadings(Readings):
+    """Readings of a design over its motion.
+
+    Attributes
+    ----------
+    name, wavelength_nm
+        Of the design and of its light.
+    temperature_C, ambient_mW_per_cm2
+        Around the sensor.
+    parts
+        What the circuit is made of.
+    warnings
+        What must be known before the numbers are used.
+    simulated
+        Always.
+    sources
+        Files that the numbers come from.
+    """
+
+    name: str
+    wavelength_nm: float
+    temperature_C: float
+    ambient_mW_per_cm2: float
+    parts: tuple[PartUsed, ...]
+    warnings: tuple[str, ...]
+    simulated: bool = True
+    sources: tuple[Provenance, ...] = ()
+
+
+def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignReadings:
+    """Readings of a sensor as `readings` gives them, with the parts of its circuit and what must be known of it."""
+    design, found = sensor.design, readings(sensor, progress)
+    in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
+    told = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
+    parts = (
+        named_part(design, "part", ReceiverPart),
+        emitter_part(design),
+        trimmer_part(design),
+        named_part(design, "adc", AdcPart),
+    )
+    return DesignReadings(
+        **vars(found),
+        name=design.name,
+        wavelength_nm=sensor.light.wavelength_nm,
+        temperature_C=design.readout.temperature_c,
+        ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
+        parts=tuple(PartUsed(part.name, part.kind, part.document, part.estimates) for part in parts),
+        warnings=(*sensor.warnings, *idle_keys(sensor, "power"), *told, *found.coarse()),
+    )
+
+
 def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
     """Readings of a sensor at the angles of its motion, traced in power.
 
@@ -99,7 +164,7 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
         circuit,
         response.angle_deg,
         received(sensor, response),
-        response.u,
+        response.u_power,
         trimmer_part(design),
         ambient_mW_cm2=design.readout.ambient_mw_cm2,
         temperature_C=design.readout.temperature_c,

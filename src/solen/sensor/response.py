@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from solen.trace import Mode, Slope, Trace
+from solen.arrays import FloatArray, IntArray
+from solen.results import HIDDEN, Result, reported
+from solen.trace import Ledger, Mode, Slope, Trace
 
 SATURATED = 0.95
 """Contrast from which on a differential signal hardly moves any more."""
@@ -15,51 +16,77 @@ SATURATED = 0.95
 
 @dataclass(frozen=True)
 class Shift:
-    """Largest distance of one contrast over the angles from another, where it is, and what it may be off by there."""
+    """Largest change of the contrast over the angles, the angle where it is, and its uncertainty there."""
 
     contrast: float
     angle_deg: float
-    u: float
+    u_contrast: float
 
 
-@dataclass(frozen=True)
-class Response:
-    """Powers at the receivers over N angles, as fractions of the emitted power; ``u`` is their uncertainty.
+@dataclass(frozen=True, eq=False, repr=False)
+class Response(Result):
+    """Powers at two receivers over N angles, as fractions of the emitted power.
 
-    ``u`` (N,) estimates the error of both readings; NaN for a sweep of a fixed number of rays, which is a count and not
-    an estimate. ``traces`` hold the ledgers and the numbers of rays.
+    Attributes
+    ----------
+    mode
+        ``count`` or ``power``.
+    angle_deg
+        (N,), as the motion goes.
+    right, left
+        (N,) power at each receiver.
+    u_power
+        (N,) uncertainty of both; NaN for a sweep of a fixed number of rays, which is a count and not an estimate.
+    traces
+        What was traced at each angle.
     """
 
     mode: Mode
-    angle_deg: NDArray[np.float64]
-    right: NDArray[np.float64]
-    left: NDArray[np.float64]
-    u: NDArray[np.float64]
-    traces: tuple[Trace, ...]
+    angle_deg: FloatArray
+    right: FloatArray
+    left: FloatArray
+    u_power: FloatArray
+    traces: tuple[Trace, ...] = field(metadata=HIDDEN)
 
-    @property
-    def rays(self) -> NDArray[np.int64]:
+    @reported
+    def contrast(self) -> FloatArray:
+        """(R − L)/(R + L), NaN where no light arrives."""
+        return _share(self.right - self.left, self.right + self.left)
+
+    @reported
+    def u_contrast(self) -> FloatArray:
+        """Uncertainty of the contrast, from that of both powers; NaN where no light arrives."""
+        return _share(2.0 * self.u_power, self.right + self.left)
+
+    @reported
+    def rays(self) -> IntArray:
         """Rays traced at each angle."""
         return np.array([trace.rays for trace in self.traces])
 
-    @property
-    def contrast(self) -> NDArray[np.float64]:
-        """(R − L)/(R + L), NaN where no light arrives."""
-        total = self.right + self.left
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(total > 0, (self.right - self.left) / total, np.nan))
+    @reported
+    def ledger(self) -> list[Ledger]:
+        """Where the power goes at each angle."""
+        return [trace.ledger for trace in self.traces]
 
     @property
-    def u_contrast(self) -> NDArray[np.float64]:
-        """Uncertainty of the contrast, from that of both powers; NaN where no light arrives."""
-        total = self.right + self.left
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(np.where(total > 0, 2.0 * self.u / total, np.nan))
+    def received_share(self) -> float:
+        """Power at both receivers, mean over the angles."""
+        return float((self.right + self.left).mean())
+
+    def contrast_at(self, angle_deg: float) -> float | None:
+        """Contrast at the angle nearest to ``angle_deg``; None where no light arrives."""
+        value = float(self.contrast[self.at(angle_deg)])
+        return value if math.isfinite(value) else None
+
+    @property
+    def largest_u_contrast(self) -> float:
+        """Largest uncertainty of a contrast; NaN where no light arrives at an angle."""
+        return float(np.max(self.u_contrast))
 
     def part(self, places: Sequence[int]) -> "Response":
         """The same at some of the angles, by their places."""
         chosen = list(places)
-        arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u[chosen])
+        arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
         return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen))
 
     def joined(self, other: "Response") -> "Response":
@@ -69,7 +96,7 @@ class Response:
             angle_deg=np.concatenate([self.angle_deg, other.angle_deg]),
             right=np.concatenate([self.right, other.right]),
             left=np.concatenate([self.left, other.left]),
-            u=np.concatenate([self.u, other.u]),
+            u_power=np.concatenate([self.u_power, other.u_power]),
             traces=(*self.traces, *other.traces),
         )
         return both.part(np.argsort(both.angle_deg, kind="stable").tolist())
@@ -79,32 +106,30 @@ class Response:
         return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
 
     def null_deg(self) -> float | None:
-        """Angle nearest to 0 at which both receivers see the same, by a straight line between angles, or None."""
-        contrast = self.contrast
-        with np.errstate(invalid="ignore", divide="ignore"):
-            u_contrast = 2.0 * np.nan_to_num(self.u) / (self.right + self.left)
-        zero = (np.abs(contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
-        found = [float(angle) for angle in self.angle_deg[zero]]
-        for i in np.flatnonzero(contrast[:-1] * contrast[1:] < 0.0):
-            share = contrast[i] / (contrast[i] - contrast[i + 1])
-            found.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
-        return min(found, key=abs, default=None)
+        """Null nearest to 0, where both receivers get the same, interpolated linearly between angles; None without."""
+        u_contrast = _share(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
+        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
+        nulls = [*self.angle_deg[zero].tolist(), *self._crossings_deg(0.0)]
+        return min(nulls, key=abs, default=None)
 
     def saturation_deg(self) -> float | None:
-        """Smallest distance from the null at which the contrast reaches `SATURATED`, by a straight line between angles.
+        """Smallest distance from the null at which the contrast reaches `SATURATED`, interpolated linearly.
 
         None where it never does, or without a null.
         """
-        null, contrast = self.null_deg(), self.contrast
+        null = self.null_deg()
         if null is None:
             return None
-        reached = [float(angle) for angle in self.angle_deg[np.abs(contrast) >= SATURATED]]
-        for bound in (-SATURATED, SATURATED):
-            above = contrast - bound
-            for i in np.flatnonzero(above[:-1] * above[1:] < 0.0):
-                share = above[i] / (above[i] - above[i + 1])
-                reached.append(float((1.0 - share) * self.angle_deg[i] + share * self.angle_deg[i + 1]))
+        reached = self.angle_deg[np.abs(self.contrast) >= SATURATED].tolist()
+        reached += [*self._crossings_deg(-SATURATED), *self._crossings_deg(SATURATED)]
         return min((abs(angle_deg - null) for angle_deg in reached), default=None)
+
+    def _crossings_deg(self, level: float) -> list[float]:
+        """Angles at which the contrast crosses a level between two neighbouring angles."""
+        above = self.contrast - level
+        first = np.flatnonzero(above[:-1] * above[1:] < 0.0)
+        share = above[first] / (above[first] - above[first + 1])
+        return [*((1.0 - share) * self.angle_deg[first] + share * self.angle_deg[first + 1]).tolist()]
 
 
 @dataclass(frozen=True)
@@ -121,7 +146,7 @@ class Sensitivity:
     right: Slope
     left: Slope
     contrast: Slope
-    why: str = ""
+    why: str | None = None
 
     @property
     def reached(self) -> bool:
@@ -129,8 +154,14 @@ class Sensitivity:
         return not self.why
 
 
+def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
+    """Quotients, NaN where the whole is 0."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(whole > 0.0, part / whole, np.nan))
+
+
 def powers(found: Trace) -> dict[str, float]:
-    """Power of the emitter by receiver: of several sources the first, as ambient light is told apart and subtracted."""
+    """Power of the emitter by receiver: that of the first source, as ambient light is measured apart and subtracted."""
     return {name: (*reading.power_by_source, reading.power)[0] for name, reading in found.detectors.items()}
 
 

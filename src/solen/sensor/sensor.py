@@ -22,13 +22,10 @@ from solen.scene import Scene, sensor_scene
 from solen.sensor.response import Response, Sensitivity, contrast, contrast_slope, powers, steepness
 from solen.spec import Design, load, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
-from solen.trace.adaptive import is_extended, why_not
+from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
 
-TOLERANCE, CHIP_TOLERANCE = 1e-6, 1e-4
-"""Within what fraction of the emitted power a receiver's power is integrated: from a point, from a source with a size.
-"""
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
 DENSE_TOLERANCE = 1e-4
@@ -39,7 +36,7 @@ RECENT_SCENES = 64
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
 SLOPE_DEG = 0.04
-"""Angle over which the slope at the balance point is taken: well inside the range where a contrast is straight."""
+"""Angle over which the slope at the null is taken: well inside the range where a contrast is straight."""
 
 OPTICAL_KEYS = (
     *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm")),
@@ -57,7 +54,7 @@ OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
 
 
-class TraceOptions(TypedDict, total=False):
+class TraceKeywords(TypedDict, total=False):
     """What `Sensor.trace` passes on to `solen.trace.trace`, which explains it."""
 
     sampling: Literal["fan", "sobol"]
@@ -178,7 +175,7 @@ class Sensor:
         angle_deg: float = 0.0,
         mode: Mode | None = None,
         rays: int | None = None,
-        **options: Unpack[TraceOptions],
+        **options: Unpack[TraceKeywords],
     ) -> Trace:
         """Trace at an angle, in the design's mode and with its rays unless told otherwise.
 
@@ -198,9 +195,7 @@ class Sensor:
         By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source.
         """
         scene = self.scene(angle_deg)
-        if tolerance is None:
-            tolerance = CHIP_TOLERANCE if is_extended(scene) else TOLERANCE
-        return integrate(scene, mode, tolerance)
+        return integrate(scene, mode, usual_tolerance(scene) if tolerance is None else tolerance)
 
     def derivative(self, key: str, angle_deg: float = 0.0, mode: Mode = "power") -> Derivative:
         """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
@@ -334,7 +329,7 @@ class Sensor:
         """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
         self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        readings = [self._reading(end, tolerance=TOLERANCE)[1] for end in ends]
+        readings = [self._reading(end, tolerance=POINT_TOLERANCE)[1] for end in ends]
         low, high = (contrast(one["right"], one["left"]) for one in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
@@ -438,6 +433,6 @@ class Sensor:
             angle_deg=np.array(angles),
             right=np.array([powers["right"] for _, powers, _ in results]),
             left=np.array([powers["left"] for _, powers, _ in results]),
-            u=np.array([u for _, _, u in results]),
+            u_power=np.array([u for _, _, u in results]),
             traces=tuple(found for found, _, _ in results),
         )

@@ -1,52 +1,133 @@
 """A design over the angles of its motion: counted and in power, with its lens and without, and beside neighbours."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
+import solen
 from solen.arrays import Progress
 from solen.errors import DesignError
+from solen.lens import Lens
+from solen.material import Optical
+from solen.results import HIDDEN, Result, reported
+from solen.sensor.as_printed import AsPrinted, as_printed
+from solen.sensor.check import BodySizes, Focus, body_sizes, foci_of
+from solen.sensor.idle import idle_keys
 from solen.sensor.practice import Practice, practice
-from solen.sensor.printed import Printed, printed
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.spec import Design
 
+SCHEMA = 1
+"""Of the files of results."""
+
 
 @dataclass(frozen=True)
-class Case:
-    """A sensor's response twice over: by counting the design's rays, and in power, integrated.
+class Summary:
+    """The few numbers asked for first, from the integrated power of a case.
 
-    ``null_deg`` is the balance point nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
+    Attributes
+    ----------
+    from_deg, to_deg
+        First and last angle.
+    contrast_from, contrast_to
+        Contrast there; None where no light arrives.
+    null_deg, slope_per_deg
+        Null nearest to 0 and the slope of the contrast there.
+    saturation_deg
+        Distance from the null at which the contrast saturates.
+    received_share
+        Power at both receivers, mean over the angles.
+    u_power
+        Largest uncertainty of a power.
+    ledger_error
+        How far the parts of the emitted power are from adding up to 1, at most.
+    truncated
+        Most power cut off at any angle.
+    undefined_rays
+        Rays that met an inconsistent interface.
+    rays_traced
+        In the count and in the power.
     """
 
-    sensor: Sensor
-    counted: Response
+    from_deg: float
+    to_deg: float
+    contrast_from: float | None
+    contrast_to: float | None
+    null_deg: float | None
+    slope_per_deg: float | None
+    saturation_deg: float | None
+    received_share: float
+    u_power: float
+    ledger_error: float
+    truncated: float
+    undefined_rays: int
+    rays_traced: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Result):
+    """A sensor's response twice: by counting the design's rays, and in power, integrated.
+
+    ``null_deg`` is the null nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
+    """
+
+    sensor: Sensor = field(metadata=HIDDEN)
+    count: Response
     power: Response
     null_deg: float | None
     slope_per_deg: float | None
 
+    @property
+    def summary(self) -> Summary:
+        """Its few numbers."""
+        power = self.power
+        first, last = float(power.angle_deg[0]), float(power.angle_deg[-1])
+        return Summary(
+            from_deg=first,
+            to_deg=last,
+            contrast_from=power.contrast_at(first),
+            contrast_to=power.contrast_at(last),
+            null_deg=self.null_deg,
+            slope_per_deg=self.slope_per_deg,
+            saturation_deg=power.saturation_deg(),
+            received_share=power.received_share,
+            u_power=float(power.u_power.max()),
+            ledger_error=max(abs(trace.ledger.total - 1.0) for trace in power.traces),
+            truncated=max(trace.ledger.truncated for trace in power.traces),
+            undefined_rays=sum(trace.undefined for trace in power.traces),
+            rays_traced=int(power.rays.sum() + self.count.rays.sum()),
+        )
 
-@dataclass(frozen=True)
-class Study:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Study(Result):
     """A design over the angles of its motion, with its lens and without.
 
-    ``lens`` is None for a design without one. ``flat`` is None where the sensor with a lens cannot be built without it;
-    ``flat_refused`` then says why. ``practice`` compares the design with its neighbours, where that was asked for.
-    ``designed`` is the case of the lens that was asked for, and ``printed`` what lies between, where the design's own
-    lens was measured.
+    Attributes
+    ----------
+    design
+        What was studied; a file of results holds it as its TOML does, defaults omitted.
+    with_lens
+        None for a design without a lens.
+    no_lens, no_lens_refused
+        None where the sensor cannot be built without its lens, and then why.
+    practice
+        The design beside its neighbours, where that was asked for.
+    designed, as_printed
+        For a measured lens: the case of the lens that was designed, and the differences.
     """
 
     design: Design
-    lens: Case | None
-    flat: Case | None
-    flat_refused: str | None = None
+    with_lens: Case | None = field(metadata=HIDDEN)
+    no_lens: Case | None = field(metadata=HIDDEN)
+    no_lens_refused: str | None = None
     practice: Practice | None = None
-    designed: Case | None = None
-    printed: Printed | None = None
+    designed: Case | None = field(default=None, metadata=HIDDEN)
+    as_printed: AsPrinted | None = None
 
     @property
     def case(self) -> Case:
         """The design's own case."""
-        case = self.lens or self.flat
+        case = self.with_lens or self.no_lens
         if case is None:
             raise AssertionError("a study has at least one case")
         return case
@@ -54,8 +135,77 @@ class Study:
     @property
     def cases(self) -> dict[str, Case]:
         """Cases by name: ``lens``, ``designed``, ``no_lens``."""
-        all_of_them = {"lens": self.lens, "designed": self.designed, "no_lens": self.flat}
-        return {name: case for name, case in all_of_them.items() if case is not None}
+        every = {"lens": self.with_lens, "designed": self.designed, "no_lens": self.no_lens}
+        return {name: case for name, case in every.items() if case is not None}
+
+    @property
+    def sensor(self) -> Sensor:
+        """The design's own sensor."""
+        return self.case.sensor
+
+    @reported
+    def schema(self) -> int:
+        """Version of these names."""
+        return SCHEMA
+
+    @reported
+    def solen(self) -> str:
+        """Version of solen."""
+        return solen.__version__
+
+    @reported
+    def simulated(self) -> bool:
+        """Always: no sensor was measured."""
+        return True
+
+    @reported
+    def name(self) -> str:
+        """Name of the design."""
+        return self.design.name
+
+    @reported
+    def wavelength_nm(self) -> float:
+        """Of the emitter."""
+        return self.sensor.light.wavelength_nm
+
+    @reported
+    def material(self) -> Optical:
+        """Index and absorption at that wavelength."""
+        return self.sensor.material
+
+    @reported
+    def lens(self) -> Lens | None:
+        """The lens; None for a drawn body."""
+        return self.sensor.cut
+
+    @reported
+    def foci(self) -> tuple[Focus, ...]:
+        """Where the lens focuses, by the index of the material."""
+        return foci_of(self.sensor)
+
+    @reported
+    def body(self) -> BodySizes:
+        """What follows from the body's dimensions, at rest."""
+        return body_sizes(self.sensor)
+
+    @reported
+    def summary(self) -> dict[str, Summary]:
+        """The few numbers of each case."""
+        return {name: case.summary for name, case in self.cases.items()}
+
+    @reported
+    def response(self) -> dict[str, Case]:
+        """The responses of each case."""
+        return self.cases
+
+    @reported
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before its numbers are used."""
+        return (
+            *self.sensor.warnings,
+            *idle_keys(self.sensor),
+            *(() if self.practice is None else self.practice.warnings),
+        )
 
 
 def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> Study:
@@ -69,20 +219,20 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
     found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
-    case, beside = found.case, found.printed
+    case, beside = found.case, found.as_printed
     chip = None if beside is None or beside.chip is None else beside.chip.printed
-    told = _part(progress, parts - 2, parts, 2)
-    return replace(found, practice=practice(case.sensor, case.power, told, chip=chip))
+    rest = _part(progress, parts - 2, parts, 2)
+    return replace(found, practice=practice(case.sensor, case.power, rest, chip=chip))
 
 
 def _beside_design(found: Study, progress: Progress | None) -> Study:
     """The same with the lens that was asked for, where the design's own was measured."""
-    lens = found.lens
+    lens = found.with_lens
     if lens is None or not lens.sensor.is_measured:
         return found
     lens.sensor.as_designed.check()
     designed = _case(lens.sensor.as_designed, None)
-    return replace(found, designed=designed, printed=printed(lens.sensor, lens.power, designed.power, progress))
+    return replace(found, designed=designed, as_printed=as_printed(lens.sensor, lens.power, designed.power, progress))
 
 
 def _study(design: Design, progress: Progress | None) -> Study:

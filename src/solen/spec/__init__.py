@@ -10,7 +10,7 @@ from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
 from solen.spec.motion import MAX_STEPS, Motion
 from solen.spec.readout import Readout
-from solen.spec.template import template, template_names
+from solen.spec.template import NewDesign, template, template_names
 from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 from solen.spec.wall import Wall
 
@@ -25,6 +25,7 @@ __all__ = [
     "Lens",
     "Material",
     "Motion",
+    "NewDesign",
     "Readout",
     "Receivers",
     "Trace",

@@ -7,7 +7,7 @@ Whether what a design describes can be built (an oval beyond tangency, a body cr
 The interface: `Design` and its tables: `Material`, `Lens`, `Body`, `Receivers` of `solen.spec.body`, `Emitter` and
 `Ambient` of `solen.spec.light`, `Motion`, `Wall`, `Fabricate` and `Readout` of the modules of their names, and `Trace`;
 `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names. What several
-tables say together is checked by `solen.spec.together`.
+tables say together is checked by `solen.spec.combinations`.
 """
 
 from collections.abc import Mapping
@@ -18,12 +18,12 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from solen.errors import SpecError
 from solen.spec.body import Body, Lens, Material, Receivers
+from solen.spec.combinations import check_combinations
 from solen.spec.fabricate import Fabricate
 from solen.spec.light import Ambient, Emitter
 from solen.spec.motion import Motion
 from solen.spec.readout import Readout
 from solen.spec.strict import Strict, Text, nearest
-from solen.spec.together import check_together
 from solen.spec.wall import Wall
 
 READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
@@ -79,7 +79,7 @@ class Design(Strict):
         if self.body.lens_is_drawn and "moves" not in self.motion.model_fields_set:
             # of an outline nothing but the emitter can be known to move without tearing it
             self.__dict__["motion"] = self.motion.model_copy(update={"moves": ("emitter",)})
-        check_together(self)
+        check_combinations(self)
         return self
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Design":

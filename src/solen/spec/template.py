@@ -1,11 +1,22 @@
 """The design files that solen ships: a commented one to start from, and examples that state only what differs."""
 
+from dataclasses import dataclass
 from importlib.resources import files
+from pathlib import Path
 
 from solen.errors import SpecError
+from solen.results import Result
 from solen.spec.strict import nearest
 
 _EXAMPLES = files("solen.spec") / "examples"
+
+
+@dataclass(frozen=True, repr=False)
+class NewDesign(Result):
+    """A design file that was written, and the example that it is."""
+
+    design: Path
+    example: str
 
 
 def template_names() -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from pydantic_core import core_schema
 
 from solen.errors import SpecError
 from solen.files import read_text, write_text
+from solen.results import plain
 from solen.spec.design import Design
 from solen.spec.light import Emitter
 from solen.spec.strict import Document, Migrations, migrated, parse_toml, told_of
@@ -88,6 +89,12 @@ def _kept(emitter: Emitter) -> list[str]:
 def dumps(design: Design) -> str:
     """TOML text of a design, defaults omitted; `loads` gives the design back."""
     return tomli_w.dumps({"schema": SCHEMA, **_document(design)})
+
+
+@plain.register
+def _(design: Design) -> Any:
+    """A design in a result: the tables of its file, defaults omitted."""
+    return plain(_document(design))
 
 
 def save(path: Path | str, design: Design) -> Path:

@@ -1,19 +1,21 @@
-"""The command that turns a design's light into volts."""
+"""The command that turns a design's light into voltages."""
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
 
-from cyclopts import Parameter
+from solen.cli.app import FigureFile, Out, Set, lines, progress_bar, text
+from solen.readout import Setting
+from solen.results import Outcome
+from solen.sensor.readings import DesignReadings
 
-from solen.cli.app import FigureFile, Json, Set, progress_bar, show, text
+MOST_ROWS = 8
+ANY_LOAD_OHM = 1e8
+"""Beyond it nothing limits a load."""
 
-_Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json.")]
 
-
-def readout(
-    file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: _Out = None, as_json: Json = False
-) -> None:
-    """Show what the receivers of a design read in volts over its motion, with noise, and which load suits them.
+def readout(file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: Out = None) -> Outcome[DesignReadings]:
+    """Show the voltages of a design's receivers over its motion, with noise, and which load suits them.
 
     Parameters
     ----------
@@ -23,51 +25,49 @@ def readout(
     from solen.pipeline.design import readout as pipeline
 
     with progress_bar("tracing") as progress:
-        found = pipeline.readout(file, set_ or (), figure=figure, out=out, progress=progress)
-    show(found, as_json, lambda: _lines(found))
+        return pipeline.readout(file, set_, figure=figure, out=out, progress=progress)
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
-    circuit, whole, advice = found["circuit"], found["range"], found["advice"]
-    least, usual, most = circuit["emitter_power_mW"]
-    lines = [
-        f"{found['name']} (simulated): {circuit['receiver']} on {circuit['load_ohm']:g} ohm and "
-        f"{circuit['supply_V']:g} V, read by {circuit['adc']}",
-        f"  emitter {circuit['emitter']} at {circuit['emitter_current_mA']:g} mA: {usual:.3g} mW "
-        f"({least:.3g} to {most:.3g})",
-        f"  sensitivity at {circuit['wavelength_nm']:g} nm {circuit['response']:.3g} of the stated one",
-        *_table(found),
-        f"  readings {whole['lowest_V']:.3f} to {whole['highest_V']:.3f} V, {100 * whole['used_of_supply']:.0f} % of "
-        f"the supply; resolution of one reading {_fine(whole['best_resolution_deg'])} to "
-        f"{_fine(whole['worst_resolution_deg'])} deg",
-        f"load: turn it until the brightest angle of the motion reads {advice['target_V']:.2f} V",
-    ]
-    lines += [_setting(one) for one in advice["settings"]]
-    if any(one["turn"] is None for one in advice["settings"]) and advice["emitter_current_mA"] is not None:
-        lines.append(f"  {advice['emitter_current_mA']:.2g} mA in the emitter bring all of them within the trimmer")
-    lines += [f"warning: {warning}" for warning in found["warnings"]]
-    return lines + [f"{name}: {found[name]}" for name in ("figure", "out") if name in found]
+@lines.register
+def _(found: DesignReadings) -> Iterator[str]:
+    circuit, drive, whole, advice = found.circuit, found.circuit.drive, found.range, found.advice
+    yield (
+        f"{found.name} (simulated): {circuit.transistor.name} on {circuit.load_ohm[0]:g} ohm and "
+        f"{circuit.supply_V:g} V, read by {circuit.adc.name}"
+    )
+    yield (
+        f"  emitter {drive.name} at {drive.current_mA:g} mA: {drive.typical_mW:.3g} mW "
+        f"({drive.least_mW:.3g} to {drive.most_mW:.3g})"
+    )
+    yield f"  sensitivity at {found.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the stated one"
+    yield from _table(found)
+    yield (
+        f"  readings {whole.lowest_V:.3f} to {whole.highest_V:.3f} V, {100 * whole.used_of_supply:.0f} % of "
+        f"the supply; resolution of one reading {_fine(whole.best_resolution_deg)} to "
+        f"{_fine(whole.worst_resolution_deg)} deg"
+    )
+    yield f"load: turn it until the brightest angle of the motion reads {advice.target_V:.2f} V"
+    yield from map(_setting, advice.settings)
+    if advice.emitter_current_mA is not None and any(setting.turn is None for setting in advice.settings):
+        yield f"  {advice.emitter_current_mA:.2g} mA in the emitter bring all of them within the trimmer"
 
 
-def _table(found: dict[str, Any]) -> list[str]:
+def _table(found: DesignReadings) -> Iterator[str]:
     """A row for each of some nine angles."""
-    angles, names = found["angle_deg"], list(found["receivers"])
-    lines = [f"  {'deg':>7}" + "".join(f"  {name + ' V':>9}" for name in names) + f"  {'mV noise':>9}  {'deg':>9}"]
-    chosen = range(0, len(angles), max(1, (len(angles) - 1) // 8))
-    for row in chosen:
-        receivers = found["receivers"].values()
-        volts = "".join(f"  {one['volts'][row]:9.4f}" for one in receivers)
-        noise = 1e3 * max(one["noise_V"][row] for one in receivers)
-        lines.append(f"  {angles[row]:7.3g}{volts}  {noise:9.3f}  {_fine(found['both']['resolution_deg'][row]):>9}")
-    return lines
+    names = "".join(f"  {name + ' V':>9}" for name in found.circuit.names)
+    yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
+    for row in range(0, len(found.angle_deg), max(1, (len(found.angle_deg) - 1) // MOST_ROWS)):
+        volts = "".join(f"  {value:9.4f}" for value in found.voltage_V[row])
+        noise, resolution = 1e3 * found.noise.reading_V[row].max(), found.resolution_of_all_deg[row]
+        yield f"  {found.angle_deg[row]:7.3g}{volts}  {noise:9.3f}  {_fine(float(resolution)):>9}"
 
 
-def _setting(one: dict[str, Any]) -> str:
-    load = "any load" if one["largest_ohm"] is None or one["largest_ohm"] > 1e8 else f"{one['largest_ohm']:.0f} ohm"
-    turn = "out of the trimmer's range" if one["turn"] is None else f"{100 * one['turn']:.0f} % of the trimmer"
-    now = "saturates now" if one["saturates"] else f"uses {100 * one['used']:.0f} % of the supply now"
-    return f"  {one['case']:9} parts: {load}, {turn}; {now}"
+def _setting(setting: Setting) -> str:
+    load = "any load" if setting.largest_ohm > ANY_LOAD_OHM else f"{setting.largest_ohm:.0f} ohm"
+    turn = "out of the trimmer's range" if setting.turn is None else f"{100 * setting.turn:.0f} % of the trimmer"
+    now = "saturates now" if setting.saturates else f"uses {100 * setting.used:.0f} % of the supply now"
+    return f"  {setting.case:9} parts: {load}, {turn}; {now}"
 
 
 def _fine(value: float | None) -> str:
-    return "none" if value is None else text(float(f"{value:.2g}"))
+    return "none" if value is None or math.isnan(value) else text(float(f"{value:.2g}"))

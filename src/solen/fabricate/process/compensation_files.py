@@ -13,7 +13,7 @@ from solen.curve import Curve
 from solen.fabricate.process.compensate import Compensation
 from solen.fabricate.process.drawing import curve_of
 from solen.fabricate.process.print_design import PrintedDesign
-from solen.lens.measured import profile_text
+from solen.lens.profile import profile_text
 from solen.sensor import Sensor
 from solen.spec import Design, dumps
 from solen.spec.objects import CURVES

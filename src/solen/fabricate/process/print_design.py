@@ -25,7 +25,7 @@ from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
-from solen.lens.measured import MeasuredProfile, profile_of
+from solen.lens.profile import MeasuredProfile, profile_of
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.sensor import Sensor

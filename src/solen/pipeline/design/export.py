@@ -8,7 +8,7 @@ from solen import files
 from solen.arrays import Progress
 from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, exported_solid
 from solen.fabricate.layers import Slicing, printable_design
-from solen.pipeline.design.commands import open_design
+from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.outputs import check_figure
 from solen.pipeline.print.layers import layer_files, with_figure

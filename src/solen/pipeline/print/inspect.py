@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from solen import files
-from solen.lens.measured import profile_text
+from solen.lens.profile import profile_text
 from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
-from solen.pipeline.design.commands import open_design
+from solen.pipeline.design.designs import open_design
 from solen.pipeline.outputs import check_outputs
 from solen.results import Outcome
 from solen.spec import Design, with_values

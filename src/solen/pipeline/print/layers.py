@@ -26,7 +26,7 @@ from solen.fabricate.layers import (
     write_archive,
 )
 from solen.parts import printer_of
-from solen.pipeline.design.commands import open_design
+from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
 from solen.pipeline.outputs import check_figure
 from solen.results import Outcome

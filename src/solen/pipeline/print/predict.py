@@ -7,8 +7,8 @@ from solen import files
 from solen.arrays import Progress
 from solen.fabricate import MESH_WRITERS
 from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_files, print_design
-from solen.lens.measured import profile_text
-from solen.pipeline.design.commands import open_design
+from solen.lens.profile import profile_text
+from solen.pipeline.design.designs import open_design
 from solen.pipeline.outputs import check_ending, check_outputs
 from solen.results import Outcome
 from solen.sensor import Sensor

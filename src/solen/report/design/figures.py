@@ -21,7 +21,7 @@ from solen.plane import along
 from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SOFT, SPACE, STYLE
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, Practice, Sensor
-from solen.sensor.off_index import steps
+from solen.sensor.index_offset import steps
 from solen.trace import Convergence, Mode, Path, Trace, trace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
@@ -93,7 +93,7 @@ def practice_figure(found: Practice) -> Figure:
         if found.index:
             index_axes.legend(fontsize=8)
         if found.chip_shift is not None:
-            beside = f"beside it, a chip {found.extent.width_mm:g} mm wide changes that of a point by up to"
+            beside = f"beside it, a chip {found.emitter.width_mm:g} mm wide changes that of a point by up to"
             index_axes.set_title(f"{beside} {found.chip_shift.contrast:.2f}", fontsize=8)
     return figure
 
@@ -235,7 +235,7 @@ def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
 
 
 def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str, style: str) -> None:
-    counted, power = case.counted, case.power
+    counted, power = case.count, case.power
     thin = 2.0 if style == "-" else 1.2
     for side in ("right", "left"):
         power_axes.plot(
@@ -247,14 +247,14 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
 
 
 def _draw_chip(axes: Axes, found: Practice) -> None:
-    extent = found.extent
+    extent = found.emitter
     name = "the design's file of rays" if extent.kind == "file" else f"chip {extent.width_mm:g} mm wide"
     if found.point is not None:
         axes.plot(found.point.angle_deg, found.point.contrast, color=LOST, lw=1.4, label="point")
     if found.chip is not None:
         axes.plot(found.chip.angle_deg, found.chip.contrast, color=INK, lw=2.0, label=name)
     if found.in_space is not None:
-        size, plane, space = found.in_space.extent, found.in_space.plane, found.in_space.space
+        size, plane, space = found.in_space.emitter, found.in_space.plane, found.in_space.space
         name = "in space" if extent.kind == "file" else f"{size.width_mm:g} × {size.height_mm:g} mm, in space"
         axes.plot(space.angle_deg, space.contrast, color=SPACE, lw=2.0, ls="--", label=name)
         axes.plot(plane.angle_deg, plane.contrast, "o", color=SPACE, mfc="none", ms=6, label="the same in the plane")
@@ -262,10 +262,9 @@ def _draw_chip(axes: Axes, found: Practice) -> None:
 
 def _draw_indices(axes: Axes, found: Practice) -> None:
     for one in found.index or ():
-        change = one.response.contrast - one.base.contrast
-        colour, style = LOWER if one.step < 0.0 else HIGHER, "s-" if one.known else "o-"
-        name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.known else "")
-        axes.plot(one.response.angle_deg, change, style, color=colour, ms=3.5, lw=1.6, label=name)
+        colour, style = LOWER if one.step < 0.0 else HIGHER, "s-" if one.by_uncertainty else "o-"
+        name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.by_uncertainty else "")
+        axes.plot(one.response.angle_deg, one.change, style, color=colour, ms=3.5, lw=1.6, label=name)
 
 
 def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:

@@ -12,7 +12,7 @@ from markupsafe import Markup
 import solen
 from solen.lens import OvalLens
 from solen.report.canvas import svg
-from solen.report.design.as_printed import printed_lines
+from solen.report.design.as_printed import printed_sentences
 from solen.report.design.figures import (
     SHOWN_RAYS,
     focus_figure,
@@ -22,10 +22,10 @@ from solen.report.design.figures import (
     response_figure,
     sensor_view,
 )
-from solen.report.design.practical import budget_rows, off_index_rows
-from solen.report.design.results import results, summary
+from solen.report.design.practical import budget_rows, index_rows
 from solen.report.design.words import findings, headline, warnings
 from solen.report.print.predict_figure import printed_figure
+from solen.results import scalars
 from solen.sensor import Case, Study
 from solen.spec import dumps
 
@@ -48,9 +48,9 @@ def figures(study: Study) -> dict[str, str]:
     case = study.case
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
-    drawn = {"response": response_figure(study.lens, study.flat, study.designed)}
-    if study.printed is not None:
-        drawn["as-printed"] = printed_figure(study.printed)
+    drawn = {"response": response_figure(study.with_lens, study.no_lens, study.designed)}
+    if study.as_printed is not None:
+        drawn["as-printed"] = printed_figure(study.as_printed)
     if study.practice is not None and study.practice.chip is not None:
         drawn["practice"] = practice_figure(study.practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
@@ -61,8 +61,8 @@ def figures(study: Study) -> dict[str, str]:
     drawn["rays"] = rays_figure(views)
     if not case.sensor.is_drawn:
         drawn["rays-at-the-lens"] = rays_figure(views, 1.5 * case.sensor.lens.half_width_mm)
-    if study.lens is not None and study.flat is not None:
-        drawn["rays-without-lens"] = rays_figure([sensor_view(study.flat.sensor, a, rays) for a in angles])
+    if study.with_lens is not None and study.no_lens is not None:
+        drawn["rays-without-lens"] = rays_figure([sensor_view(study.no_lens.sensor, a, rays) for a in angles])
     return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}
 
 
@@ -77,19 +77,32 @@ def html(study: Study, drawn: dict[str, str]) -> str:
         headline=headline(study),
         findings=findings(study),
         figures={name: _inline(text, name) for name, text in drawn.items()},
-        results=results(study),
-        summaries=[(label, summary(one)) for label, one in _cases(study)],
+        parts=_parts(study),
+        summaries=[(label, vars(case.summary)) for label, case in _cases(study)],
         rows=range(len(case.power.angle_deg)),
         cases=_cases(study),
         design=dumps(study.design),
         budget=budget_rows(study),
-        off=off_index_rows(study),
+        off=index_rows(study),
         warnings=warnings(study),
-        printed=[] if study.printed is None else printed_lines(study.printed),
+        printed=[] if study.as_printed is None else printed_sentences(study.as_printed),
         rays=study.design.emitter.rays,
         version=solen.__version__,
         python=platform.python_version(),
     )
+
+
+def _parts(study: Study) -> dict[str, list[tuple[str, Any]]]:
+    """Rows of the tables of numbers, by what they are of."""
+    focus = next((focus for focus in study.foci if focus.step == 0.0), None)
+    parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
+    hidden = ("step", "by_uncertainty")
+    rows = {
+        name: [(key, value) for key, value in scalars(part) if value is not None and key not in hidden]
+        for name, part in parts.items()
+        if part is not None
+    }
+    return {name: [("wavelength_nm", study.wavelength_nm)] * (name == "material") + own for name, own in rows.items()}
 
 
 def shown(value: Any) -> str:
@@ -108,7 +121,7 @@ def shown(value: Any) -> str:
 
 
 def _cases(study: Study) -> list[tuple[str, Case]]:
-    with_lens = "with lens" if study.printed is None else f"lens {study.printed.told}"
+    with_lens = "with lens" if study.as_printed is None else f"lens {study.as_printed.label}"
     labels = {"lens": with_lens, "designed": "lens as designed", "no_lens": "no lens"}
     return [(labels[name], case) for name, case in study.cases.items()]
 

@@ -3,15 +3,11 @@
 Every sentence is computed; where the study has no such number, there is none.
 """
 
-import math
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from solen.lens import OvalLens
-from solen.report.design.results import received_share
 from solen.sensor import Extent, InSpace, Practice, Response, Study
-from solen.sensor.off_index import NEAR_DEG
+from solen.sensor.index_offset import NEAR_DEG
 
 SHOWN_SHARE = 5e-4
 """Share of the light from which on it is told of in a sentence."""
@@ -31,7 +27,7 @@ PARTS = {
 """Parts of the budget in words."""
 
 
-class OffIndexRow(NamedTuple):
+class IndexRow(NamedTuple):
     """An index of the material in words, the contrasts that it makes, and where rays near the axis and all focus."""
 
     text: str
@@ -39,12 +35,12 @@ class OffIndexRow(NamedTuple):
     foci: list[float | None]
 
 
-class OffIndexRows(NamedTuple):
+class IndexRows(NamedTuple):
     """Contrast at some angles, and foci in mm by their names, for each index of the material."""
 
     angles: list[float]
     foci: list[str]
-    rows: list[OffIndexRow]
+    rows: list[IndexRow]
 
 
 def budget_rows(study: Study) -> list[tuple[str, float]]:
@@ -57,48 +53,40 @@ def budget_rows(study: Study) -> list[tuple[str, float]]:
     return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a share", budget.u)]
 
 
-def off_index_rows(study: Study) -> OffIndexRows:
+def index_rows(study: Study) -> IndexRows:
     """Contrast with the chip at the ends and near the middle, and foci of the lens, by the index of the material."""
     found = study.practice
     if found is None or not found.index:
-        return OffIndexRows([], [], [])
+        return IndexRows([], [], [])
     base = found.index[0].base
     there = base.angle_deg.tolist()
     angles = sorted({there[0], *(near for near in (-NEAR_DEG, NEAR_DEG) if near in there), there[-1]} - {0.0})
     index = study.case.sensor.material.index
     told = [(index, f"{index:.6g} (this design)", base)]
     for one in found.index:
-        note = " (its standard uncertainty)" if one.known else ""
+        note = " (its standard uncertainty)" if one.by_uncertainty else ""
         told.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
     told.sort(key=lambda row: row[0])
     lens = study.case.sensor.cut
     oval = lens if isinstance(lens, OvalLens) else None
-    rows = [
-        OffIndexRow(text, [contrast_at(response, a) for a in angles], _foci(oval, at)) for at, text, response in told
-    ]
-    return OffIndexRows(angles, ["focus near the axis (mm)", "smallest spot (mm)"] if oval else [], rows)
+    rows = [IndexRow(text, [response.contrast_at(a) for a in angles], _foci(oval, at)) for at, text, response in told]
+    return IndexRows(angles, ["focus near the axis (mm)", "smallest spot (mm)"] if oval else [], rows)
 
 
 def _foci(lens: OvalLens | None, index: float) -> list[float | None]:
     return [] if lens is None else [lens.paraxial_focus_mm(index), lens.best_focus_mm(index)]
 
 
-def contrast_at(response: Response, angle_deg: float) -> float | None:
-    """Contrast at the angle nearest to ``angle_deg``; None where no light arrives."""
-    value = float(response.contrast[response.at(angle_deg)])
-    return value if math.isfinite(value) else None
-
-
 def chip_words(found: Practice) -> str:
     """The response with a chip beside that of a point; empty without both."""
-    chip, point, extent = found.chip, found.point, found.extent
+    chip, point, extent = found.chip, found.point, found.emitter
     if chip is None or point is None:
         return ""
     ends = [float(chip.angle_deg[0]), float(chip.angle_deg[-1])]
     ends = ends if ends[0] != ends[1] else ends[:1]
     inner = _inner(chip)
     angles = sorted({*ends, *([inner] if inner is not None else [])})
-    values = [(angle, contrast_at(chip, angle), contrast_at(point, angle)) for angle in angles]
+    values = [(angle, chip.contrast_at(angle), point.contrast_at(angle)) for angle in angles]
     if any(a is None or b is None for _, a, b in values):
         return ""
     if extent.kind == "own":
@@ -106,34 +94,34 @@ def chip_words(found: Practice) -> str:
     else:
         start = f"With a chip {extent.width_mm:g} mm wide in place of the point, for comparison, the contrast is"
         second = "with the point"
-    told = [f"{_signed(value)} at {angle:+g}° ({second} {_signed(other)})" for angle, value, other in values]
+    told = [f"{signed(value)} at {angle:+g}° ({second} {signed(other)})" for angle, value, other in values]
     return f"{start} {_listed(told)}."
 
 
 def null_words(found: Practice) -> str:
-    """How far a decentre moves the balance point; empty where that is not known."""
-    shift = found.null
+    """How far a decentre moves the null; empty where that is not known."""
+    shift = found.null_shift
     if shift is None:
         return ""
     return (
-        f"With {_chip(found.extent)} the balance point moves by {shift.shift_deg:+.3f}° (± {shift.u_deg:.1g}°) when "
+        f"With {_chip(found.emitter)} the null moves by {shift.shift_deg:+.3f}° (± {shift.u_shift_deg:.1g}°) when "
         f"the emitter is moved by {shift.step_mm:g} mm towards +x."
     )
 
 
-def off_index_words(study: Study) -> str:
+def index_words(study: Study) -> str:
     """What an index that is off does to the response; empty without light."""
-    angles, _, rows = off_index_rows(study)
+    angles, _, rows = index_rows(study)
     found = study.practice
     if found is None or not rows or any(value is None for row in rows for value in row.contrasts):
         return ""
     shown = [i for i, angle in enumerate(angles) if angle <= 0.0] or [0]
     told = []
     for i in shown:
-        values = _listed([f"{_signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
+        values = _listed([f"{signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
         told.append(f"at {angles[i]:+g}° the contrast is {values}")
     fixed = " and the lens stays as it is cut" if isinstance(study.case.sensor.cut, OvalLens) else ""
-    text = f"With {_chip(found.extent)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    text = f"With {_chip(found.emitter)}, where the material's index is off{fixed}: {'; '.join(told)}."
     return " ".join(filter(None, (text, _shift_words(found))))
 
 
@@ -145,7 +133,7 @@ def _shift_words(found: Practice) -> str:
     text = f"Over the motion the contrast moves by at most {moved.contrast:.3f} (at {moved.angle_deg:+.3g}°)"
     if chip is None:
         return f"{text}."
-    name = _chip(found.extent)
+    name = _chip(found.emitter)
     return f"{text}; {name} alone moves it from a point's by up to {chip.contrast:.3f} (at {chip.angle_deg:+.3g}°)."
 
 
@@ -166,15 +154,15 @@ def space_words(study: Study) -> str:
         return ""
     same = found.same
     ends = sorted({float(found.plane.angle_deg[0]), float(found.plane.angle_deg[-1])})
-    pairs = [(angle, contrast_at(found.plane, angle), contrast_at(same, angle)) for angle in ends]
+    pairs = [(angle, found.plane.contrast_at(angle), same.contrast_at(angle)) for angle in ends]
     if any(one is None or other is None for _, one, other in pairs):
         return ""
-    told = [f"{_signed(one)} and {_signed(other)} at {angle:+g}°" for angle, one, other in pairs]
-    plane, space, angles = received_share(found.plane), received_share(same), len(found.plane.angle_deg)
+    told = [f"{signed(one)} and {signed(other)} at {angle:+g}°" for angle, one, other in pairs]
+    plane, space, angles = found.plane.received_share, same.received_share, len(found.plane.angle_deg)
     text = (
         f"{_emitter(found)} gives, by rays in the plane and by rays in space in a body {found.thickness_mm:g} mm "
-        f"thick, a contrast of {_listed(told)} (± {_u_contrast(same):.1g}, sampled). Of its light {plane:.1%} and "
-        f"{space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
+        f"thick, a contrast of {_listed(told)} (± {same.largest_u_contrast:.1g}, sampled). Of its light "
+        f"{plane:.1%} and {space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
     )
     weaker = all(abs(one or 0.0) - abs(other or 0.0) > STRONGER for _, one, other in pairs)
     if weaker and isinstance(study.case.sensor.cut, OvalLens):
@@ -182,17 +170,12 @@ def space_words(study: Study) -> str:
     return text
 
 
-def _u_contrast(response: Response) -> float:
-    """Largest error of a contrast."""
-    return float(np.max(2.0 * response.u / (response.right + response.left)))
-
-
 def _emitter(found: InSpace) -> str:
-    if found.extent.kind == "file":
+    if found.emitter.kind == "file":
         return "The design's file of rays"
-    size = f"A chip of {found.extent.width_mm:g} × {found.extent.height_mm:g} mm"
+    size = f"A chip of {found.emitter.width_mm:g} × {found.emitter.height_mm:g} mm"
     pattern = "with its pattern in a table" if found.pattern == "table" else found.pattern
-    fan = " (in place of the design's fan, which has no light out of the plane)" if found.replaced else ""
+    fan = " (in place of the design's fan, which has no light out of the plane)" if found.pattern_replaced else ""
     return f"{size}, {pattern} within ±{found.cone_deg / 2:g}°{fan},"
 
 
@@ -212,5 +195,11 @@ def _listed(parts: list[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def _signed(value: float | None) -> str:
-    return "no light" if value is None else f"{0.0 if abs(value) < 5e-4 else value:+.3f}"
+def signed(value: float | None) -> str:
+    """A contrast with its sign; none for a zero."""
+    return "no light" if value is None else f"{without_sign(value):+.3f}"
+
+
+def without_sign(value: float) -> float:
+    """The value, without the sign of a zero."""
+    return 0.0 if abs(value) < 5e-4 else value

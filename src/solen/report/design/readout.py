@@ -26,10 +26,10 @@ def readout_figure(found: Readings, name: str) -> Figure:
 def _volts(axes: Axes, found: Readings) -> None:
     angle, circuit = found.angle_deg, found.circuit
     for place, name in enumerate(circuit.names):
-        low, high = (found.cases[case][:, place] for case in ("brightest", "dimmest"))
+        low, high = (found.voltage_by_case_V[case][:, place] for case in ("brightest", "dimmest"))
         axes.fill_between(angle, low, high, color=COLOURS[name], alpha=0.13, lw=0)
         noise = f"{1e3 * float(np.median(found.noise.reading_V[:, place])):.2g} mV"
-        axes.plot(angle, found.volts[:, place], color=COLOURS[name], lw=1.6, label=f"{name}, noise {noise}")
+        axes.plot(angle, found.voltage_V[:, place], color=COLOURS[name], lw=1.6, label=f"{name}, noise {noise}")
     axes.axhline(circuit.supply_V, color=LOST, lw=0.8, ls=":")
     axes.axhline(found.advice.target_V, color=LOST, lw=0.8, ls="--", label="saturates below")
     load = f"{circuit.load_ohm[0]:g} Ω, {circuit.supply_V:g} V, emitter {circuit.drive.current_mA:g} mA"
@@ -41,7 +41,7 @@ def _volts(axes: Axes, found: Readings) -> None:
 def _resolution(axes: Axes, found: Readings) -> None:
     for place, name in enumerate(found.circuit.names):
         axes.plot(found.angle_deg, found.resolution_deg[:, place], color=COLOURS[name], lw=1.2, label=name)
-    axes.plot(found.angle_deg, found.both_deg, color=INK, lw=1.6, label="both")
+    axes.plot(found.angle_deg, found.resolution_of_all_deg, color=INK, lw=1.6, label="both")
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -5,11 +5,18 @@ Every sentence is computed from the study; none is printed when the study does n
 
 from solen.lens import OvalLens
 from solen.material import Optical
-from solen.report.design.as_printed import printed_lines
-from solen.report.design.practical import budget_words, chip_words, null_words, off_index_words, space_words
-from solen.report.design.results import summary
+from solen.report.design.as_printed import printed_sentences
+from solen.report.design.practical import (
+    budget_words,
+    chip_words,
+    index_words,
+    null_words,
+    signed,
+    space_words,
+    without_sign,
+)
 from solen.sensor import SATURATED, Case, Study
-from solen.sensor.off_index import steps
+from solen.sensor.index_offset import steps
 from solen.sensor.practice import CHIP_MM
 
 
@@ -17,7 +24,7 @@ def findings(study: Study) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
     told = [
         ("The signal", _signal(study)),
-        ("As printed", " ".join(printed_lines(study.printed)) if study.printed else ""),
+        ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
         ("Range", _range(study.case)),
         ("A real chip", chip_words(study.practice) if study.practice else ""),
         ("Alignment", _alignment(study)),
@@ -30,30 +37,29 @@ def findings(study: Study) -> list[tuple[str, str]]:
 
 
 def warnings(study: Study) -> list[str]:
-    """What must be known before anything else: of the material's numbers, and of what they do to the response."""
-    found = [*study.case.sensor.warnings, *(study.practice.warnings if study.practice else ())]
-    return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in found]
+    """What must be known before anything else, as sentences."""
+    return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
 def headline(study: Study) -> str:
     """One sentence."""
-    found = summary(study.case)
-    start = f"{_signed(found['contrast_from'])} at {found['from_deg']:+g}°"
-    if found["from_deg"] == found["to_deg"]:
+    found = study.case.summary
+    start = f"{signed(found.contrast_from)} at {found.from_deg:+g}°"
+    if found.from_deg == found.to_deg:
         return f"The contrast between the two receivers is {start}."
-    end = f"{_signed(found['contrast_to'])} at {found['to_deg']:+g}°"
+    end = f"{signed(found.contrast_to)} at {found.to_deg:+g}°"
     return f"The contrast between the two receivers runs from {start} to {end}."
 
 
 def _signal(study: Study) -> str:
-    found, sentences = summary(study.case), [headline(study)]
-    if study.lens is None:
+    found, sentences = study.case.summary, [headline(study)]
+    if study.with_lens is None:
         sentences.append("This design has no lens.")
-    elif study.flat is not None:
-        flat = summary(study.flat)
-        ends = f"{_signed(flat['contrast_from'])} to {_signed(flat['contrast_to'])}"
+    elif study.no_lens is not None:
+        flat = study.no_lens.summary
+        ends = f"{signed(flat.contrast_from)} to {signed(flat.contrast_to)}"
         sentences.append(f"Without the lens it runs from {ends}.")
-    first, last = found["contrast_from"], found["contrast_to"]
+    first, last = found.contrast_from, found.contrast_to
     if first is not None and last is not None and first != last:
         side = "right" if first > last else "left"
         sentences.append(f"Turning to the right (a negative angle) brightens the {side} receiver.")
@@ -61,28 +67,28 @@ def _signal(study: Study) -> str:
 
 
 def _range(case: Case) -> str:
-    found = summary(case)
-    if not found["received_share"] > 0.0:
+    found = case.summary
+    if not found.received_share > 0.0:
         return "No light reaches the receivers at any angle."
-    if found["null_deg"] is None:
-        return "Both receivers never see the same in this range: there is no balance point to measure from."
-    balance = f"Both receivers see the same at {_zero(found['null_deg']):.2f}°"
-    if found["slope_per_deg"] is not None:
-        balance += f"; there the contrast changes by {abs(found['slope_per_deg']):.2g} per degree"
-    if found["saturation_deg"] is None:
+    if found.null_deg is None:
+        return "Both receivers never see the same in this range: there is no null to measure from."
+    balance = f"Both receivers see the same at {without_sign(found.null_deg):.2f}°"
+    if found.slope_per_deg is not None:
+        balance += f"; there the contrast changes by {abs(found.slope_per_deg):.2g} per degree"
+    if found.saturation_deg is None:
         return f"{balance}. It stays below {SATURATED} in this range."
     return (
-        f"{balance}. About {found['saturation_deg']:.2f}° away it first exceeds {SATURATED}: where it does, the two "
+        f"{balance}. About {found.saturation_deg:.2f}° away it first exceeds {SATURATED}: where it does, the two "
         "signals tell the direction of the motion, but hardly its amplitude."
     )
 
 
 def _light(study: Study) -> str:
-    found, sensor = summary(study.case), study.case.sensor
+    found, sensor = study.case.summary, study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
     budget = budget_words(study)
-    text = f"On average {found['received_share']:.1%} of the emitted light reaches the receivers."
+    text = f"On average {found.received_share:.1%} of the emitted light reaches the receivers."
     text += f" {budget}" if budget else ""
     if lens is None:
         return text
@@ -93,14 +99,14 @@ def _light(study: Study) -> str:
         )
     if emitter.offset_mm == 0.0 and isinstance(lens, OvalLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
-            f" At the lens's edge light arrives at {lens.edge_incidence_deg():.1f}° to the normal: "
+            f" At the lens's edge light arrives at {lens.edge_incidence_deg:.1f}° to the normal: "
             "a rounded or rough edge costs light there first."
         )
     return text
 
 
 def _alignment(study: Study) -> str:
-    """What the lens makes of a decentre and of a chip, and what a decentre does to the balance point."""
+    """What the lens makes of a decentre and of a chip, and what a decentre does to the null."""
     lens, practice, sentences = study.case.sensor.cut, study.practice, []
     if isinstance(lens, OvalLens):
         own_mm = study.case.sensor.light.width_mm
@@ -122,7 +128,7 @@ def _index(study: Study) -> str:
     lens, material = study.case.sensor.cut, study.case.sensor.material
     known = f"The index is {material.index:.6g} ± {material.u_index:.2g} (standard)." if material.u_index else ""
     focus = _focuses(lens, material) if isinstance(lens, OvalLens) else ""
-    return " ".join(filter(None, (known, focus, off_index_words(study))))
+    return " ".join(filter(None, (known, focus, index_words(study))))
 
 
 def _focuses(lens: OvalLens, material: Optical) -> str:
@@ -174,12 +180,3 @@ def _arms(study: Study) -> str:
 
 def _focus(focus_mm: float | None) -> str:
     return "nowhere behind the lens" if focus_mm is None else f"at {focus_mm:.1f} mm"
-
-
-def _signed(value: float | None) -> str:
-    return "no light" if value is None else f"{_zero(value):+.3f}"
-
-
-def _zero(value: float) -> float:
-    """The value, without the sign of a zero."""
-    return 0.0 if abs(value) < 5e-4 else value

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from solen.lens import MeasuredLens
 from solen.report.canvas import INK, LOST, RIGHT, SOFT, SPACE, STYLE
-from solen.sensor import Comparison, Printed
+from solen.sensor import AsPrinted, Comparison
 
 PLACES = 400
 """Places across the lens at which its deviation is drawn."""
@@ -15,14 +15,14 @@ MOST_DOTS = 400
 """Points of a profile that are drawn at most."""
 
 
-def printed_figure(found: Printed) -> Figure:
+def printed_figure(found: AsPrinted) -> Figure:
     """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.2, 3.8), layout="constrained")
         shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
         draw_deviation(shape_axes, found.lens)
-        shape_axes.set_title(f"lens {found.told}", fontsize=9)
-        for one, colour in ((found.own, INK), (found.chip, SPACE)):
+        shape_axes.set_title(f"lens {found.label}", fontsize=9)
+        for one, colour in ((found.emitter, INK), (found.chip, SPACE)):
             if one is not None:
                 _draw_responses(contrast_axes, one, colour)
                 _draw_difference(difference_axes, one, colour)

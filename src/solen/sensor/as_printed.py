@@ -1,23 +1,24 @@
-"""What a lens as it was printed does to the response, beside the one that was asked for.
+"""What a lens as printed does to the response, beside the one that was designed.
 
 The idea: the same body, emitter and material with two lenses. What lies between their responses is what printing did;
-how well that is known follows from outlines drawn within the uncertainty of the measured profile. These are traced at
-some of the angles, and less closely than the lens itself: eight outlines tell an uncertainty to a quarter. Light of a
-point is integrated, as it jumps; of a chip, whose light is smooth, a fan of `DRAWN_RAYS` is enough. Beside the design's
-own emitter a chip is compared, where the design states none: the step of a point hides what a real one shows.
+its uncertainty follows from outlines drawn within that of the measured profile. These are traced at some of the angles,
+and less closely than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is integrated,
+as it jumps; of a chip, whose light is smooth, a fan of `DRAWN_RAYS` is enough. Where the design is a point, a chip is
+compared as well: the step of a point hides what a real emitter shows.
 
-The interface: `printed` of a sensor with a measured lens, which returns a `Printed`.
+The interface: `as_printed` of a sensor with a measured lens, which returns an `AsPrinted`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.lens import MeasuredLens
-from solen.sensor.off_index import STANDARD_ERROR, swept
+from solen.results import HIDDEN, Result, reported
+from solen.sensor.index_offset import STANDARD_ERROR, swept
 from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
 from solen.sensor.response import Response, contrast, powers
 from solen.sensor.sensor import Sensor
@@ -35,7 +36,16 @@ DRAWN_RAYS = 2**14
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Difference:
+    """Contrast with the printed lens less that with the designed one, at an angle."""
+
+    angle_deg: float
+    contrast: float
+    u_contrast: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
     """Responses of one emitter with the designed lens and with the printed one, at the same N angles.
 
     Attributes
@@ -46,80 +56,85 @@ class Comparison:
         The two responses.
     u_shape
         (N,) standard uncertainty of the printed one's contrast by that of its outline alone.
-    null_deg
-        Balance points of both, None where there is none.
-    u_null_deg
-        Standard uncertainty of the printed one's.
+    null_designed_deg, null_printed_deg
+        Their nulls, None where there is none.
+    u_null_shift_deg
+        Standard uncertainty of the distance of the nulls.
     """
 
     width_mm: float
     designed: Response
     printed: Response
-    u_shape: FloatArray
-    null_deg: tuple[float | None, float | None]
-    u_null_deg: float | None
+    u_shape: FloatArray = field(metadata=HIDDEN)
+    null_designed_deg: float | None
+    null_printed_deg: float | None
+    u_null_shift_deg: float | None
 
-    @property
+    @reported
     def difference(self) -> FloatArray:
         """(N,) contrast of the printed one less that of the designed one."""
         return self.printed.contrast - self.designed.contrast
 
-    @property
+    @reported
     def u_difference(self) -> FloatArray:
         """(N,) standard uncertainty of `difference`: of the outline, and of both traces."""
         return np.sqrt(self.u_shape**2 + self.printed.u_contrast**2 + self.designed.u_contrast**2)
 
-    @property
-    def largest(self) -> int | None:
-        """Place of the largest difference; None without light."""
+    @reported
+    def largest(self) -> Difference | None:
+        """The largest difference; None without light."""
         size = np.abs(self.difference)
-        return int(np.nanargmax(size)) if np.isfinite(size).any() else None
+        if not np.isfinite(size).any():
+            return None
+        place = int(np.nanargmax(size))
+        columns = (self.designed.angle_deg, self.difference, self.u_difference)
+        return Difference(*(float(column[place]) for column in columns))
 
-    @property
+    @reported
     def null_shift_deg(self) -> float | None:
-        """How far the balance point has moved."""
-        before, after = self.null_deg
+        """How far printing moves the null."""
+        before, after = self.null_designed_deg, self.null_printed_deg
         return None if before is None or after is None else after - before
 
-    @property
-    def received(self) -> tuple[float, float]:
-        """Light at both receivers, mean over the angles: designed, printed."""
-        before, after = (float((one.right + one.left).mean()) for one in (self.designed, self.printed))
-        return before, after
 
-
-@dataclass(frozen=True)
-class Printed:
+@dataclass(frozen=True, eq=False, repr=False)
+class AsPrinted(Result):
     """A design beside itself as printed.
 
-    ``own`` is with the design's emitter; ``chip`` with one of `CHIP_MM` where that is a point, else None. ``draws`` is
-    the number of outlines that the uncertainties come from, 0 where the profile is exact.
+    Attributes
+    ----------
+    lens
+        The measured lens.
+    emitter, chip
+        Comparison with the design's emitter, and with a chip of `CHIP_MM` where that is a point, else None.
+    draws
+        Outlines that the uncertainties come from, 0 where the profile is exact.
     """
 
-    lens: MeasuredLens
-    own: Comparison
+    lens: MeasuredLens = field(metadata=HIDDEN)
+    emitter: Comparison
     chip: Comparison | None
     draws: int
 
-    @property
+    @reported
     def simulated(self) -> bool:
         """Whether the profile was computed."""
         return self.lens.fit.profile.simulated
 
     @property
-    def told(self) -> str:
-        """What it is, in words: ``as printed (measured)``."""
+    def label(self) -> str:
+        """How figures and sentences call it: ``as printed (measured)``."""
         return f"as printed ({'simulated' if self.simulated else 'measured'})"
 
 
-def printed(
+def as_printed(
     sensor: Sensor,
     own: Response,
     designed: Response | None = None,
     progress: Progress | None = None,
     *,
     draws: int = DRAWS,
-) -> Printed:
+) -> AsPrinted:
     """Compare a sensor whose lens was measured with the one that was designed.
 
     Parameters
@@ -147,15 +162,15 @@ def printed(
     is_point = sensor.light.width_mm == 0.0 and sensor.light.ray_file is None
     parts = 2 if is_point else 1
 
-    def told(first: int) -> Progress | None:
+    def part(first: int) -> Progress | None:
         return None if progress is None else lambda done: progress((first + done) / parts)
 
-    mine = _comparison(sensor, sensor.as_designed, angles, draws, told(0), (own, designed))
+    mine = _comparison(sensor, sensor.as_designed, angles, draws, part(0), (own, designed))
     chip = None
     if is_point:
         wide, wide_designed = _with_chip(sensor), _with_chip(sensor.as_designed)
-        chip = _comparison(wide, wide_designed, angles, draws, told(1), (None, None))
-    return Printed(sensor.cut, mine, chip, draws)
+        chip = _comparison(wide, wide_designed, angles, draws, part(1), (None, None))
+    return AsPrinted(sensor.cut, mine, chip, draws)
 
 
 def _comparison(
@@ -177,14 +192,15 @@ def _comparison(
         if progress is not None:
             progress(number / draws)
     u_shape = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros(len(angles))
-    nulls = tuple((known_one or one).null_deg() for one, known_one in zip((before, after), known[::-1], strict=True))
+    nulls = [(whole or part).null_deg() for part, whole in zip((before, after), known[::-1], strict=True)]
     return Comparison(
         width_mm=sensor.light.width_mm,
         designed=before,
         printed=after,
         u_shape=u_shape,
-        null_deg=(nulls[0], nulls[1]),
-        u_null_deg=_u_null(after, u_shape, nulls[1]),
+        null_designed_deg=nulls[0],
+        null_printed_deg=nulls[1],
+        u_null_shift_deg=_u_null(after, u_shape, nulls[1]),
     )
 
 
@@ -203,7 +219,7 @@ def _contrasts(drawn: Sensor, found: Response) -> FloatArray:
 
 
 def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:
-    """Uncertainty of a balance point: that of the contrast there by its slope between the angles beside it."""
+    """Uncertainty of a null: that of the contrast there by its slope between the angles beside it."""
     if null_deg is None or len(response.angle_deg) < 2:
         return None
     slope = slope_per_deg(response, null_deg)

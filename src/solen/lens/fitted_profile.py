@@ -14,17 +14,18 @@ The interface: `FittedProfile` of a design and a profile.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.lens.measured import LEAST_POINTS, MeasuredProfile, scatter_mm
 from solen.lens.optics import OvalLens
+from solen.lens.profile import LEAST_POINTS, MeasuredProfile, scatter_mm
 from solen.lens.smoothing import Smooth, smoothed
 from solen.lens.track import Track
+from solen.results import HIDDEN, Result, reported, reported_once
 
 MOST_MISSING, WARNED_MISSING = 0.25, 0.02
 """Share of a half width that a profile may lack, and from which on it is warned of."""
@@ -62,8 +63,8 @@ class Deviation:
     rest_um: float
 
 
-@dataclass(frozen=True)
-class FittedProfile:
+@dataclass(frozen=True, repr=False)
+class FittedProfile(Result):
     """A measured profile beside the oval that was asked for.
 
     Raises
@@ -72,8 +73,8 @@ class FittedProfile:
         Where the profile lacks too much of the lens, or is of another one.
     """
 
-    designed: OvalLens
-    profile: MeasuredProfile
+    designed: OvalLens = field(metadata=HIDDEN)
+    profile: MeasuredProfile = field(metadata=HIDDEN)
 
     def __post_init__(self) -> None:
         self._check_reach()
@@ -99,7 +100,7 @@ class FittedProfile:
         grown = np.minimum(beyond / EASE_MM, 1.0) * 1e-3 * self.deviation.rms_um
         return np.asarray(np.hypot(np.interp(x_mm, x, self._point_u_mm), grown))
 
-    @cached_property
+    @reported_once
     def smooth(self) -> Smooth:
         """The smoothed deviation along z, over the length of the designed oval from its left edge."""
         x, deviation = self.points
@@ -118,7 +119,7 @@ class FittedProfile:
         """Length along the designed oval."""
         return Track.along(self.designed)
 
-    @cached_property
+    @reported_once
     def deviation(self) -> Deviation:
         """How the measured part deviates from the design."""
         x = self.track.x_at(np.linspace(*self._ends, PLACES))
@@ -139,7 +140,7 @@ class FittedProfile:
             rest_um=_rms(more - columns @ rigid),
         )
 
-    @property
+    @reported
     def correlation_mm(self) -> float:
         """Length over which the errors of a drawn outline go together: the standard deviation of a Gaussian.
 
@@ -161,18 +162,43 @@ class FittedProfile:
         value, vectors = np.linalg.eigh(np.exp(-0.5 * (np.subtract.outer(nodes, nodes) / length_mm) ** 2))
         return nodes, u_z[:, None] * vectors * np.sqrt(np.maximum(value, 0.0))
 
-    @property
+    @reported
     def u_rms_um(self) -> float:
         """Root mean square of the profile's uncertainty over the lens, µm."""
         half_mm = self.designed.half_width_mm
         return 1e3 * _rms(self.u_mm(np.linspace(-half_mm, half_mm, PLACES)))
 
-    @property
+    @reported
     def u_slope_mrad(self) -> float:
         """Standard uncertainty of the normals' directions: that of the points by the length of their errors."""
         return self.u_rms_um / self.correlation_mm
 
-    @property
+    @reported
+    def profile_name(self) -> str:
+        """Name of the profile."""
+        return self.profile.name
+
+    @reported
+    def edge(self) -> str:
+        """Which edge of a part its points are of."""
+        return self.profile.edge
+
+    @reported
+    def simulated(self) -> bool:
+        """Whether it was computed rather than measured."""
+        return self.profile.simulated
+
+    @reported
+    def sources(self) -> tuple[object, ...]:
+        """Files that it comes from."""
+        return tuple(self.profile.sources)
+
+    @reported
+    def points_on_lens(self) -> int:
+        """Points of the profile that lie on the lens."""
+        return int(self.points[0].size)
+
+    @reported
     def reach_mm(self) -> tuple[float, float]:
         """Lateral positions between which the lens is measured."""
         x = self.points[0]
@@ -191,7 +217,7 @@ class FittedProfile:
         low, high = np.degrees(np.arctan2(x, self.designed.z_mm(x) + self.designed.distance_mm))
         return float(1.0 - (high - low) / (2.0 * self.designed.acceptance_deg))
 
-    @cached_property
+    @reported_once
     def scatter_um(self) -> float:
         """What differs from point to point, along the normal, µm."""
         x, deviation = self.points

@@ -11,7 +11,7 @@ from solen.spec.strict import nearest
 
 
 @dataclass(frozen=True)
-class Shelf:
+class ShippedFiles:
     """A folder of TOML files; ``what`` they are, in a word.
 
     Other packages add to it by entry points of the ``group``: each names a package that holds ``NAME.toml``.

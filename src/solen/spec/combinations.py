@@ -1,4 +1,4 @@
-"""What several tables of a design say together: keys that need one another, or have no meaning beside one another."""
+"""Keys of a design across its tables: which need one another, and which have no meaning beside one another."""
 
 from typing import TYPE_CHECKING
 
@@ -13,8 +13,8 @@ OF_ROTATIONS: Keys = {"motion": ("pivot",)}
 OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
 
 
-def check_together(design: "Design") -> None:
-    """Refuse keys that do not fit one another."""
+def check_combinations(design: "Design") -> None:
+    """Refuse keys that contradict one another."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
     _refuse_stated(design, unused_keys(design.body.kind), f'body.kind = "{design.body.kind}"')
     _refuse_stated(design, OF_ROTATIONS if bends else OF_BENDS, f'motion.kind = "{design.motion.kind}"')

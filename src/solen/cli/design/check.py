@@ -1,0 +1,79 @@
+"""The commands that check a design and show its lens."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated
+
+from solen.cli.app import FLAT, Set, lines, listing, text
+from solen.results import Outcome, scalars
+from solen.sensor import Check, Focus, LensCheck, LensOptions
+
+
+def check(file: Path, /, *, set_: Set = None) -> Outcome[Check]:
+    """Check that a design can be built at every angle of its motion.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    """
+    from solen.pipeline.design import check as pipeline
+
+    return pipeline.check(file, set_)
+
+
+def lens(
+    file: Path,
+    /,
+    *,
+    options: Annotated[LensOptions, FLAT] = LensOptions(),
+    set_: Set = None,
+    csv: Path | None = None,
+) -> Outcome[LensCheck]:
+    """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    csv
+        Write the profile as a table of x and z in mm.
+    """
+    from solen.pipeline.design import check as pipeline
+
+    return pipeline.lens(file, set_, options, csv=csv)
+
+
+@lines.register
+def _(found: Check) -> Iterator[str]:
+    yield f"{found.name}: a valid sensor at all {found.angles} angles"
+    material = {name: getattr(found.material, name) for name in ("index", "u_index", "mode")}
+    focus = scalars(found.foci[len(found.foci) // 2]) if found.foci else ()
+    lens = {"shape": "drawn"} if found.lens is None else dict(scalars(found.lens))
+    yield from listing(_stated(material | lens | dict(focus) | dict(scalars(found.body))))
+    yield from _foci(found.foci)
+    yield f"faces: {', '.join(found.body.faces)}"
+
+
+@lines.register
+def _(found: LensCheck) -> Iterator[str]:
+    focus = scalars(found.foci[len(found.foci) // 2]) if found.foci else ()
+    yield from listing(_stated(dict(scalars(found.lens)) | dict(focus)))
+    yield from _foci(found.foci)
+
+
+def _stated(values: dict[str, object]) -> dict[str, object]:
+    """Values that exist."""
+    return {
+        name: value for name, value in values.items() if value is not None and name not in ("step", "by_uncertainty")
+    }
+
+
+def _foci(foci: tuple[Focus, ...]) -> Iterator[str]:
+    """Foci in materials whose index is off by its standard uncertainty."""
+    for focus in foci:
+        if focus.by_uncertainty:
+            yield (
+                f"  index {focus.material_index:.6g} (off by its uncertainty, {focus.step:+.2g}): near the axis "
+                f"{text(focus.paraxial_focus_mm)} mm, smallest spot {text(focus.best_focus_mm)} mm"
+            )

@@ -1,0 +1,86 @@
+"""The commands that show the sensitivities of a design, and how its trace converges."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from solen.cli.app import FigureFile, Set, lines, progress_bar, short
+from solen.results import Outcome
+from solen.sensor.traced import DesignConvergence, Sensitivities
+from solen.trace import Mode
+
+
+def convergence(
+    file: Path,
+    /,
+    *,
+    angle_deg: float = 0.0,
+    mode: Mode = "power",
+    set_: Set = None,
+    figure: FigureFile = None,
+) -> Outcome[DesignConvergence]:
+    """Show how the error falls with the number of rays, by fan, by Sobol' samples and by adaptive integration.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right.
+    mode
+        How light meets faces.
+    """
+    from solen.pipeline.design import trace as pipeline
+
+    return pipeline.convergence(file, set_, mode=mode, angle_deg=angle_deg, figure=figure)
+
+
+def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None) -> Outcome[Sensitivities]:
+    """Show how the readings change with the numbers of the design, per unit of each, the steepest contrast first.
+
+    Parameters
+    ----------
+    file
+        The design file.
+    keys
+        Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right.
+    """
+    from solen.pipeline.design import trace as pipeline
+
+    with progress_bar("differentiating") as progress:
+        return pipeline.sensitivity(file, keys, set_, angle_deg=angle_deg, progress=progress)
+
+
+@lines.register
+def _(found: DesignConvergence) -> Iterator[str]:
+    reference = found.reference
+    by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
+    yield f"{found.name} at {found.angle_deg:g} deg, mode {found.mode}: error against {by}"
+    for series in found.series:
+        for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
+            yield f"  {series.method:8} {rays:8} rays  error {_short(error)}  u {_short(u)}"
+
+
+@lines.register
+def _(found: Sensitivities) -> Iterator[str]:
+    width = max((len(row.key) for row in found.sensitivities), default=0)
+    yield f"{found.name} at {found.angle_deg:g} deg: change per unit of each number"
+    yield f"  {'':{width}}  {'value':>9}  {'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}"
+    for row in found.sensitivities:
+        start = f"  {row.key:{width}}  {row.value:9.6g}"
+        if row.why:
+            yield f"{start}  {row.why}"
+            continue
+        slopes = "".join(f"  {_slope(slope.value)}" for slope in (row.right, row.left, row.contrast))
+        yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}"
+    for key, why in found.skipped.items():
+        yield f"left out: {key}: {why}"
+
+
+def _short(value: float) -> str:
+    return short(None if value != value else value)
+
+
+def _slope(value: float) -> str:
+    return f"{'none' if value != value else f'{value:+.6g}':>12}"

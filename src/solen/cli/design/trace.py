@@ -1,0 +1,111 @@
+"""The command that traces a design or a scene."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from solen.cli.app import FLAT, SHOWN, FigureFile, Set, lines
+from solen.errors import SpecError
+from solen.results import Outcome
+from solen.sensor.traced import DesignTrace
+from solen.trace import Trace
+from solen.trace.described import SceneTrace
+from solen.trace.options import TraceOptions
+
+SCENE_SUFFIX = ".json"
+
+
+def trace(
+    file: Path,
+    /,
+    *,
+    options: Annotated[TraceOptions, FLAT] = TraceOptions(),
+    angle_deg: float | None = None,
+    no_lens: bool = False,
+    rays: int | None = None,
+    set_: Set = None,
+    paths: bool = False,
+    figure: FigureFile = None,
+    netcdf: Annotated[Path | None, Parameter(help="Write everything that was found to this .nc file.")] = None,
+) -> Outcome[DesignTrace | SceneTrace]:
+    """Trace a design at one angle of its motion, or a scene: solen's own or one of ray-optics, a .json file.
+
+    Parameters
+    ----------
+    file
+        The design file, or a scene's JSON.
+    angle_deg
+        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Of a design only.
+    no_lens
+        Leave the lens out: a flat face at the stem's base.
+    rays
+        Number of rays; default: emitter.rays.
+    paths
+        With --json or --netcdf: add the paths of all rays.
+    """
+    from solen.pipeline.design import trace as pipeline
+
+    if paths and not (SHOWN.as_json or netcdf):
+        raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
+    if options.sampling == "adaptive" and rays is not None:
+        raise SpecError(
+            "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
+        )
+    if file.suffix.lower() == SCENE_SUFFIX:
+        _refuse({"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]})
+        return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
+    chosen = [f"emitter.rays={rays}"] * (rays is not None) + ["lens.shape=none"] * no_lens
+    return pipeline.trace(
+        file, [*(set_ or ()), *chosen], options, angle_deg=angle_deg or 0.0, paths=paths, figure=figure, netcdf=netcdf
+    )
+
+
+def _refuse(of_designs: Mapping[str, object]) -> None:
+    """`SpecError` for options that only a design has."""
+    for name, value in of_designs.items():
+        if value is not None and value is not False:
+            limit = "belongs to a design; a scene has no motion and no keys"
+            raise SpecError(name, value=None if value is True else value, limit=limit, remedy="leave it out")
+
+
+@lines.register
+def _(found: DesignTrace) -> Iterator[str]:
+    method = "" if found.method == "fan" else f", {found.method}"
+    yield f"{found.name} at {found.angle_deg:g} deg, {found.rays} rays, mode {found.mode}{method}"
+    for name, reading in sorted(found.detectors.items()):
+        u = "" if reading.u_power != reading.u_power else f" ± {reading.u_power:.1e}"
+        yield f"  {name:9} {reading.power:.6f}{u}  ({reading.rays} rays)"
+    yield from _ledger(found)
+    if found.in_space:
+        yield f"  of what escaped, {found.missed:.6f} passed above or below, {found.leaked:.6f} leaked there"
+    if found.single_error is not None:
+        yield f"single precision is off by at most {found.single_error:.1e} where it was compared"
+    if not found.reached:
+        yield f"the tolerance was not reached: {found.why}"
+    yield from _undefined(found)
+
+
+@lines.register
+def _(found: SceneTrace) -> Iterator[str]:
+    yield f"{found.name} ({found.format}), {found.rays} rays, mode {found.mode}"
+    for name, reading in found.readings.items():
+        bins = "" if reading.position is None else f", {len(reading.position)} bins"
+        yield f"  {name:9} {reading.power:.6g} ({reading.rays} rays{bins})"
+    yield from _ledger(found)
+    yield from _undefined(found)
+    for part in found.not_understood:
+        yield f"not understood: {part}"
+
+
+def _ledger(found: Trace) -> Iterator[str]:
+    for field in fields(found.ledger):
+        yield f"  {field.name:9} {getattr(found.ledger, field.name):.6f}"
+
+
+def _undefined(found: Trace) -> Iterator[str]:
+    if found.undefined_at_mm:
+        x, z = found.undefined_at_mm[0]
+        yield f"  {found.undefined} rays met an inconsistent interface, at [{x}, {z}] mm"

@@ -1,0 +1,31 @@
+"""Checks of a design, and its lens with the profile as a table."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from solen import files
+from solen.pipeline.design.designs import open_design
+from solen.results import Outcome
+from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
+from solen.sensor import check as check_sensor
+
+
+def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check]:
+    """Check that a design can be built at every angle of its motion, and what follows from it."""
+    return Outcome(check_sensor(Sensor.of(open_design(path, assignments))))
+
+
+def lens(
+    path: Path,
+    assignments: Sequence[str] | None = None,
+    options: LensOptions = LensOptions(),
+    *,
+    csv: Path | None = None,
+) -> Outcome[LensCheck]:
+    """Numbers of a design's lens, and its profile as a table of x, z where one is asked for."""
+    sensor = Sensor.of(open_design(path, assignments))
+    if csv is None:
+        return Outcome(lens_check(sensor))
+    found, table = lens_check(sensor), sensor.lens.table(options.tolerance_mm)
+    files.write_text(csv, table)
+    return Outcome(found, {"profile": csv})

@@ -1,0 +1,36 @@
+"""Design files: opened with assignments, and written anew."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from solen import files
+from solen.errors import OutputError
+from solen.recording import Provenance
+from solen.results import Outcome
+from solen.spec import Design, NewDesign, load, parse_assignment, template, with_values
+
+DESIGN_NAME = "sensor.toml"
+
+
+def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
+    """Design of a file, with ``key=value`` assignments put in; of two to one key the later one counts."""
+    design = load(path)
+    changes = dict(parse_assignment(text) for text in assignments or ())
+    return with_values(design, changes) if changes else design
+
+
+def provenance_of(path: Path) -> Provenance:
+    """Name and checksum of a design file, as a source of what follows from it."""
+    return Provenance(file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), format="design")
+
+
+def new(folder: Path, example: str = "solen-860") -> Outcome[NewDesign]:
+    """Write a commented design file into a folder; an existing one is never overwritten."""
+    text = template(example)
+    with files.output_folder(folder):
+        target = folder / DESIGN_NAME
+        if target.exists():
+            raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
+        files.write_text(target, text)
+    return Outcome(NewDesign(target, example))

@@ -1,0 +1,150 @@
+"""Traces of a design at an angle, or of a scene's file; convergence and sensitivities of a design."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from solen import files
+from solen.arrays import Progress
+from solen.errors import OutputError, SpecError
+from solen.pipeline.design.designs import open_design
+from solen.pipeline.outputs import check_figure, write
+from solen.results import Outcome
+from solen.sensor import Sensor
+from solen.sensor.traced import (
+    DesignConvergence,
+    DesignTrace,
+    Sensitivities,
+    design_convergence,
+    sensitivities,
+    trace_design,
+)
+from solen.spec import dumps, with_values
+from solen.trace import Mode, Trace
+from solen.trace.dataset import Attributes, check_installed, writer
+from solen.trace.described import SceneTrace, described, open_scene, trace_scene
+from solen.trace.options import TraceOptions, check_paths
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def trace(
+    path: Path,
+    assignments: Sequence[str] | None = None,
+    options: TraceOptions = TraceOptions(),
+    *,
+    angle_deg: float = 0.0,
+    paths: bool = False,
+    figure: Path | None = None,
+    netcdf: Path | None = None,
+) -> Outcome[DesignTrace]:
+    """Trace a design at one angle."""
+    _check_outputs(figure, netcdf)
+    mode = {} if options.mode is None else {"trace.mode": options.mode}
+    sensor = Sensor.of(with_values(open_design(path, assignments), mode))
+    found = trace_design(sensor, angle_deg, options, paths=paths)
+
+    def draw() -> "Figure":
+        from solen.report.design import figures
+
+        shown = min(sensor.design.emitter.rays, figures.SHOWN_RAYS)
+        return figures.rays_figure([figures.sensor_view(sensor, angle_deg, shown, found.mode)])
+
+    names = ", ".join(interface.name for interface in sensor.scene(angle_deg).interfaces)
+    attributes: Attributes = {
+        "name": found.name,
+        "angle_deg": angle_deg,
+        "design": dumps(sensor.design),
+        "interfaces": names,
+    }
+    return Outcome(found, _written(found, attributes, "rays", figure, draw, netcdf))
+
+
+def trace_file(
+    path: Path,
+    options: TraceOptions = TraceOptions(),
+    *,
+    paths: bool = False,
+    figure: Path | None = None,
+    netcdf: Path | None = None,
+) -> Outcome[SceneTrace]:
+    """Trace a scene's file, solen's own or one of ray-optics."""
+    _check_outputs(figure, netcdf)
+    file = open_scene(path, facets=options.mode is None)
+    if paths:
+        check_paths(file.scene)
+    if figure is not None and file.scene.extrusion is not None:
+        raise SpecError("--figure", limit="draws the plane, and these rays are in space", remedy="leave it out")
+    traced = trace_scene(file, options, paths=paths or figure is not None)
+    found = described(file, traced, paths=paths)
+
+    def draw() -> "Figure":
+        from solen.report.design.figures import scene_figure
+
+        return scene_figure(file.scene, traced, file.length_unit)
+
+    attributes: Attributes = {"name": found.name, "format": found.format}
+    return Outcome(found, _written(traced, attributes, "scene", figure, draw, netcdf))
+
+
+def convergence(
+    path: Path,
+    assignments: Sequence[str] | None = None,
+    *,
+    mode: Mode = "power",
+    angle_deg: float = 0.0,
+    figure: Path | None = None,
+) -> Outcome[DesignConvergence]:
+    """Error against rays of a design at one angle, for each way to choose the rays."""
+    check_figure(figure)
+    sensor = Sensor.of(with_values(open_design(path, assignments), {"trace.mode": mode}))
+    found = design_convergence(sensor, angle_deg)
+
+    def draw() -> "Figure":
+        from solen.report.design.figures import convergence_figure
+
+        return convergence_figure(found)
+
+    return write(found, "convergence", figures={"figure": (figure, draw)})
+
+
+def sensitivity(
+    path: Path,
+    keys: Sequence[str] = (),
+    assignments: Sequence[str] | None = None,
+    *,
+    angle_deg: float = 0.0,
+    progress: Progress | None = None,
+) -> Outcome[Sensitivities]:
+    """Derivatives of a design's readings at one angle by its numbers."""
+    return Outcome(sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress))
+
+
+def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:
+    check_figure(figure)
+    if netcdf is None:
+        return
+    if netcdf.suffix.lower() != ".nc":
+        raise OutputError(str(netcdf), limit="a netCDF file ends in .nc", remedy="rename it")
+    check_installed()
+
+
+def _written(
+    trace: Trace,
+    attributes: Attributes,
+    kind: str,
+    figure: Path | None,
+    draw: "Callable[[], Figure]",
+    netcdf: Path | None,
+) -> dict[str, Path]:
+    """Write figure and netCDF, both or neither."""
+    contents: dict[Path, files.Content] = {}
+    if figure is not None:
+        from solen.report import canvas
+
+        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
+    if netcdf is not None:
+        contents[netcdf] = writer(trace, attributes)
+    files.write_all(contents)
+    return {name: path for name, path in (("figure", figure), ("netcdf", netcdf)) if path is not None}

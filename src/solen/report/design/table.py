@@ -1,0 +1,24 @@
+"""The table of a study: `results.csv`."""
+
+import csv
+import io
+import math
+
+from solen.sensor import Response, Study
+
+
+def csv_table(study: Study) -> str:
+    """One row an angle: right, left and contrast of every case, in the order of the header."""
+    columns: dict[str, Response] = {}
+    for name, case in study.cases.items():
+        columns |= {f"{name}_count": case.count, f"{name}_power": case.power}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["angle_deg"] + [f"{name}_{what}" for name in columns for what in ("right", "left", "contrast")])
+    for i, angle in enumerate(study.case.power.angle_deg):
+        row = [repr(float(angle))]
+        for response in columns.values():
+            values = (response.right[i], response.left[i], response.contrast[i])
+            row += ["" if math.isnan(value) else repr(float(value)) for value in values]
+        writer.writerow(row)
+    return text.getvalue()

@@ -1,0 +1,217 @@
+"""What follows from a design before any ray is traced: its material, lens and body, and that it can be built.
+
+The interface: `check` of a sensor; its parts are `foci_of` and `body_sizes`.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+from pydantic import Field
+
+from solen.geometry import arm_angle_deg
+from solen.lens import Lens, MeasuredLens, OvalLens
+from solen.material import Optical
+from solen.results import Result
+from solen.sensor.idle import idle_keys
+from solen.sensor.index_offset import steps
+from solen.sensor.sensor import Sensor
+from solen.spec.strict import Finite, Options
+
+
+@dataclass(frozen=True)
+class Focus:
+    """Where a lens focuses in a material of an index, in mm behind the vertex; None where rays do not meet there.
+
+    Attributes
+    ----------
+    material_index, step
+        Index of the material, and how far that is from the stated one.
+    by_uncertainty
+        Whether the step is the standard uncertainty of the index.
+    paraxial_focus_mm, marginal_focus_mm
+        Of rays near the axis and of those at the edge; None for a measured lens.
+    best_focus_mm, u_best_focus_mm
+        Where the spot of all rays is smallest; the uncertainty is that of a measured profile.
+    spot_rms_mm, spot_x_mm
+        Size of that spot and its distance from the axis, of a measured lens.
+    designed_best_focus_mm
+        The same focus of the oval that a measured lens was to be.
+    """
+
+    material_index: float
+    step: float = 0.0
+    by_uncertainty: bool = False
+    paraxial_focus_mm: float | None = None
+    marginal_focus_mm: float | None = None
+    best_focus_mm: float | None = None
+    u_best_focus_mm: float | None = None
+    spot_rms_mm: float | None = None
+    spot_x_mm: float | None = None
+    designed_best_focus_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class BodySizes:
+    """What follows from a body's dimensions, at rest; None where a kind of body has no such thing.
+
+    Attributes
+    ----------
+    file
+        The drawing of an outline.
+    faces, receivers
+        Names.
+    area_mm2
+        Of the section.
+    emitter_x_mm, emitter_z_mm, emitter_axis_deg
+        Where the emitter stands, and where it points, counter-clockwise from +z.
+    arm_angle_deg, arm_angle_assumed
+        Angle of a Y's arms, and whether they are taken to continue the stem's edge.
+    fork_width_mm
+        Width of the stem where it forks.
+    stem_base_z_mm, crotch_z_mm
+        Where the stem begins and where the arms part.
+    """
+
+    file: str | None
+    faces: tuple[str, ...]
+    receivers: tuple[str, ...]
+    area_mm2: float
+    emitter_x_mm: float
+    emitter_z_mm: float
+    emitter_axis_deg: float
+    arm_angle_deg: float | None = None
+    arm_angle_assumed: bool | None = None
+    fork_width_mm: float | None = None
+    stem_base_z_mm: float | None = None
+    crotch_z_mm: float | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LensCheck(Result):
+    """The lens of a design.
+
+    Attributes
+    ----------
+    name
+        Of the design.
+    lens
+        Its lens.
+    foci
+        Where it focuses, by the index of the material.
+    warnings
+        What must be known of lens and material.
+    """
+
+    name: str
+    lens: Lens
+    foci: tuple[Focus, ...]
+    warnings: tuple[str, ...] = ()
+
+
+class LensOptions(Options):
+    """How the profile of a lens is written."""
+
+    tolerance_mm: Annotated[Finite, Field(ge=1e-9)] = 1e-4
+    """How far a straight line between two points of the table may leave the profile."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Check(Result):
+    """A design that can be built at every angle of its motion, and what follows from it.
+
+    Attributes
+    ----------
+    name
+        Of the design.
+    angles
+        Angles of the motion.
+    wavelength_nm
+        Of the emitter.
+    material
+        Index and absorption at that wavelength.
+    lens, foci
+        The lens, None for a drawn body, and where it focuses.
+    body
+        Sizes of the body at rest.
+    warnings
+        What must be known before the design is believed, and which of its keys have no effect.
+    """
+
+    name: str
+    angles: int
+    wavelength_nm: float
+    material: Optical
+    lens: Lens | None
+    foci: tuple[Focus, ...]
+    body: BodySizes
+    warnings: tuple[str, ...]
+
+
+def check(sensor: Sensor) -> Check:
+    """Check that a sensor can be built at every angle of its motion; `DesignError` where it cannot."""
+    sensor.check()
+    return Check(
+        name=sensor.design.name,
+        angles=len(sensor.design.motion.angles_deg()),
+        wavelength_nm=sensor.light.wavelength_nm,
+        material=sensor.material,
+        lens=sensor.cut,
+        foci=foci_of(sensor),
+        body=body_sizes(sensor),
+        warnings=(*sensor.warnings, *idle_keys(sensor)),
+    )
+
+
+def lens_check(sensor: Sensor) -> LensCheck:
+    """The lens of a sensor; `DesignError` where its body cannot be built, or is drawn."""
+    sensor.body()
+    return LensCheck(sensor.design.name, sensor.lens, foci_of(sensor), tuple(sensor.warnings))
+
+
+def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
+    """Foci in the sensor's material; of an oval also for a lower and a higher index, of a flat face none."""
+    lens, index = sensor.cut, sensor.material.index
+    if isinstance(lens, MeasuredLens):
+        spot, designed_mm = lens.best_spot(index), lens.designed.best_focus_mm(index)
+        if spot is None:
+            return (Focus(index, designed_best_focus_mm=designed_mm),)
+        found = Focus(
+            index,
+            best_focus_mm=spot.z_mm,
+            u_best_focus_mm=lens.u_best_focus_mm(index),
+            spot_rms_mm=spot.rms_mm,
+            spot_x_mm=spot.x_mm,
+            designed_best_focus_mm=designed_mm,
+        )
+        return (found,)
+    if not isinstance(lens, OvalLens):
+        return ()
+    return tuple(
+        Focus(n, step, stated, lens.paraxial_focus_mm(n), lens.marginal_focus_mm(n), lens.best_focus_mm(n))
+        for n, step, stated in ((index + step, step, stated) for step, stated in steps(sensor.material))
+    )
+
+
+def body_sizes(sensor: Sensor) -> BodySizes:
+    """Sizes of a sensor's body at rest."""
+    body, stated = sensor.body(), sensor.design.body
+    faces = (*body.all_faces, *body.apart)
+    sizes = BodySizes(
+        file=stated.file if sensor.is_drawn else None,
+        faces=tuple(face.name for face in (faces if sensor.is_drawn else body.faces)),
+        receivers=tuple(dict.fromkeys(face.whose for face in faces if face.part == "receiver")),
+        area_mm2=body.area_mm2(),
+        emitter_x_mm=body.emitter.point[0],
+        emitter_z_mm=body.emitter.point[1],
+        emitter_axis_deg=body.emitter.axis_deg,
+    )
+    if sensor.is_drawn:
+        return sizes
+    return replace(
+        sizes,
+        arm_angle_deg=arm_angle_deg(sensor.design),
+        arm_angle_assumed=stated.arm_angle_deg is None,
+        fork_width_mm=body.marks["fork-right"][0] - body.marks["fork-left"][0],
+        stem_base_z_mm=body.marks["stem-base"][1],
+        crotch_z_mm=body.marks["crotch"][1],
+    )

@@ -1,0 +1,129 @@
+"""Results at one angle of a design: a trace with its names, convergence, and sensitivities."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from solen.arrays import Progress
+from solen.errors import SpecError
+from solen.results import Result
+from solen.sensor.idle import idle_keys
+from solen.sensor.response import Sensitivity
+from solen.sensor.sensor import OPTICAL_KEYS, Sensor
+from solen.trace import Convergence, Trace, convergence
+from solen.trace.described import Branch, branches, face_names
+from solen.trace.options import TraceOptions, check_paths, trace_with
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DesignTrace(Trace):
+    """Trace of a design at an angle.
+
+    Attributes
+    ----------
+    name, angle_deg, lens
+        Of the design, of its motion, and the lens's shape.
+    in_space
+        Whether rays were traced in space.
+    faces
+        Names of each receiver's interfaces, in the order of ``power_by_position``.
+    branches
+        Paths of all rays, where they were asked for.
+    warnings
+        What must be known before the numbers are used, and which keys have no effect.
+    """
+
+    name: str
+    angle_deg: float
+    lens: str
+    in_space: bool
+    faces: dict[str, tuple[str, ...]]
+    branches: tuple[Branch, ...] | None
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DesignConvergence(Convergence):
+    """Error against rays of a design at an angle, with what must be known of it."""
+
+    name: str
+    angle_deg: float
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities(Result):
+    """Derivatives of a design's readings at an angle, the steepest contrast first.
+
+    Attributes
+    ----------
+    name, angle_deg
+        Of the design and of its motion.
+    sensitivities
+        One for each number of the design.
+    skipped
+        Why numbers were left out, by their keys.
+    warnings
+        What must be known before the numbers are used.
+    simulated
+        Always.
+    """
+
+    name: str
+    angle_deg: float
+    sensitivities: tuple[Sensitivity, ...]
+    skipped: dict[str, str]
+    warnings: tuple[str, ...]
+    simulated: bool = True
+
+
+def trace_design(
+    sensor: Sensor, angle_deg: float = 0.0, options: TraceOptions = TraceOptions(), *, paths: bool = False
+) -> DesignTrace:
+    """Trace a design at an angle; ``paths`` keeps those of all rays.
+
+    Raises
+    ------
+    SpecError
+        Where an option has no effect, or the angle is none.
+    """
+    check_angle(angle_deg)
+    scene = sensor.scene(angle_deg)
+    if paths:
+        check_paths(scene)
+    trace = trace_with(scene, options, sensor.design.trace.mode, paths=paths)
+    return DesignTrace(
+        **vars(trace),
+        name=sensor.design.name,
+        angle_deg=angle_deg,
+        lens=sensor.design.lens.shape,
+        in_space=scene.extrusion is not None,
+        faces=face_names(scene),
+        branches=branches(trace, scene) if paths else None,
+        warnings=(*sensor.warnings, *idle_keys(sensor, trace.mode)),
+    )
+
+
+def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConvergence:
+    """Error against rays of a design at an angle, in its own mode, for each way to choose the rays."""
+    check_angle(angle_deg)
+    found = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
+    return DesignConvergence(
+        **vars(found), name=sensor.design.name, angle_deg=angle_deg, warnings=tuple(sensor.warnings)
+    )
+
+
+def sensitivities(
+    sensor: Sensor, keys: Sequence[str] = (), angle_deg: float = 0.0, progress: Progress | None = None
+) -> Sensitivities:
+    """Derivatives of a design's readings at an angle by numbers of it; see `Sensor.sensitivity`."""
+    check_angle(angle_deg)
+    rows = sensor.sensitivity(keys or None, angle_deg, progress)
+    skipped = {} if keys else {key: why for key in OPTICAL_KEYS if (why := sensor.inert(key))}
+    return Sensitivities(sensor.design.name, angle_deg, rows, skipped, tuple(sensor.warnings))
+
+
+def check_angle(angle_deg: float) -> None:
+    """`SpecError` for an angle that no motion reaches."""
+    if not (math.isfinite(angle_deg) and abs(angle_deg) < 90.0):
+        raise SpecError("--angle-deg", value=angle_deg, limit="must be between -90 and 90")

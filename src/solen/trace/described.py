@@ -1,0 +1,214 @@
+"""A trace with the names of what it met: of a scene's file, in the units of that file.
+
+The interface: `open_scene` reads solen's JSON or that of ray-optics; `trace_scene` traces it; `face_names` and
+`branches` describe any trace by the names of a scene's faces.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from solen import files
+from solen.arrays import FloatArray
+from solen.errors import DataError, SpecError
+from solen.plane import Point
+from solen.results import Result
+from solen.scene import Monitor, Scene, loads, rayoptics
+from solen.trace.options import TraceOptions, trace_with
+from solen.trace.result import Crossed, Trace
+from solen.trace.turns import Turns, trace_in_turns
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch(Result):
+    """Path of one branch of a ray, by the names of the faces met; see `solen.trace.Path`."""
+
+    ray: int
+    branch: int
+    parent: int
+    fate: str
+    power: float
+    faces: tuple[str, ...]
+    points_mm: FloatArray
+    exit_direction: Point | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScreenReading(Result):
+    """Reading of a receiver, monitor or detector of a scene's file, in that file's units.
+
+    Attributes
+    ----------
+    power, u_power
+        Power, and its uncertainty; None where one ray cannot tell.
+    rays
+        Rays or branches that arrived.
+    position, irradiance
+        (bins,) start of each bin along a monitor, and power per length there; None without bins.
+    """
+
+    power: float
+    u_power: float | None
+    rays: int
+    position: FloatArray | None = None
+    irradiance: FloatArray | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SceneTrace(Trace):
+    """Trace of a scene's file.
+
+    Attributes
+    ----------
+    name, format
+        Of the scene: ``solen`` or ``ray-optics``.
+    length_unit, power_unit
+        Units of the readings; detectors and ledger are always in fractions of the emitted power.
+    emitted
+        Power of all sources, in the file's units.
+    readings
+        Of receivers, monitors and detectors, by name.
+    faces
+        Names of each receiver's interfaces, in the order of ``power_by_position``.
+    not_understood
+        What of a scene of ray-optics was left out.
+    branches
+        Paths of all rays, where they were asked for.
+    """
+
+    name: str
+    format: str
+    length_unit: str
+    power_unit: str
+    emitted: float
+    readings: dict[str, ScreenReading]
+    faces: dict[str, tuple[str, ...]]
+    not_understood: tuple[rayoptics.NotUnderstood, ...] = ()
+    branches: tuple[Branch, ...] | None = None
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene of a file; ``imported`` is what else there is of one of ray-optics."""
+
+    scene: Scene
+    imported: rayoptics.Imported | None = None
+
+    @property
+    def format(self) -> str:
+        """``solen`` or ``ray-optics``."""
+        return "solen" if self.imported is None else "ray-optics"
+
+    @property
+    def length_unit(self) -> str:
+        """Unit of lengths."""
+        return "mm" if self.imported is None else "unit of the file"
+
+
+def open_scene(path: Path, *, facets: bool) -> SceneFile:
+    """Scene of a file in either format; `DataError` where it is neither. For ``facets`` see `rayoptics.loads`."""
+    text = files.read_text(path, DataError)
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as bad:
+        raise DataError(str(path), limit=f"not JSON: {bad}") from None
+    if rayoptics.recognised(data):
+        imported = rayoptics.loads(text, str(path), facets=facets)
+        return SceneFile(imported.scene, imported)
+    if isinstance(data, dict) and "solen_scene" in data:
+        return SceneFile(loads(text, str(path)))
+    limit = "no scene: neither solen's (no key solen_scene) nor ray-optics' (no list objs with a version)"
+    raise DataError(str(path), limit=limit)
+
+
+def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, paths: bool = False) -> Trace:
+    """Trace a scene's file: in power or the mode asked for; of ray-optics without a mode in that program's own way.
+
+    Raises
+    ------
+    SpecError
+        Where an option has no meaning for the scene.
+    """
+    if file.imported is not None and options.mode is None:
+        return _in_turns(file.imported, options, paths)
+    return trace_with(file.scene, options, paths=paths)
+
+
+def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTrace:
+    """The trace of a scene's file with its names and units; ``paths`` adds the branches."""
+    scene, imported = file.scene, file.imported
+    return SceneTrace(
+        **vars(trace),
+        name=scene.name,
+        format=file.format,
+        length_unit=file.length_unit,
+        power_unit="fraction of the emitted power" if imported is None else "brightness",
+        emitted=scene.emitted,
+        readings=_received(scene, trace) | (_of_rayoptics(imported, trace) if imported else _monitored(scene, trace)),
+        faces=face_names(scene),
+        not_understood=() if imported is None else tuple(imported.not_understood),
+        branches=branches(trace, scene) if paths else None,
+    )
+
+
+def face_names(scene: Scene) -> dict[str, tuple[str, ...]]:
+    """Names of the interfaces of each receiver of a scene."""
+    return {name: tuple(i.name for i in scene.interfaces if i.receiver == name) for name in scene.receivers}
+
+
+def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
+    """Paths of a trace that kept its legs, by the names of the faces met."""
+    names = [interface.name for interface in scene.interfaces]
+    return tuple(
+        Branch(
+            ray=path.ray,
+            branch=path.branch,
+            parent=path.parent,
+            fate=path.fate,
+            power=path.power,
+            faces=tuple(names[i] for i in path.interfaces),
+            points_mm=path.points_mm,
+            exit_direction=path.exit_direction,
+        )
+        for path in trace.paths()
+    )
+
+
+def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
+    """Trace as ray-optics does, which has no other way to choose rays."""
+    for name, value in options.model_dump(exclude_defaults=True).items():
+        limit = "has no meaning where rays are traced as in ray-optics"
+        raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace by solen's engine")
+    max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
+    turns = Turns(imported.weak, imported.weakest, imported.fresh, **max_hits)
+    return trace_in_turns(imported.scene, turns, legs=paths)
+
+
+def _received(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
+    found = ((name, trace.detectors[name]) for name in scene.receivers)
+    return {name: ScreenReading(reading.power, reading.u_power, reading.rays) for name, reading in found}
+
+
+def _monitored(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
+    return {monitor.name: _screen(monitor, trace.monitors[monitor.name]) for monitor in scene.monitors}
+
+
+def _screen(monitor: Monitor, crossed: Crossed) -> ScreenReading:
+    if not monitor.bins:
+        return ScreenReading(crossed.power, crossed.u_power, crossed.rays)
+    step_mm = monitor.segment.length_mm / monitor.bins
+    position = step_mm * np.arange(float(monitor.bins))
+    return ScreenReading(crossed.power, crossed.u_power, crossed.rays, position, crossed.power_by_bin / step_mm)
+
+
+def _of_rayoptics(imported: rayoptics.Imported, trace: Trace) -> dict[str, ScreenReading]:
+    readings = {}
+    for detector, (name, reading) in zip(imported.detectors, imported.readings(trace.monitors).items(), strict=True):
+        crossed: Sequence[Crossed] = [trace.monitors[monitor.name] for monitor in detector.monitors]
+        u_power = sum(monitor.u_power for monitor in crossed) * imported.scene.emitted
+        rays = sum(monitor.rays for monitor in crossed)
+        readings[name] = ScreenReading(reading.power, u_power, rays, reading.position, reading.irradiance)
+    return readings
