@@ -22,7 +22,7 @@ from solen.analysis.calibration.decoding import COLUMNS
 from solen.bench.follow import Following
 from solen.bench.journal import Journal
 from solen.cli import run_command
-from solen.errors import DataError
+from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
 from solen.pipeline.bench import rig as bench
 from tests.analysis.made_support import Protocol, Truth, made
@@ -282,6 +282,8 @@ def test_streams_that_cannot_be_decoded(
     assert "begins with numbers" in told("0,2,2\n")
     assert "--time stage; no such column" in told("t,left_V,right_V\n", signals=SignalOptions(time="stage"))
     assert "are they mV" in told("t,left,right\n", "0,2000,2000\n")
+    with pytest.raises(SpecError, match="--smooth-ms; applies to recorded files"):
+        decoded(folder, signals=SignalOptions(smooth_ms=25.0), text=["t,left_V,right_V\n", "0,2,2\n"])
     milli = write(tmp_path / "milli.csv", scale=1000.0)
     assert "are they mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
     assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))

@@ -85,7 +85,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
             _file(study, options, [sensor], one, check, _cautions(sensor, one, check))
             for sensor, one, check in zip(sensors, ones, checks, strict=True)
         ]
-        warnings += [f"{file.sensor}: {line}" for file in files for line in file.warnings]
+    warnings += [f"{file.sensor}: {line}" for file in files for line in file.warnings]
     return SensorCalibrations(
         tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
     )
