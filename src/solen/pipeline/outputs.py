@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from solen import __version__, files
 from solen.errors import OutputError, SpecError
@@ -97,20 +97,3 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """`SpecError` where an option is none of its choices."""
     if value not in choices:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")
-
-
-def leave(
-    found: dict[str, Any], kind: str, out: Path | None, figure: Path | None, draw: "Callable[[], Figure]"
-) -> dict[str, Any]:
-    """As `write` for a result that is a dictionary; returns it with the names of the files."""
-    contents: dict[Path, files.Content] = {}
-    if out is not None:
-        data = {"kind": kind, "solen": __version__} | found
-        contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    if figure is not None:
-        from solen.report import canvas
-
-        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
-    files.write_all(contents)
-    places = {"out": out, "figure": figure}
-    return found | {name: str(path) for name, path in places.items() if path is not None}
