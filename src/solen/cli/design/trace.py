@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+from pydantic import Field
 
 from solen.cli.app import FLAT, SHOWN, FigureFile, Set, lines
 from solen.errors import SpecError
@@ -18,14 +19,20 @@ from solen.trace.options import TraceOptions
 SCENE_SUFFIX = ".json"
 
 
+class DesignOptions(TraceOptions):
+    """Options of a trace, with those of a design alone."""
+
+    rays: Annotated[int, Field(ge=1)] | None = None
+    """Number of rays; default: emitter.rays."""
+
+
 def trace(
     file: Path,
     /,
     *,
-    options: Annotated[TraceOptions, FLAT] = TraceOptions(),
+    options: Annotated[DesignOptions, FLAT] = DesignOptions(),
     angle_deg: float | None = None,
     no_lens: bool = False,
-    rays: int | None = None,
     set_: Set = None,
     paths: bool = False,
     figure: FigureFile = None,
@@ -41,8 +48,6 @@ def trace(
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Of a design only.
     no_lens
         Leave the lens out: a flat face at the stem's base.
-    rays
-        Number of rays; default: emitter.rays.
     paths
         With --json or --netcdf: add the paths of all rays.
     """
@@ -50,6 +55,7 @@ def trace(
 
     if paths and not (SHOWN.as_json or netcdf):
         raise SpecError("--paths", limit="is written as JSON or netCDF", remedy="add --json or --netcdf")
+    rays = options.rays
     if options.sampling == "adaptive" and rays is not None:
         raise SpecError(
             "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
