@@ -1,0 +1,353 @@
+"""One ray in space with all its branches, in a body that reaches from a bottom to a top: for adaptive integration.
+
+The steps are those of `solen.trace.kernel.extruded`. The y-component of a ray's direction in its source and its angle
+in projection place it; the heights at which the source emits are not sampled: a branch carries an interval of heights,
+all with the same path in projection. Where a part of the interval passes above or below a body, meets a receiver or is
+reflected once more at top or bottom than the rest, the interval is divided there. So the integral over the height of a
+source is exact.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.extruded import wall_parts
+from solen.trace.kernel.nearest import nearest
+from solen.trace.kernel.rows import RECEIVER, REFRACTING, SEGMENT, TREATED, Floats, Precision
+from solen.trace.kernel.space import Coherency, Vector, bare, divided, scaled, upright
+from solen.trace.kernel.step import Rules, corner_step, escape, meet
+from solen.trace.kernel.surface import COUNT, end_fate, scrambled
+from solen.trace.kernel.treated import acting
+from solen.trace.kernel.tree import NO_ROOM
+from solen.trace.result import DETECTED, ESCAPED, GOES_ON, TRUNCATED
+from solen.trace.tables import Tables
+
+STACK_IN_SPACE = 256
+WIDTH_IN_SPACE = 22
+X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, SILENT, LEAST = range(20)
+
+
+class FamilyInSpace(NamedTuple):
+    """Rays of an emitter along a path of one parameter, from ``low`` to ``high``: its angle, its place, or both.
+
+    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``, and leaves at
+    ``angle`` + u ``turn`` from the axis in projection, in radians, with the y-component ``rise`` of its direction. One
+    at θ from the axis in space counts cos(θ)^``power`` times, or by the table of ``relative`` intensities over
+    ``theta`` where that has entries.
+    """
+
+    x: float
+    z: float
+    along_x: float
+    along_z: float
+    axis: float
+    angle: float
+    turn: float
+    rise: float
+    y_low: float
+    y_high: float
+    s: float
+    p: float
+    colour: int
+    rules: Rules
+    far: float
+    half: float
+    """half the thickness, mm"""
+    above: float
+    below: float
+    low: float
+    high: float
+    power: float
+    theta: Floats
+    relative: Floats
+
+
+@compiled
+def intensity_in_space(family: FamilyInSpace, u: float) -> float:
+    """How much the ray at a parameter counts, per angle in projection and per sine out of the plane."""
+    cos = math.sqrt(1.0 - family.rise * family.rise) * math.cos(family.angle + u * family.turn)
+    if len(family.theta) == 0:
+        return 1.0 if family.power == 0.0 else max(cos, 0.0) ** family.power
+    theta = math.acos(min(max(cos, -1.0), 1.0))
+    if theta > family.theta[-1]:
+        return 0.0
+    i = 1
+    while family.theta[i] < theta and i < len(family.theta) - 1:
+        i += 1
+    share = (theta - family.theta[i - 1]) / (family.theta[i] - family.theta[i - 1])
+    return family.relative[i - 1] + share * (family.relative[i] - family.relative[i - 1])
+
+
+@compiled
+def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Vector, light: Coherency) -> None:
+    """Write a branch that waits."""
+    w[X], w[Z], w[LOW], w[HIGH] = x, z, low, high
+    w[DX], w[DY], w[DZ], w[EX], w[EY], w[EZ] = d.x, d.y, d.z, e.x, e.y, e.z
+    w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
+
+
+@called
+def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
+    k: Precision,
+    tables: Tables,
+    family: FamilyInSpace,
+    u: float,
+    value: NDArray[np.float64],
+    legs: NDArray[np.float64],
+    stack: Floats,
+) -> tuple[int, np.uint64, np.uint64, bool]:
+    """Trace the ray at a parameter with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
+
+    Returns how many legs (−1: no room), the tree of all that changes powers, the path with every hit, and whether a
+    branch was undefined. ``legs`` (capacity, 6) are in projection: start, end, 1 where it ends on a curved face, owner.
+    """
+    receivers = len(value) - 2
+    for i in range(len(value)):
+        value[i] = 0.0
+    rules, half, colour = family.rules, family.half, family.colour
+    tree, way_hash, many, waiting, undefined = np.uint64(0), np.uint64(0), 0, 0, False
+    x, z = family.x + u * family.along_x, family.z + u * family.along_z
+    angle = family.angle + u * family.turn
+    flat = math.sqrt(1.0 - family.rise * family.rise)
+    d = Vector(-flat * math.sin(family.axis + angle), family.rise, flat * math.cos(family.axis + angle))
+    e = upright(d)
+    light = Coherency(family.s, family.p, 0.0, 0.0)
+    ya, yb = family.y_low, family.y_high
+    wide = yb > ya
+    least = rules.min_weight * (family.s + family.p)
+    if wide:
+        low, high = max(ya, -half), min(yb, half)
+        if not high > low:
+            value[receivers] += family.s + family.p
+            return 0, tree, way_hash, False
+        light = scaled(light, (high - low) / (yb - ya))
+        value[receivers] += (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
+        ya, yb = low, high
+    elif abs(ya) > half:
+        value[receivers] += family.s + family.p
+        return 0, tree, way_hash, False
+    region, last, hits, at, silent = -1, -1, 0, k.zero, False
+    running = True
+    while True:
+        if not running:
+            if waiting == 0:
+                return many, tree, way_hash, undefined
+            waiting -= 1
+            w = stack[waiting]
+            x, z, ya, yb = w[X], w[Z], w[LOW], w[HIGH]
+            d, e = Vector(w[DX], w[DY], w[DZ]), Vector(w[EX], w[EY], w[EZ])
+            light = Coherency(w[I1], w[I2], w[CR], w[CI])
+            region, last, hits, at, silent = int(w[REGION]), int(w[LAST]), int(w[HIT]), w[AT], w[SILENT] > 0.0
+            running = True
+        if many == len(legs) or waiting + 4 > len(stack):
+            return NO_ROOM, tree, way_hash, undefined
+        flat = math.sqrt(d.x * d.x + d.z * d.z)
+        power = light.i1 + light.i2
+        if flat < 1e-12:
+            running = False
+            continue
+        ux, uz = d.x / flat, d.z / flat
+        length, c, place = nearest(k, tables, x, z, ux, uz, last, at)
+        if c < 0:
+            _, fate = escape(k, tables, rules, region, colour)
+            value[receivers + (0 if fate == ESCAPED else 1)] += power
+            if not silent:
+                legs[many, 0], legs[many, 1] = x, z
+                legs[many, 2], legs[many, 3], legs[many, 4] = x + family.far * ux, z + family.far * uz, 0.0
+                legs[many, 5] = -1.0
+                many += 1
+                tree = scrambled(tree ^ np.uint64(8 + fate))
+                way_hash = scrambled(way_hash ^ np.uint64(8 + fate))
+            running = False
+            continue
+        px, pz, nx, nz, here, there, stray, corner, loss, _, _ = meet(
+            k, tables, rules, c, length, place, x, z, ux, uz, last, at, region, colour, hits, power, least,
+        )  # fmt: skip
+        if corner:
+            step = corner_step(k, x, z)
+            x, z, last, at = x + step * ux, z + step * uz, c, place
+            continue
+        undefined = undefined or stray
+        mark = np.uint64(0)
+        n1, way = tables.refractive_index[colour, here], length / flat
+        rise = way * d.y
+        ended, bounces = stray, 0
+        d0, e0, light0, hits0, low0 = d, e, light, hits, ya
+        if rise != 0.0 and not stray:
+            n2 = family.above if rise > 0.0 else family.below
+            upwards = 1.0 if rise > 0.0 else -1.0
+            if n1 == n2:
+                # heights from which the ray is still inside at the wall
+                low, high = max(ya, -half - rise), min(yb, half - rise)
+                if wide:
+                    share = max(high - low, 0.0) / (yb - ya)
+                    inside = share > 0.0
+                else:
+                    inside = abs(ya + rise) <= half
+                    share, low, high = 1.0 if inside else 0.0, ya, yb
+                if share < 1.0:
+                    value[receivers] += (1.0 - share) * power
+                    light = scaled(light, share)
+                    mark = np.uint64(2 if inside else 1)
+                ya, yb = low + rise, high + rise
+                ended = not inside
+                power = light.i1 + light.i2
+            else:
+                a, b = (ya + rise, yb + rise) if rise > 0.0 else (-ya - rise, -yb - rise)
+                most = max(a, b)
+                bounces = int(math.floor((min(a, b) + half) / (2.0 * half)))
+                bounces = max(bounces, 0)
+                edge = half * (2.0 * bounces + 1.0)
+                leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom do not reflect all
+                if wide and most > edge:
+                    # the part that is reflected once more waits at the start of this leg
+                    cut = (edge - rise) if rise > 0.0 else -(edge + rise)
+                    outer = (yb - cut) if rise > 0.0 else (cut - ya)
+                    share = outer / (yb - ya)
+                    w = stack[waiting]
+                    if share > 1e-12:
+                        tip = 1e-15 * half
+                        if rise > 0.0:
+                            put(w, x, z, cut + tip, yb, d, e, scaled(light, share))
+                            yb = cut
+                        else:
+                            put(w, x, z, ya, cut - tip, d, e, scaled(light, share))
+                            ya = cut
+                        w[REGION], w[LAST], w[HIT], w[AT], w[SILENT] = region, last, hits, at, 0.0 if leaky else 1.0
+                        if silent:
+                            w[SILENT] = 1.0
+                        waiting += 1
+                        light = scaled(light, 1.0 - share)
+                light0, low0 = light, ya
+                if loss > 0.0:
+                    kept = math.exp(-loss * way)
+                    value[receivers + 1] += (1.0 - kept) * (light.i1 + light.i2)
+                    light = scaled(light, kept)
+                    loss = 0.0
+                for _ in range(bounces):
+                    top = 1.0 if d.y > 0.0 else -1.0
+                    n2 = family.above if d.y > 0.0 else family.below
+                    parts = divided(d, e, Vector(0.0, -top, 0.0), light, n1, n2, bare(n1, n2, n1 * abs(d.y)))
+                    leaves = parts.on_light.i1 + parts.on_light.i2
+                    if rules.splitting == COUNT and leaves > 0.0:
+                        value[receivers] += light.i1 + light.i2
+                        ended = True
+                        break
+                    value[receivers] += leaves
+                    d, e, light = parts.back, parts.s, parts.back_light
+                    hits += 1
+                    if light.i1 + light.i2 < least or hits + 1 >= rules.max_hits:
+                        ended = True
+                        break
+                za, zb = ya + rise, yb + rise
+                if bounces > 0:
+                    # unfold: reflect at the face that was met
+                    for _ in range(bounces):
+                        if upwards > 0.0:
+                            za, zb = 2.0 * half - zb, 2.0 * half - za
+                        else:
+                            za, zb = -2.0 * half - zb, -2.0 * half - za
+                        upwards = -upwards
+                ya, yb = za, zb
+                mark = np.uint64(16 + bounces) ^ mark if leaky else np.uint64(0)
+                power = light.i1 + light.i2
+        if loss > 0.0 and not ended:
+            kept = math.exp(-loss * way)
+            value[receivers + 1] += (1.0 - kept) * power
+            light = scaled(light, kept)
+            power *= kept
+        from_right = ux * nx + uz * nz > 0.0
+        behaviour = tables.behaviour[c]
+        acts = acting(tables, c, colour) if behaviour >= TREATED else behaviour
+        worn_out = hits + 1 >= rules.max_hits or power < least
+        lower, upper = -math.inf, math.inf
+        if acts == RECEIVER and not ended:
+            lower, upper = tables.height[c, 0], tables.height[c, 1]
+            if wide:
+                low, high = max(ya, lower), min(yb, upper)
+                share = max(high - low, 0.0) / (yb - ya)
+            else:
+                share = 1.0 if lower <= ya <= upper else 0.0
+            if share < 1.0:
+                value[tables.receiver[c]] += share * power if not from_right else 0.0
+                value[receivers + 1] += share * power if from_right else 0.0
+                light = scaled(light, 1.0 - share)
+                power = light.i1 + light.i2
+                mark = mark ^ np.uint64(256 if share > 0.0 else 512)
+                behaviour, acts = REFRACTING, REFRACTING
+                if share > 0.0:
+                    outer, inner_part = max(yb - upper, 0.0), max(lower - ya, 0.0)
+                    if outer > 0.0 and inner_part > 0.0:
+                        # two parts go past the receiver: the upper one waits at the start of this leg
+                        part = outer / (outer + inner_part)
+                        w = stack[waiting]
+                        kept_light = scaled(light0, outer / (yb - ya))
+                        if bounces % 2 == 0:
+                            put(w, x, z, low0 + (upper - ya), low0 + (yb - ya), d0, e0, kept_light)
+                        else:
+                            put(w, x, z, low0, low0 + (yb - upper), d0, e0, kept_light)
+                        w[REGION], w[LAST], w[HIT], w[AT] = region, last, hits0, at
+                        w[SILENT] = 1.0 if silent else 0.0
+                        waiting += 1
+                        light = scaled(light, 1.0 - part)
+                        power = light.i1 + light.i2
+                        yb = lower
+                    elif outer > 0.0:
+                        ya = upper
+                    else:
+                        yb = lower
+        fate = TRUNCATED if ended else end_fate(acts, from_right, worn_out)
+        if not silent:
+            legs[many, 0], legs[many, 1], legs[many, 2], legs[many, 3] = x, z, px, pz
+            legs[many, 4], legs[many, 5] = 0.0 if tables.kind[c] == SEGMENT else 1.0, tables.owner[c]
+            many += 1
+            event = np.uint64((tables.owner[c] + 2) * 8 + fate)
+            way_hash = scrambled(way_hash ^ event ^ (np.uint64(hits) << np.uint64(40)))
+            if fate == DETECTED:
+                tree = scrambled(tree ^ np.uint64((tables.receiver[c] + 2) * 8 + fate))
+            elif fate != GOES_ON:
+                tree = scrambled(tree ^ np.uint64(fate))
+            if mark != np.uint64(0):
+                tree = scrambled(tree ^ (mark << np.uint64(20)))
+        if fate != GOES_ON:
+            if fate == DETECTED:
+                value[tables.receiver[c]] += power
+            elif fate != TRUNCATED:
+                value[receivers + 1] += power
+            running = False
+            continue
+        normal = Vector(-nx, 0.0, -nz) if from_right else Vector(nx, 0.0, nz)
+        n2 = tables.refractive_index[colour, there]
+        parts, on_e, back_e = wall_parts(
+            tables, rules, behaviour, c, colour, 0, hits, d, e, normal, from_right, light, n1, n2
+        )
+        on = parts.on_light.i1 + parts.on_light.i2
+        back = parts.back_light.i1 + parts.back_light.i2
+        if behaviour >= TREATED:
+            value[receivers + 1] += max(power - on - back, 0.0)
+        both = on >= least and back >= least
+        if not silent and behaviour == REFRACTING and on > 0.0 and not both:
+            tree = scrambled(tree ^ np.uint64(34))
+        if not (on >= least or back >= least):
+            running = False
+            continue
+        goes_back = back <= on if both else back >= least
+        if both:
+            w = stack[waiting]
+            if goes_back:
+                put(w, px, pz, ya, yb, parts.on, on_e, parts.on_light)
+            else:
+                put(w, px, pz, ya, yb, parts.back, back_e, parts.back_light)
+            w[REGION], w[LAST], w[HIT], w[AT] = there if goes_back else here, c, hits + 1, place
+            w[SILENT] = 1.0 if silent else 0.0
+            waiting += 1
+            if not silent:
+                tree = scrambled(tree ^ np.uint64(32 if goes_back else 33))
+        if goes_back:
+            d, e, light, region = parts.back, back_e, parts.back_light, here
+        else:
+            d, e, light, region = parts.on, on_e, parts.on_light, there
+        x, z, last, at, hits = px, pz, c, place, hits + 1

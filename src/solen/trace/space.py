@@ -1,0 +1,245 @@
+"""Integration in space: over the angles, the width and the height of emitters in extruded scenes.
+
+Upright walls conserve the component of a ray along y, so a ray is a ray of the plane with one more number, and the
+heights at which it may start are an interval carried along (`solen.trace.kernel.prism`): that integral is exact. The
+integral over the place across the chip is taken along a path, edge by edge (`solen.trace.kernel.paths`): through a lens
+light changes its receiver with its place on the chip, all but independently of its angle. What remains is a function of
+two angles that has kinks but no jumps: it is integrated over cells, each a product of two Gauss–Kronrod rules, the cell
+of the largest error halved along its worse angle. A point has no places; its path runs over the angle in projection.
+
+With dΩ = dφ d(sin ψ) for the angle φ in projection and ψ out of the plane, all directions count alike but for the
+pattern. The difference of the two rules is many times the error; by how much is learned from what halving cells
+changes.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import DesignError
+from solen.scene import Scene
+from solen.scene.sources import Emitter
+from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
+from solen.trace.cone import DOUBLE, RULE, Found, together
+from solen.trace.kernel import adapt, paths
+from solen.trace.kernel.prism import STACK_IN_SPACE, WIDTH_IN_SPACE, FamilyInSpace
+from solen.trace.kernel.step import Rules
+from solen.trace.tables import Tables
+
+FIRST_CELLS = 4
+"""Cells along the angle in projection to begin with."""
+MOST_EVALUATIONS = 400_000
+"""Paths after which the integration ends, with whatever it has reached."""
+KEPT_RAYS, KEPT_LEGS, KEPT_STRETCHES = 4096, 400_000, 2048
+LEARNED, PRIOR_RATIO = 4.0, 0.35
+"""Weight and value of what is assumed of error over difference before any cell was halved."""
+CAUTION = 3.5
+"""Factor on the error learned from halving: it is a root mean square over few cells."""
+NARROW, SOFT = 1e-3, 0.51
+"""Shares of a chip's width at which an edge is left, and below which paths that differ alone do not divide a stretch."""
+NARROW_RAD, SOFT_RAD = 1e-5, 0.01
+"""The same for the angle of a point, in radians: with the tolerance 1e-4."""
+
+
+class Cell(NamedTuple):
+    """A part of the domain, its integral, its errors along each coordinate, that of the paths, and whether they ended."""
+
+    bounds: tuple[float, ...]
+    value: FloatArray
+    errors: tuple[float, ...]
+    inner: float
+    ended: bool
+
+    @property
+    def error(self) -> float:
+        """Differences of both rules."""
+        return sum(self.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class LightInSpace:
+    """An emitter in a compiled extruded scene."""
+
+    tables: Tables
+    ends: FloatArray
+    columns: int
+    source: Emitter
+    families: tuple[FamilyInSpace, ...]
+    """one for each colour"""
+    weights: tuple[float, ...]
+    mirrored: bool
+    """whether light that goes up and light that goes down do the same"""
+
+    @classmethod
+    def of(cls, scene: Scene, source: Emitter, tables: Tables, rules: Rules) -> "LightInSpace":
+        """Light of one emitter of a scene; `DesignError` where its cone has no width."""
+        if not source.cone_deg > 0.0:
+            raise DesignError("cone_deg", value=source.cone_deg, limit="must be above 0 to integrate over it")
+        extrusion = scene.extrusion
+        if extrusion is None:
+            raise AssertionError("a scene of the plane is integrated in the plane")
+        ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
+        far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
+        axis, half_width = math.radians(source.axis_deg), 0.5 * source.width_mm
+        power, theta, relative = _pattern(source)
+        across = (-math.cos(axis), -math.sin(axis)) if source.width_mm > 0.0 else (0.0, 0.0)
+        bottom, top = source.y_mm - 0.5 * source.height_mm, source.y_mm + 0.5 * source.height_mm
+        family = FamilyInSpace(
+            *source.point, *across, axis, 0.0, 0.0, 0.0, bottom, top,
+            source.s_share, 1.0 - source.s_share, 0, rules, far_mm, 0.5 * extrusion.thickness_mm,
+            extrusion.index_above, extrusion.index_below, -half_width, half_width, power, theta, relative,
+        )  # fmt: skip
+        whole = math.fsum(weight for _, weight in source.spectrum)
+        colours = [(scene.wavelengths_nm.index(nm), weight / whole) for nm, weight in source.spectrum] or [(0, 1.0)]
+        heights = {i.height_mm for i in scene.interfaces if i.height_mm is not None}
+        even = source.y_mm == 0.0 and extrusion.index_above == extrusion.index_below
+        return cls(
+            tables,
+            ends,
+            len(scene.receivers) + 2,
+            source,
+            tuple(family._replace(colour=colour) for colour, _ in colours),
+            tuple(weight for _, weight in colours),
+            even and all(low == -high for low, high in heights),
+        )
+
+    @property
+    def cone(self) -> tuple[float, float]:
+        """Cosine of half the cone, and the largest sine out of the plane."""
+        half = self.source.half_rad
+        return math.cos(half), math.sin(min(half, 0.5 * math.pi))
+
+    @property
+    def whole(self) -> float:
+        """Integral of the relative intensity over all directions, in sr."""
+        pattern, half = self.source.pattern, self.source.half_rad
+        on_axis = pattern.relative[0] if isinstance(pattern, PatternTable) else 1.0
+        return pattern.solid_angle_sr(half) * on_axis
+
+    def integral(self, tolerance: float) -> Found:
+        """Integrate over all colours."""
+        found = [self._colour(family, tolerance) for family in self.families]
+        return found[0] if len(found) == 1 else together(found, list(self.weights))
+
+    def _colour(self, family: FamilyInSpace, tolerance: float) -> Found:
+        room, total, rule = _room(self.columns), np.zeros(self.columns), adapt_rule(tolerance)
+        low_t = 0.0 if self.mirrored else -0.5 * math.pi
+        sides = (2.0 if self.mirrored else 1.0) / self.whole
+        width, columns, nodes = self.source.width_mm, self.columns, rule.nodes
+        if width > 0.0:
+            steps = (1e-3, NARROW * width, SOFT * width)
+
+            def over_cell(bounds: tuple[float, ...]) -> Cell:
+                grid = np.empty((len(nodes), len(nodes), columns))
+                off, ended = paths.over_places(
+                    DOUBLE, self.tables, family, room, self.ends, self.cone, nodes, np.array(bounds), steps, total, grid
+                )
+                scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * sides / width
+                along_q = np.einsum("ijd,j->id", grid, rule.kronrod)
+                value = scale * (rule.kronrod @ along_q)
+                other_q = scale * (rule.kronrod @ np.einsum("ijd,j->id", grid, rule.gauss))
+                errors = (_most(value - other_q), _most(value - scale * (rule.gauss @ along_q)))
+                return Cell(bounds, value, errors, scale * off * 4.0 / len(nodes) ** 2, ended)
+
+            edges = np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist()
+            first = [(a, b, low_t, 0.5 * math.pi) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+            if not self.mirrored:
+                first = [(a, b, c, c + 0.5 * math.pi) for a, b, _, _ in first for c in (low_t, 0.0)]
+            return _integrated(over_cell, first, len(nodes) ** 2, tolerance, room)
+        share = tolerance / 1e-4
+        density = 0.05 * tolerance * self.whole
+        steps = (density, NARROW_RAD * share, SOFT_RAD)
+
+        def over_line(bounds: tuple[float, ...]) -> Cell:
+            grid = np.empty((len(nodes), columns))
+            off, ended = paths.over_angles(
+                DOUBLE, self.tables, family, room, self.ends, self.cone, nodes, *bounds, steps, total, grid
+            )
+            scale = 0.5 * (bounds[1] - bounds[0]) * sides
+            value = scale * (rule.kronrod @ grid)
+            error = _most(value - scale * (rule.gauss @ grid))
+            return Cell(bounds, value, (error,), scale * off * 2.0 / len(nodes), ended)
+
+        cuts = np.linspace(low_t, 0.5 * math.pi, 3 if self.mirrored else 5).tolist()
+        return _integrated(over_line, list(zip(cuts[:-1], cuts[1:], strict=True)), len(nodes), tolerance, room)
+
+
+def adapt_rule(tolerance: float) -> adapt.Rule:
+    """Rule for a cell: the smaller one but for small tolerances."""
+    from solen.trace.adaptive import COARSE, COARSE_TOLERANCE
+
+    return COARSE if tolerance >= COARSE_TOLERANCE else RULE
+
+
+def _integrated(
+    over: Callable[[tuple[float, ...]], Cell],
+    first: list[tuple[float, ...]],
+    each: int,
+    tolerance: float,
+    room: paths.PathRoom,
+) -> Found:
+    """Sum over cells, halved until the error is within the tolerance."""
+    room.counts[:] = 0
+    cells = [over(bounds) for bounds in first]
+    evaluations, changes, differences, u = each * len(cells), 0.0, 0.0, math.inf
+    while all(cell.ended for cell in cells):
+        ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * tolerance**2) / (differences + LEARNED * tolerance**2))
+        u = _u(cells, CAUTION * ratio)
+        if u <= 0.8 * tolerance or evaluations >= MOST_EVALUATIONS:
+            break
+        worst = max(range(len(cells)), key=lambda i: cells[i].error)
+        cell = cells.pop(worst)
+        along = 2 * int(np.argmax(cell.errors))
+        middle = 0.5 * (cell.bounds[along] + cell.bounds[along + 1])
+        lower, upper = list(cell.bounds), list(cell.bounds)
+        lower[along + 1], upper[along] = middle, middle
+        halves = [over(tuple(lower)), over(tuple(upper))]
+        changes += _most(cell.value - halves[0].value - halves[1].value) ** 2
+        differences += cell.error**2
+        cells += halves
+        evaluations += 2 * each
+    ended = all(cell.ended for cell in cells)
+    value = np.sum([cell.value for cell in cells], axis=0)
+    rays, legs, undefined = (int(count) for count in room.counts[:3])
+    return Found(value * ended, u if ended else math.inf, 0.0, np.array([rays, legs, undefined, evaluations]), ended)
+
+
+def _u(cells: list[Cell], ratio: float) -> float:
+    squares = math.fsum((ratio * cell.error) ** 2 + cell.inner**2 for cell in cells)
+    return math.sqrt(squares)
+
+
+def _most(differences: FloatArray) -> float:
+    return float(np.max(np.abs(differences)))
+
+
+def _pattern(source: Emitter) -> tuple[float, FloatArray, FloatArray]:
+    """Exponent of the cosine, or a table of angles in radians and relative intensities."""
+    nothing = np.empty(0)
+    match source.pattern:
+        case Isotropic():
+            return 0.0, nothing, nothing
+        case CosinePower(exponent=exponent):
+            return exponent, nothing, nothing
+        case PatternTable(angle_deg=angle_deg, relative=relative):
+            return 0.0, np.radians(angle_deg), np.array(relative)
+
+
+def _room(columns: int) -> paths.PathRoom:
+    n = KEPT_RAYS
+    return paths.PathRoom(
+        u=np.empty(n),
+        tree=np.empty(n, np.uint64),
+        path=np.empty(n, np.uint64),
+        value=np.empty((n, columns)),
+        first=np.empty(n, np.int64),
+        many=np.empty(n, np.int64),
+        legs=np.empty((KEPT_LEGS, 6)),
+        waiting=np.empty((KEPT_STRETCHES, 2), np.int64),
+        stack=np.empty((STACK_IN_SPACE, WIDTH_IN_SPACE)),
+        counts=np.zeros(4, np.int64),
+    )
