@@ -401,16 +401,16 @@ class Sensor:
     ) -> tuple[Trace, dict[str, float], float]:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach.
 
-        What is drawn by chance, or flies in space, is sampled.
+        What is drawn by chance is sampled, and what flies in space where its integration does not reach.
         """
         scene = self.scene(angle_deg)
-        if scene.is_random or scene.extrusion is not None:
-            found, u = self.sampled(angle_deg, standard_error)
-            return found, powers(found), u
         integrates = integrates and not why_not(scene)
         whole = self.integrate(angle_deg, tolerance=tolerance) if integrates else None
         if whole is not None and whole.reached:
             return whole, powers(whole), whole.u_power
+        if scene.is_random or scene.extrusion is not None:
+            found, u = self.sampled(angle_deg, standard_error)
+            return found, powers(found), u
         dense, u = self.doubled(angle_deg)
         return dense, powers(dense), u
 

@@ -21,13 +21,14 @@ import numpy as np
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene, Source
-from solen.scene.sources import Emission
-from solen.trace.cone import MOST_LEGS, RULE, Cone, Integral, weighted_sum
+from solen.scene.sources import Emission, Emitter
+from solen.trace.cone import COARSE, COARSE_TOLERANCE, MOST_LEGS, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
+from solen.trace.space import LightInSpace, why_not_in_space
 from solen.trace.tables import Tables, compile_scene
 
 INNER_SHARE, OUTER_SHARE = 0.2, 0.6
@@ -36,21 +37,10 @@ MOST_PLACES = 3000
 """Places of a source, or of each panel that it begins with, at which the integration over them ends."""
 CHANGE_SHARE = 0.5
 """Least error of half a panel, as a share of what halving it has changed."""
-COARSE_TOLERANCE = 1e-5
-"""Tolerance from which on the smaller rule serves for places: by the sharp bends it comes along with fewer points."""
 LEAST_SHARE = 0.01
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
-"""Default tolerance of powers: for a point in one wavelength, and for any other source."""
-
-# Kronrod's rule of 7 nodes, with the Gauss rule of 3.
-_NODES = (0.96049126870802028342, 0.77459666924148337704, 0.43424374934680255800)
-_KRONROD = (0.10465622602646726519, 0.26848808986833344073, 0.40139741477596222291)
-COARSE = adapt.Rule(
-    np.array([*(-node for node in _NODES), 0.0, *reversed(_NODES)]),
-    np.array([*_KRONROD, 0.45091653865847414235, *reversed(_KRONROD)]),
-    np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0]),
-)
+"""Default tolerance of powers: for a point of the plane in one wavelength, and for any other source."""
 
 
 def integrate(
@@ -67,7 +57,7 @@ def integrate(
     ----------
     scene
         Its sources are made of points: fans, chips, emitters, ambient light; the numbers of rays that they name play no
-        part. Nothing in it scatters, and it lies in the plane. Monitors are not read.
+        part. Nothing in it scatters. In an extruded scene emitters are integrated in space. Monitors are not read.
     mode
         ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption included.
     tolerance
@@ -86,8 +76,8 @@ def integrate(
     Raises
     ------
     DesignError
-        A beam or a list of rays, a cone without width, a scene that scatters or is extruded, or a tolerance out of
-        range.
+        A beam or a list of rays, a cone without width, a scene that scatters, ambient light in space, or a tolerance
+        out of range.
     """
     return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs, threads=1)[0]
 
@@ -138,7 +128,7 @@ class Points:
         if len(scene.sources) != 1:
             raise DesignError("sources", value=len(scene.sources), limit="must be a single one")
         limits = Limits(min_weight=LEAST_SHARE * tolerance)
-        (self._light,) = Lights.of(scene, "power", limits).each
+        self._light = Lights.of(scene, "power", limits).in_plane
         self._tolerance = tolerance
         self._receivers = len(scene.receivers)
 
@@ -215,7 +205,7 @@ def why_not(scene: Scene) -> str:
     if scene.is_random:
         return "a scene that scatters"
     if scene.extrusion is not None:
-        return "an extruded scene"
+        return why_not_in_space(scene)
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
     return f"a source {others[0]}" if others else ""
 
@@ -231,7 +221,8 @@ def is_extended(scene: Scene) -> bool:
 
 def usual_tolerance(scene: Scene) -> float:
     """Default tolerance of a scene's powers."""
-    return EXTENDED_TOLERANCE if is_extended(scene) else POINT_TOLERANCE
+    in_space = scene.extrusion is not None
+    return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE
 
 
 class Panel(NamedTuple):
@@ -278,17 +269,35 @@ class Lights:
 
     scene: Scene
     mode: Mode
-    each: tuple[Light, ...]
+    each: tuple[Light | LightInSpace, ...]
 
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
         """Lights of a scene; `DesignError` as in `integrate`."""
         if why := why_not(scene):
-            limit = "needs a scene of the plane without chance, whose sources are made of points"
+            limit = "needs a scene without chance, whose sources are made of points"
             raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
-        return cls(scene, mode, tuple(Light.of(scene, source, tables, rules) for source in scene.sources))
+        in_space = scene.extrusion is not None
+        return cls(
+            scene,
+            mode,
+            tuple(
+                LightInSpace.of(scene, source, tables, rules)
+                if in_space and isinstance(source, Emitter)
+                else Light.of(scene, source, tables, rules)
+                for source in scene.sources
+            ),
+        )
+
+    @property
+    def in_plane(self) -> Light:
+        """The first light, of a scene of the plane."""
+        light = self.each[0]
+        if isinstance(light, LightInSpace):
+            raise DesignError("source", value="in space", limit="this is known in the plane", remedy="leave it flat")
+        return light
 
     def trace(self, tolerance: float, most_legs: int) -> Trace:
         """Integrate over all sources."""

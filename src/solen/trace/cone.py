@@ -76,6 +76,17 @@ GAUSS[1::2] = [*_HALF_GAUSS, 0.417959183673469387755102040816327, *reversed(_HAL
 
 
 RULE = adapt.Rule(NODES, KRONROD, GAUSS)
+
+# Kronrod's rule of 7 nodes, with the Gauss rule of 3.
+_NODES = (0.96049126870802028342, 0.77459666924148337704, 0.43424374934680255800)
+_KRONROD = (0.10465622602646726519, 0.26848808986833344073, 0.40139741477596222291)
+COARSE = adapt.Rule(
+    np.array([*(-node for node in _NODES), 0.0, *reversed(_NODES)]),
+    np.array([*_KRONROD, 0.45091653865847414235, *reversed(_KRONROD)]),
+    np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0]),
+)
+COARSE_TOLERANCE = 1e-5
+"""Tolerance from which on the smaller rule serves for places and angles: bends are found with fewer points."""
 DOUBLE = Precision.of(np.float64)
 MOST_SAMPLES, MOST_KEPT_LEGS, MOST_WAITING = 1 << 15, 1 << 22, 256
 

@@ -89,7 +89,12 @@ def derivative(
         As `solen.trace.integrate`, a step that is not above 0, or an integral that does not reach its tolerance.
     """
     check_numbers("parameter", value)
-    point = not is_extended(scene_at(value))
+    scene = scene_at(value)
+    if scene.extrusion is not None:
+        raise DesignError(
+            "derivative", value="rays in space", limit="is known in the plane", remedy="trace two designs"
+        )
+    point = not is_extended(scene)
     step = (RELATIVE_STEP if point else EXTENDED_STEP) * (abs(value) or 1.0) if step is None else step
     check_range("step", step, above=0.0)
     if tolerance is None:
@@ -111,7 +116,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
     """Derivative for a point source in one colour, over pieces that are found again."""
     lights = at(value)
     parts: list[Parts] = []
-    base = lights.trace_of([lights.each[0].cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
+    base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
     if not base.reached:
         raise DesignError("derivative", value=base.why, limit=f"the integral must reach {tolerance:g}")
     names = lights.scene.receivers
@@ -130,7 +135,7 @@ def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> Fl
     """Central difference of the powers, None where a piece is not found again."""
     ends = []
     for sign in (1.0, -1.0):
-        powers = at(value + sign * step).each[0].cone().again(parts)
+        powers = at(value + sign * step).in_plane.cone().again(parts)
         if powers is None:
             return None
         ends.append(powers)

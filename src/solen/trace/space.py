@@ -13,8 +13,10 @@ changes.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -22,36 +24,54 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.scene.sources import Emitter
+from solen.scene.sources import Ambient, Emitter
 from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
-from solen.trace.cone import DOUBLE, RULE, Found, together
+from solen.trace.cone import COARSE, COARSE_TOLERANCE, DOUBLE, RULE, Integral, weighted_sum
 from solen.trace.kernel import adapt, paths
 from solen.trace.kernel.prism import STACK_IN_SPACE, WIDTH_IN_SPACE, FamilyInSpace
 from solen.trace.kernel.step import Rules
 from solen.trace.tables import Tables
 
-FIRST_CELLS = 4
-"""Cells along the angle in projection to begin with."""
-MOST_EVALUATIONS = 400_000
+FIRST_CELLS, FIRST_LINES = 4, 6
+"""Cells along the angle in projection to begin with; of a point, stretches of the angle out of the plane."""
+MOST_PATHS = 400_000
 """Paths after which the integration ends, with whatever it has reached."""
 KEPT_RAYS, KEPT_LEGS, KEPT_STRETCHES = 4096, 400_000, 2048
 LEARNED, PRIOR_RATIO = 4.0, 0.35
 """Weight and value of what is assumed of error over difference before any cell was halved."""
+SPARE, FUTILE = 0.8, 0.1
+"""Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
 CAUTION = 3.5
 """Factor on the error learned from halving: it is a root mean square over few cells."""
+CHIP_TOLERANCE = 1e-4
+FLATNESS = 1e-3
+"""Second difference of the powers along a chip's width that Simpson's rule is trusted with, times six."""
 NARROW, SOFT = 1e-3, 0.51
-"""Shares of a chip's width at which an edge is left, and below which paths that differ alone do not divide a stretch."""
+"""Shares of a chip's width at which an edge is left, and up to which a stretch of one tree stays whole."""
 NARROW_RAD, SOFT_RAD = 1e-5, 0.01
-"""The same for the angle of a point, in radians: with the tolerance 1e-4."""
+"""The same for the angle of a point in radians, for a tolerance of 1e-4."""
+
+
+def why_not_in_space(scene: Scene) -> str:
+    """Why an extruded scene cannot be integrated; empty where it can."""
+    if any(interface.behaviour == "lens" for interface in scene.interfaces):
+        return "an ideal lens in space"
+    others = [type(source).__name__ for source in scene.sources if source.emission() is None]
+    others += [type(source).__name__ for source in scene.sources if isinstance(source, Ambient)]
+    return f"a source {others[0]}" if others else ""
 
 
 class Cell(NamedTuple):
-    """A part of the domain, its integral, its errors along each coordinate, that of the paths, and whether they ended."""
+    """A part of the domain with its integral.
+
+    ``errors`` are differences of two rules along each coordinate, ``inner`` is the error of the paths.
+    """
 
     bounds: tuple[float, ...]
     value: FloatArray
     errors: tuple[float, ...]
     inner: float
+    paths: int
     ended: bool
 
     @property
@@ -108,88 +128,96 @@ class LightInSpace:
         )
 
     @property
-    def cone(self) -> tuple[float, float]:
-        """Cosine of half the cone, and the largest sine out of the plane."""
-        half = self.source.half_rad
-        return math.cos(half), math.sin(min(half, 0.5 * math.pi))
-
-    @property
     def whole(self) -> float:
         """Integral of the relative intensity over all directions, in sr."""
         pattern, half = self.source.pattern, self.source.half_rad
         on_axis = pattern.relative[0] if isinstance(pattern, PatternTable) else 1.0
         return pattern.solid_angle_sr(half) * on_axis
 
-    def integral(self, tolerance: float) -> Found:
+    def integral(self, tolerance: float, _: int = 0) -> Integral:
         """Integrate over all colours."""
         found = [self._colour(family, tolerance) for family in self.families]
-        return found[0] if len(found) == 1 else together(found, list(self.weights))
+        return found[0] if len(found) == 1 else weighted_sum(found, list(self.weights))
 
-    def _colour(self, family: FamilyInSpace, tolerance: float) -> Found:
-        room, total, rule = _room(self.columns), np.zeros(self.columns), adapt_rule(tolerance)
-        low_t = 0.0 if self.mirrored else -0.5 * math.pi
-        sides = (2.0 if self.mirrored else 1.0) / self.whole
-        width, columns, nodes = self.source.width_mm, self.columns, rule.nodes
-        if width > 0.0:
-            steps = (1e-3, NARROW * width, SOFT * width)
-
-            def over_cell(bounds: tuple[float, ...]) -> Cell:
-                grid = np.empty((len(nodes), len(nodes), columns))
-                off, ended = paths.over_places(
-                    DOUBLE, self.tables, family, room, self.ends, self.cone, nodes, np.array(bounds), steps, total, grid
-                )
-                scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * sides / width
-                along_q = np.einsum("ijd,j->id", grid, rule.kronrod)
-                value = scale * (rule.kronrod @ along_q)
-                other_q = scale * (rule.kronrod @ np.einsum("ijd,j->id", grid, rule.gauss))
-                errors = (_most(value - other_q), _most(value - scale * (rule.gauss @ along_q)))
-                return Cell(bounds, value, errors, scale * off * 4.0 / len(nodes) ** 2, ended)
-
-            edges = np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist()
-            first = [(a, b, low_t, 0.5 * math.pi) for a, b in zip(edges[:-1], edges[1:], strict=True)]
-            if not self.mirrored:
-                first = [(a, b, c, c + 0.5 * math.pi) for a, b, _, _ in first for c in (low_t, 0.0)]
-            return _integrated(over_cell, first, len(nodes) ** 2, tolerance, room)
-        share = tolerance / 1e-4
-        density = 0.05 * tolerance * self.whole
-        steps = (density, NARROW_RAD * share, SOFT_RAD)
-
-        def over_line(bounds: tuple[float, ...]) -> Cell:
-            grid = np.empty((len(nodes), columns))
-            off, ended = paths.over_angles(
-                DOUBLE, self.tables, family, room, self.ends, self.cone, nodes, *bounds, steps, total, grid
-            )
-            scale = 0.5 * (bounds[1] - bounds[0]) * sides
-            value = scale * (rule.kronrod @ grid)
-            error = _most(value - scale * (rule.gauss @ grid))
-            return Cell(bounds, value, (error,), scale * off * 2.0 / len(nodes), ended)
-
-        cuts = np.linspace(low_t, 0.5 * math.pi, 3 if self.mirrored else 5).tolist()
-        return _integrated(over_line, list(zip(cuts[:-1], cuts[1:], strict=True)), len(nodes), tolerance, room)
+    def _colour(self, family: FamilyInSpace, tolerance: float) -> Integral:
+        half = self.source.half_rad
+        domain = Domain(
+            self.tables,
+            self.ends,
+            family,
+            (math.cos(half), math.sin(min(half, 0.5 * math.pi))),
+            COARSE if tolerance >= COARSE_TOLERANCE else RULE,
+            (2.0 if self.mirrored else 1.0) / self.whole,
+            _room(self.columns),
+        )
+        sides = [(0.0, 0.5 * math.pi)] if self.mirrored else [(-0.5 * math.pi, 0.0), (0.0, 0.5 * math.pi)]
+        if self.source.width_mm > 0.0:
+            strips = pairwise(np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist())
+            cells = [(*strip, *side) for strip in strips for side in sides]
+            return _integrated(partial(domain.chip, width=self.source.width_mm), cells, tolerance, domain.room)
+        halves = [part for low, high in sides for part in pairwise(np.linspace(low, high, FIRST_LINES + 1).tolist())]
+        steps = (0.05 * tolerance * self.whole, NARROW_RAD * tolerance / CHIP_TOLERANCE, SOFT_RAD)
+        return _integrated(partial(domain.point, steps=steps), halves, tolerance, domain.room)
 
 
-def adapt_rule(tolerance: float) -> adapt.Rule:
-    """Rule for a cell: the smaller one but for small tolerances."""
-    from solen.trace.adaptive import COARSE, COARSE_TOLERANCE
+class Domain(NamedTuple):
+    """The angles that an emitter's light in one colour is integrated over."""
 
-    return COARSE if tolerance >= COARSE_TOLERANCE else RULE
+    tables: Tables
+    ends: FloatArray
+    family: FamilyInSpace
+    cone: tuple[float, float]
+    """cosine of half the cone, and the largest sine out of the plane"""
+    rule: adapt.Rule
+    scale: float
+    room: paths.PathRoom
+
+    def chip(self, bounds: tuple[float, ...], width: float) -> Cell:
+        """Cell of the angle in projection (a share of the largest one) and t, over the width of a chip."""
+        nodes, kronrod, gauss = self.rule.nodes, self.rule.kronrod, self.rule.gauss
+        columns = self.room.value.shape[1]
+        grid = np.empty((len(nodes), len(nodes), columns))
+        off, ended = paths.over_places(
+            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds),
+            (FLATNESS, NARROW * width, SOFT * width), np.empty(columns), grid,
+        )  # fmt: skip
+        scale = 0.25 * (bounds[1] - bounds[0]) * (bounds[3] - bounds[2]) * self.scale / width
+        inner = np.einsum("ijd,j->id", grid, kronrod)
+        value = scale * (kronrod @ inner)
+        across = value - scale * (kronrod @ np.einsum("ijd,j->id", grid, gauss))
+        errors = (_most(across), _most(value - scale * (gauss @ inner)))
+        return Cell(bounds, value, errors, scale * off * 4.0 / len(nodes) ** 2, len(nodes) ** 2, ended)
+
+    def point(self, bounds: tuple[float, ...], steps: tuple[float, float, float]) -> Cell:
+        """Cell of t alone, over the angle in projection."""
+        nodes, columns = self.rule.nodes, self.room.value.shape[1]
+        grid = np.empty((len(nodes), columns))
+        off, ended = paths.over_angles(
+            DOUBLE, self.tables, self.family, self.room, self.ends, self.cone, nodes, np.array(bounds), steps,
+            np.empty(columns), grid,
+        )  # fmt: skip
+        scale = 0.5 * (bounds[1] - bounds[0]) * self.scale
+        value = scale * (self.rule.kronrod @ grid)
+        error = _most(value - scale * (self.rule.gauss @ grid))
+        return Cell(bounds, value, (error,), scale * off * 2.0 / len(nodes), len(nodes), ended)
 
 
 def _integrated(
     over: Callable[[tuple[float, ...]], Cell],
-    first: list[tuple[float, ...]],
-    each: int,
+    first: Sequence[tuple[float, ...]],
     tolerance: float,
     room: paths.PathRoom,
-) -> Found:
+) -> Integral:
     """Sum over cells, halved until the error is within the tolerance."""
     room.counts[:] = 0
     cells = [over(bounds) for bounds in first]
-    evaluations, changes, differences, u = each * len(cells), 0.0, 0.0, math.inf
+    paths_so_far, changes, differences, u = sum(cell.paths for cell in cells), 0.0, 0.0, math.inf
     while all(cell.ended for cell in cells):
         ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * tolerance**2) / (differences + LEARNED * tolerance**2))
-        u = _u(cells, CAUTION * ratio)
-        if u <= 0.8 * tolerance or evaluations >= MOST_EVALUATIONS:
+        of_cells = _u(cells, CAUTION * ratio)
+        whole = math.fsum(math.fsum(cell.value) for cell in cells)
+        u = max(of_cells, abs(1.0 - whole))  # all light goes somewhere: what the sum lacks is an error that is known
+        if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or paths_so_far >= MOST_PATHS:
             break
         worst = max(range(len(cells)), key=lambda i: cells[i].error)
         cell = cells.pop(worst)
@@ -201,11 +229,18 @@ def _integrated(
         changes += _most(cell.value - halves[0].value - halves[1].value) ** 2
         differences += cell.error**2
         cells += halves
-        evaluations += 2 * each
+        paths_so_far += sum(half.paths for half in halves)
     ended = all(cell.ended for cell in cells)
     value = np.sum([cell.value for cell in cells], axis=0)
+    missing = max(1.0 - math.fsum(value), 0.0)  # cut off on the way, or an error that is in u already
     rays, legs, undefined = (int(count) for count in room.counts[:3])
-    return Found(value * ended, u if ended else math.inf, 0.0, np.array([rays, legs, undefined, evaluations]), ended)
+    return Integral(
+        value * ended,
+        max(u - missing, 0.0) if ended else math.inf,
+        0.0,
+        np.array([rays, legs, undefined, paths_so_far]),
+        ended,
+    )
 
 
 def _u(cells: list[Cell], ratio: float) -> float:

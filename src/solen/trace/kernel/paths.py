@@ -19,7 +19,6 @@ from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.tree import NO_ROOM
 from solen.trace.tables import Tables
 
-
 MOST_LEGS = 300
 """Straight stretches of one ray with its branches, after which it counts as trapped."""
 FIRST, FIRST_ANGLES = 2, 32
@@ -100,9 +99,9 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
             ahead = ux * (px - ax) + uz * (pz - az)
             if not ((one > 0.0) != (two > 0.0) and ahead > 0.0):
                 continue
-            if legs[a, 5] == legs[b, 5]:
-                if not holds(ax, az, legs[a, 2], legs[a, 3], legs[b, 2], legs[b, 3], dx, dz, px, pz):
-                    continue
+            alike = legs[a, 5] == legs[b, 5]
+            if alike and not holds(ax, az, legs[a, 2], legs[a, 3], legs[b, 2], legs[b, 3], dx, dz, px, pz):
+                continue
             one /= math.sqrt(ux * ux + uz * uz)
             two /= math.sqrt(vx * vx + vz * vz)
             if ahead < best:
@@ -115,7 +114,7 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
 
 
 @called
-def integrate_path(
+def integrate_path(  # noqa: C901  one loop over stretches
     k: Precision,
     tables: Tables,
     family: FamilyInSpace,
@@ -189,8 +188,10 @@ def integrate_path(
             return math.inf, False
         m = n
         n += 1
-        if room.tree[m] == room.tree[i] and not hard and (
-            width <= soft or (is_clear(room, i, m, ends) and is_clear(room, m, j, ends))
+        if (
+            room.tree[m] == room.tree[i]
+            and not hard
+            and (width <= soft or (is_clear(room, i, m, ends) and is_clear(room, m, j, ends)))
         ):
             apart = 0.0
             for d in range(columns):
@@ -236,7 +237,7 @@ def over_places(
     (cosine, sine) there; a cell reaches from q to q, from t to t. ``steps`` are density, narrow and soft of
     `integrate_path`. Returns the root of the sum of squares of their errors, and whether all came to their ends.
     """
-    off, whole = 0.0, True
+    off = 0.0
     for i in range(len(nodes)):
         t = 0.5 * (cell[2] + cell[3]) + 0.5 * (cell[3] - cell[2]) * nodes[i]
         rise = cone[1] * math.sin(t)
@@ -248,9 +249,10 @@ def over_places(
             error, ended = integrate_path(k, tables, here, room, ends, FIRST, steps[0], steps[1], steps[2], total)
             for d in range(len(total)):
                 grid[i, j, d] = weight * total[d]
+            if not ended:
+                return math.inf, False
             off += (weight * error) ** 2
-            whole = whole and ended
-    return math.sqrt(off), whole
+    return math.sqrt(off), True
 
 
 @called
@@ -262,16 +264,15 @@ def over_angles(
     ends: FloatArray,
     cone: tuple[float, float],
     nodes: FloatArray,
-    low: float,
-    high: float,
+    cell: FloatArray,
     steps: tuple[float, float, float],
     total: FloatArray,
     grid: FloatArray,
 ) -> tuple[float, bool]:
     """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 2); see above."""
-    off, whole = 0.0, True
+    off = 0.0
     for i in range(len(nodes)):
-        t = 0.5 * (low + high) + 0.5 * (high - low) * nodes[i]
+        t = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[i]
         rise = cone[1] * math.sin(t)
         most = math.acos(min(max(cone[0] / math.sqrt(1.0 - rise * rise), -1.0), 1.0))
         here = at_angles(family, 0.0, 1.0, rise, -most, most)
@@ -279,6 +280,7 @@ def over_angles(
         weight = cone[1] * math.cos(t)
         for d in range(len(total)):
             grid[i, d] = weight * total[d]
+        if not ended:
+            return math.inf, False
         off += (weight * error) ** 2
-        whole = whole and ended
-    return math.sqrt(off), whole
+    return math.sqrt(off), True

@@ -33,9 +33,9 @@ X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, 
 class FamilyInSpace(NamedTuple):
     """Rays of an emitter along a path of one parameter, from ``low`` to ``high``: its angle, its place, or both.
 
-    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``, and leaves at
-    ``angle`` + u ``turn`` from the axis in projection, in radians, with the y-component ``rise`` of its direction. One
-    at θ from the axis in space counts cos(θ)^``power`` times, or by the table of ``relative`` intensities over
+    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``. It leaves
+    at ``angle`` + u ``turn`` from the axis in projection, in radians, with the y-component ``rise`` of its direction.
+    One at θ from the axis in space counts cos(θ)^``power`` times, or by the table of ``relative`` intensities over
     ``theta`` where that has entries.
     """
 
@@ -78,7 +78,8 @@ def intensity_in_space(family: FamilyInSpace, u: float) -> float:
     while family.theta[i] < theta and i < len(family.theta) - 1:
         i += 1
     share = (theta - family.theta[i - 1]) / (family.theta[i] - family.theta[i - 1])
-    return family.relative[i - 1] + share * (family.relative[i] - family.relative[i - 1])
+    value: float = family.relative[i - 1] + share * (family.relative[i] - family.relative[i - 1])
+    return value
 
 
 @compiled
@@ -198,7 +199,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             else:
                 a, b = (ya + rise, yb + rise) if rise > 0.0 else (-ya - rise, -yb - rise)
                 most = max(a, b)
-                bounces = int(math.floor((min(a, b) + half) / (2.0 * half)))
+                bounces = math.floor((min(a, b) + half) / (2.0 * half))
                 bounces = max(bounces, 0)
                 edge = half * (2.0 * bounces + 1.0)
                 leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom do not reflect all

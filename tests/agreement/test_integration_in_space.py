@@ -1,0 +1,181 @@
+"""Integration in space against sampled rays, closed forms, and sources of another size."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solen.curve import Segment
+from solen.errors import DesignError
+from solen.scene import Emitter, Extrusion, Interface, Region, Scene
+from solen.scene.sources import Ambient
+from solen.scene.sources.pattern import CosinePower, PatternTable
+from solen.sensor import Sensor
+from solen.spec import loads, template, with_values
+from solen.trace import Trace, derivative, integrate, trace
+from solen.trace.adaptive import why_not
+
+CHIP = {
+    "trace.dimension": "extruded",
+    "emitter.pattern": "lambertian",
+    "emitter.width_mm": 0.2,
+    "emitter.height_mm": 0.2,
+    "emitter.cone_deg": 120.0,
+}
+
+
+def sensor(**values: Any) -> Sensor:
+    """The shipped design with a square chip, in space."""
+    return Sensor.of(with_values(loads(template()), CHIP | {key.replace("__", "."): v for key, v in values.items()}))
+
+
+def bar(source: Emitter, index: float = 1.5, height_mm: tuple[float, float] | None = None) -> Scene:
+    """A bar 4 mm wide, 12 mm long and 3 mm thick with a receiver at its far end."""
+    corners = [(-2.0, 0.0), (2.0, 0.0), (2.0, 12.0), (-2.0, 12.0)]
+    front, right, end, left = (Segment(corners[i], corners[(i + 1) % 4]) for i in range(4))
+    walls = [Interface(n, c, "bar", "air") for n, c in (("front", front), ("right", right), ("left", left))]
+    receiver = Interface("end", end, "bar", "air", "receiver", "end", height_mm=height_mm)
+    regions = (Region("air", 1.0), Region("bar", index))
+    return Scene(regions, (*walls, receiver), (source,), extrusion=Extrusion(3.0))
+
+
+def chip(**values: Any) -> Emitter:
+    return Emitter((0.0, -1.0), 0.0, 2**16, **({"width_mm": 0.4, "height_mm": 0.4, "cone_deg": 140.0} | values))
+
+
+def agrees(integrated: Trace, sampled: Trace, sigmas: float = 4.0) -> None:
+    """Every power of both within their uncertainties."""
+    for name, reading in integrated.detectors.items():
+        other = sampled.detectors[name]
+        assert abs(reading.power - other.power) <= sigmas * math.hypot(reading.u_power, other.u_power), name
+    assert abs(integrated.ledger.escaped - sampled.ledger.escaped) <= sigmas * 2e-3
+
+
+def contrast(found: Trace) -> float:
+    right, left = (found.detectors[name].power for name in ("right", "left"))
+    return (right - left) / (right + left)
+
+
+@pytest.mark.parametrize(("angle_deg", "expected"), [(-1.0, 0.2786), (-3.0, 0.6535)])
+def test_the_chip_of_the_paper_s_design(angle_deg: float, expected: float) -> None:
+    """Sampling with 2^20 rays gives 0.2786 and 0.6535 within 0.0002."""
+    found = sensor().integrate(angle_deg, tolerance=2e-4)
+    assert found.reached
+    assert found.method == "adaptive"
+    assert contrast(found) == pytest.approx(expected, abs=1e-3)
+    assert found.ledger.total == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_turn_to_the_other_side_exchanges_the_receivers() -> None:
+    """The design is symmetric; the cells are halved differently."""
+    right, left = (sensor().integrate(angle, tolerance=5e-4) for angle in (-2.0, 2.0))
+    u = math.hypot(right.u_power, left.u_power)
+    assert abs(right.detectors["right"].power - left.detectors["left"].power) <= 4.0 * u
+    assert abs(right.detectors["left"].power - left.detectors["right"].power) <= 4.0 * u
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        chip(),
+        chip(pattern=CosinePower(3.0)),
+        chip(pattern=PatternTable((0.0, 30.0, 60.0, 80.0), (1.0, 1.1, 0.4, 0.0))),
+        chip(width_mm=0.0),
+        chip(width_mm=0.0, height_mm=0.0),
+        chip(y_mm=0.6),
+        chip(height_mm=4.0),
+        chip(cone_deg=300.0),
+        chip(spectrum=((500.0, 1.0), (600.0, 3.0))),
+    ],
+    ids=["chip", "narrow", "table", "line", "point", "raised", "higher than the body", "sideways", "two colours"],
+)
+def test_a_bar_before_any_emitter(source: Emitter) -> None:
+    scene = bar(source)
+    found = integrate(scene, tolerance=5e-4)
+    assert found.reached
+    agrees(found, trace(scene, "power", sampling="sobol"))
+
+
+@pytest.mark.parametrize("height_mm", [(-0.5, 0.5), (-1.5, 0.2), (0.4, 1.2)])
+def test_a_receiver_of_a_height(height_mm: tuple[float, float]) -> None:
+    scene = bar(chip(cone_deg=60.0, height_mm=1.5), height_mm=height_mm)
+    found = integrate(scene, tolerance=1e-3)
+    assert found.reached
+    agrees(found, trace(scene, "power", sampling="sobol"))
+
+
+def test_what_leaks_through_top_and_bottom_of_a_weak_body() -> None:
+    """n below √2: what has a steeper rise than √(n² − 1) gets out."""
+    scene = bar(chip(cone_deg=150.0), index=1.25)
+    found = integrate(scene, tolerance=1e-3)
+    assert found.reached
+    agrees(found, trace(scene, "power", sampling="sobol"))
+
+
+def test_counting_in_space() -> None:
+    scene = bar(chip())
+    found = integrate(scene, "count", 1e-3)
+    agrees(found, trace(scene, "count", sampling="sobol"))
+
+
+def test_a_source_between_upright_faces_sends_all_there() -> None:
+    """A chip inside a box of receivers: everything arrives, in proportion to the solid angles."""
+    corners = [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)]
+    walls = tuple(
+        Interface(f"w{i}", Segment(corners[i], corners[(i + 1) % 4]), "inside", "outside", "receiver", f"w{i}")
+        for i in range(4)
+    )
+    source = Emitter((0.0, 0.0), 0.0, 100, cone_deg=360.0)
+    regions = (Region("inside", 1.0), Region("outside", 1.0))
+    scene = Scene(regions, walls, (source,), extrusion=Extrusion(4.0))
+    found = integrate(scene, tolerance=1e-4)
+    for reading in found.detectors.values():
+        assert reading.power == pytest.approx(1.0 / 6.0, abs=2e-4)  # the cube's faces share the sphere
+    assert found.ledger.escaped == pytest.approx(1.0 / 3.0, abs=3e-4)
+
+
+def test_stated_uncertainties_hold() -> None:
+    """Errors against a close integral are as large as u says."""
+    rng = np.random.default_rng(3)
+    shares = []
+    for _ in range(4):
+        one = sensor(
+            material__index=float(rng.uniform(1.42, 1.56)),
+            emitter__width_mm=float(rng.uniform(0.05, 0.4)),
+            emitter__offset_mm=float(rng.normal(0.0, 0.05)),
+        )
+        angle_deg = float(rng.uniform(-3.0, 3.0))
+        close = one.integrate(angle_deg, tolerance=5e-5)
+        wide = one.integrate(angle_deg, tolerance=1e-3)
+        shares += [
+            (wide.detectors[name].power - close.detectors[name].power) / wide.u_power for name in ("right", "left")
+        ]
+    assert math.sqrt(np.mean(np.square(shares))) < 1.5
+    assert max(map(abs, shares)) < 4.0
+
+
+def test_where_light_is_trapped_the_response_is_sampled() -> None:
+    found = sensor(receivers__coupling="air-gap", receivers__gap_mm=0.5)
+    response = found.power((-1.0,), standard_error=5e-3)
+    assert response.traces[0].method != "adaptive"
+    assert 0.0 < response.right[0] < 1.0
+
+
+def test_a_response_in_space_is_integrated() -> None:
+    response = sensor().power((-1.0, 1.0))
+    assert [one.method for one in response.traces] == ["adaptive", "adaptive"]
+    assert response.contrast[0] == pytest.approx(-response.contrast[1], abs=2e-3)
+
+
+def test_what_cannot_be_integrated_in_space() -> None:
+    scene = bar(chip())
+    ambient = replace(scene, sources=(Ambient((0.0, 6.0), 20.0, 100),))
+    assert "Ambient" in why_not(ambient)
+    with pytest.raises(DesignError, match="Ambient"):
+        integrate(ambient)
+    with pytest.raises(DesignError, match="in space"):
+        derivative(lambda _: scene, 1.0)
+    with pytest.raises(DesignError, match="cone_deg"):
+        integrate(bar(chip(cone_deg=0.0)))
