@@ -308,7 +308,9 @@ class Lights:
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
         whole = found[0] if len(found) == 1 else weighted_sum(found, weights)
         *detected, escaped, absorbed = (float(value) for value in whole.share)
-        truncated = 1.0 - math.fsum(detected) - escaped - absorbed  # the gaps, and what was cut off on the way
+        truncated = max(
+            1.0 - math.fsum(detected) - escaped - absorbed, 0.0
+        )  # the gaps, and what was cut off on the way
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
         by_source = np.array([weight * part.share for part, weight in zip(found, weights, strict=True)]) * whole.ended
         why = f"{rays} rays reach {whole.u:.1e}: their paths split too often; trace a fan, or raise the least weight"
@@ -324,6 +326,8 @@ class Lights:
             ledger=Ledger(math.fsum(detected), escaped, absorbed, truncated),
             hits=legs,
             undefined=undefined,
+            missed=whole.missed,
+            leaked=whole.leaked,
             pieces=pieces,
             reached=whole.u <= tolerance,
             why="" if whole.u <= tolerance else why,

@@ -115,7 +115,8 @@ class Parts(NamedTuple):
 class Integral(NamedTuple):
     """What an integration found.
 
-    ``share`` (D + 2,) is the power by receiver, escaped and absorbed, ``error`` what the quadrature may be off by and
+    ``share`` (D + 2,) is the power by receiver, escaped and absorbed; ``missed`` and ``leaked`` are of what escaped in
+    space, above and below the bodies and from them; ``error`` what the quadrature may be off by and
     ``gaps`` what was left out, all as fractions of the power of the source; ``counts`` are rays, straight stretches,
     undefined rays and pieces.
     """
@@ -125,6 +126,8 @@ class Integral(NamedTuple):
     gaps: float
     counts: np.ndarray
     ended: bool
+    missed: float = 0.0
+    leaked: float = 0.0
 
     @property
     def u(self) -> float:
@@ -143,6 +146,8 @@ def weighted_sum(found: Sequence[Integral], weights: Sequence[float]) -> Integra
         gaps=math.fsum(weight * part.gaps for part, weight in pairs),
         counts=np.sum([part.counts for part in found], axis=0),
         ended=ended,
+        missed=math.fsum(weight * one.missed for one, weight in pairs),
+        leaked=math.fsum(weight * one.leaked for one, weight in pairs),
     )
 
 

@@ -120,7 +120,7 @@ class LightInSpace:
         return cls(
             tables,
             ends,
-            len(scene.receivers) + 2,
+            len(scene.receivers) + 4,
             source,
             tuple(family._replace(colour=colour) for colour, _ in colours),
             tuple(weight for _, weight in colours),
@@ -215,7 +215,7 @@ def _integrated(
     while all(cell.ended for cell in cells):
         ratio = math.sqrt((changes + LEARNED * PRIOR_RATIO**2 * tolerance**2) / (differences + LEARNED * tolerance**2))
         of_cells = _u(cells, CAUTION * ratio)
-        whole = math.fsum(math.fsum(cell.value) for cell in cells)
+        whole = math.fsum(math.fsum(cell.value[:-2]) for cell in cells)
         u = max(of_cells, abs(1.0 - whole))  # all light goes somewhere: what the sum lacks is an error that is known
         if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or paths_so_far >= MOST_PATHS:
             break
@@ -232,15 +232,13 @@ def _integrated(
         paths_so_far += sum(half.paths for half in halves)
     ended = all(cell.ended for cell in cells)
     value = np.sum([cell.value for cell in cells], axis=0)
-    missing = max(1.0 - math.fsum(value), 0.0)  # cut off on the way, or an error that is in u already
+    value /= max(math.fsum(value[:-2]), 1.0)  # more than all light is an error of the quadrature
+    missing = 1.0 - math.fsum(value[:-2])  # cut off on the way, or an error that is in u already
     rays, legs, undefined = (int(count) for count in room.counts[:3])
-    return Integral(
-        value * ended,
-        max(u - missing, 0.0) if ended else math.inf,
-        0.0,
-        np.array([rays, legs, undefined, paths_so_far]),
-        ended,
-    )
+    error = max(u - max(missing, 0.0), 0.0) if ended else math.inf
+    counts = np.array([rays, legs, undefined, paths_so_far])
+    value *= ended
+    return Integral(value[:-2], error, 0.0, counts, ended, float(value[-2]), float(value[-1]))
 
 
 def _u(cells: list[Cell], ratio: float) -> float:

@@ -32,7 +32,7 @@ class PathRoom(NamedTuple):
     tree: NDArray[np.uint64]
     path: NDArray[np.uint64]
     value: FloatArray
-    """(N, D + 2) weighed powers"""
+    """(N, D + 4) weighed powers"""
     first: IntArray
     many: IntArray
     legs: FloatArray
@@ -126,7 +126,7 @@ def integrate_path(  # noqa: C901  one loop over stretches
     soft: float,
     total: FloatArray,
 ) -> tuple[float, bool]:
-    """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 2,).
+    """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 4,).
 
     The path begins as ``first`` stretches. ``density`` is the error allowed per parameter; an edge is left at a width
     of ``narrow``, and a stretch that may hide one, its rays' paths being different, at ``soft``. Returns what it may be
@@ -231,7 +231,7 @@ def over_places(
     total: FloatArray,
     grid: FloatArray,
 ) -> tuple[float, bool]:
-    """Integrals over the places of a chip at the nodes of a ``cell`` of angles: ``grid`` (N, N, D + 2).
+    """Integrals over the places of a chip at the nodes of a ``cell`` of angles: ``grid`` (N, N, D + 4).
 
     The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the ``cone``
     (cosine, sine) there; a cell reaches from q to q, from t to t. ``steps`` are density, narrow and soft of
@@ -269,7 +269,7 @@ def over_angles(
     total: FloatArray,
     grid: FloatArray,
 ) -> tuple[float, bool]:
-    """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 2); see above."""
+    """Integrals over the angles in projection of a point at the nodes between two t: ``grid`` (N, D + 4); see above."""
     off = 0.0
     for i in range(len(nodes)):
         t = 0.5 * (cell[0] + cell[1]) + 0.5 * (cell[1] - cell[0]) * nodes[i]

@@ -103,9 +103,12 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     """Trace the ray at a parameter with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
 
     Returns how many legs (−1: no room), the tree of all that changes powers, the path with every hit, and whether a
-    branch was undefined. ``legs`` (capacity, 6) are in projection: start, end, 1 where it ends on a curved face, owner.
+    branch was undefined. ``value`` (D + 4,) becomes the power by receiver, escaped, absorbed, and of what escaped the
+    part that missed the bodies above or below and the part that leaked from them. ``legs`` (capacity, 6) are in
+    projection: start, end, 1 where it ends on a curved face, owner.
     """
-    receivers = len(value) - 2
+    receivers = len(value) - 4
+    missed, leaked = receivers + 2, receivers + 3
     for i in range(len(value)):
         value[i] = 0.0
     rules, half, colour = family.rules, family.half, family.colour
@@ -123,12 +126,15 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         low, high = max(ya, -half), min(yb, half)
         if not high > low:
             value[receivers] += family.s + family.p
+            value[missed] += family.s + family.p
             return 0, tree, way_hash, False
         light = scaled(light, (high - low) / (yb - ya))
         value[receivers] += (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
+        value[missed] += (family.s + family.p) * (1.0 - (high - low) / (yb - ya))
         ya, yb = low, high
     elif abs(ya) > half:
         value[receivers] += family.s + family.p
+        value[missed] += family.s + family.p
         return 0, tree, way_hash, False
     region, last, hits, at, silent = -1, -1, 0, k.zero, False
     running = True
@@ -191,6 +197,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     share, low, high = 1.0 if inside else 0.0, ya, yb
                 if share < 1.0:
                     value[receivers] += (1.0 - share) * power
+                    value[missed] += (1.0 - share) * power
                     light = scaled(light, share)
                     mark = np.uint64(2 if inside else 1)
                 ya, yb = low + rise, high + rise
@@ -235,9 +242,11 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     leaves = parts.on_light.i1 + parts.on_light.i2
                     if rules.splitting == COUNT and leaves > 0.0:
                         value[receivers] += light.i1 + light.i2
+                        value[leaked] += light.i1 + light.i2
                         ended = True
                         break
                     value[receivers] += leaves
+                    value[leaked] += leaves
                     d, e, light = parts.back, parts.s, parts.back_light
                     hits += 1
                     if light.i1 + light.i2 < least or hits + 1 >= rules.max_hits:
