@@ -1,4 +1,4 @@
-"""The recording that solen ships for `solen bench analyse --example`: three simulated prints with a lens and one without.
+"""The shipped recording of `solen bench analyse --example`: three simulated prints with a lens and one without.
 
 Each print is the shipped 860 nm design with an index and an emitter that are a little off, traced angle by angle; its
 light goes through the readout of the design (parts, load, converter, noise), and what the stage does is the paper's

@@ -27,7 +27,8 @@ from solen.scene import (
 from solen.sensor import Sensor
 from solen.spec import Design, Material, with_values
 from solen.trace import Limits, Trace, derivative, integrate, trace
-from solen.trace.adaptive import COARSE, Lights
+from solen.trace.adaptive import Lights
+from solen.trace.cone import COARSE
 
 TABLE = PatternTable((0.0, 20.0, 40.0, 60.0, 80.0, 100.0, 130.0), (1.0, 0.95, 0.8, 0.5, 0.4, 0.3, 0.0))
 PAPER = Sensor.of(Design(name="paper", material=Material(index=1.44)))
@@ -63,7 +64,7 @@ def test_the_small_rule_is_kronrods() -> None:
 def test_an_extended_emitter_is_the_average_of_many_points(kind: str, angle_deg: float) -> None:
     """Of 2001 point sources in the middle of equal parts of the chip, each integrated on its own."""
     scene, many = emitting(PAPER.scene(angle_deg), kind, 0.2), 2001
-    (light,) = Lights.of(scene, "power", Limits(min_weight=1e-7)).each
+    light = Lights.of(scene, "power", Limits(min_weight=1e-7)).in_plane
     points = [light.cone((i + 0.5) / many).integral(1e-5, 10**6).share for i in range(many)]
     found = integrate(scene, "power", 1e-4)
     assert found.reached
