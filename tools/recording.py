@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.bench.simulated.prints import ANGLES, between, traced
+from solen.bench.simulated.sensors import ANGLES, between, traced
 from solen.readout import circuit_of, face_areas_mm2, volts
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.bench.board import SerialBoard
-from solen.bench.clock import Clock, Still, Wall
+from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.link import open_link
 from solen.bench.roles import EmitterBoard
@@ -48,8 +48,8 @@ def counts(number: np.ndarray) -> np.ndarray:
     return ((number[:, None, None, None] * 100 + place) % 65536).astype(np.uint16)
 
 
-def made() -> tuple[SerialBoard, BoardController, Counting, Wire, Still]:
-    clock = Still()
+def made() -> tuple[SerialBoard, BoardController, Counting, Wire, SimulatedClock]:
+    clock = SimulatedClock()
     sampler = Counting(clock)
     controller = BoardController(clock, sampler)
     wire = Wire(controller, clock)
@@ -125,7 +125,7 @@ def test_what_it_refuses_and_silence_are_told() -> None:
 
 
 def test_over_a_socket() -> None:
-    clock = Wall()
+    clock = WallClock()
     with Served(BoardController(clock, Counting(clock))) as served:
         board = SerialBoard(open_link(served.url), clock, LAYOUT, period_s=PERIOD_S, volts_per_count=1e-4)
         board.start()

@@ -15,23 +15,25 @@ import pytest
 
 from solen.analysis import study
 from solen.arrays import FloatArray
+from solen.bench import record as recording
 from solen.bench import waveform
-from solen.bench.clock import Still
-from solen.bench.close import Closed, closed
+from solen.bench.catalogue import list_recordings
+from solen.bench.clock import SimulatedClock
 from solen.bench.daq import Samples, Setup, volts_of
 from solen.bench.frames import Layout
 from solen.bench.journal import read_journal
+from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.phases import clock_of, states
 from solen.bench.protocol import load_protocol
+from solen.bench.record import RecordOptions, record, recover
 from solen.bench.rig import Rig, RoomLight, load_rig
 from solen.bench.roles import Daq, EmitterBoard
 from solen.bench.run import Instruments, begin, run
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.daq import SimulatedDaq, settling
-from solen.bench.simulated.prints import Print, converter, prints_of
+from solen.bench.simulated.sensors import SimulatedSensor, converter, simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, DataError
-from solen.pipeline.bench import rig as pipeline
 from solen.readout import settled, volts
 from solen.spec import load, template, with_values
 from solen.spec.toml import dumps
@@ -55,9 +57,9 @@ class Bench:
 
     folder: Path
     rig: Rig
-    prints: tuple[Print, ...]
+    prints: tuple[SimulatedSensor, ...]
 
-    def of(self, more: str) -> tuple[Rig, tuple[Print, ...]]:
+    def of(self, more: str) -> tuple[Rig, tuple[SimulatedSensor, ...]]:
         """The same sensors on a data acquisition."""
         path = self.folder / "other.toml"
         path.write_text(daq_rig(more), encoding="utf-8")
@@ -74,16 +76,16 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     wide = with_values(load(folder / "sensor.toml"), {"emitter.width_mm": 0.2})
     (folder / "sensor.toml").write_text(dumps(wide), encoding="utf-8")
     rig = load_rig(folder / "rig.toml")
-    return Bench(folder, rig, prints_of(rig, folder, 3.0, np.random.default_rng(5)))
+    return Bench(folder, rig, simulated_sensors(rig, folder, 3.0, np.random.default_rng(5)))
 
 
 Angles = Callable[[FloatArray], FloatArray]
-Make = Callable[[Still, Angles], EmitterBoard | Daq]
+Make = Callable[[SimulatedClock, Angles], EmitterBoard | Daq]
 
 
-def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[Closed, Path]:
+def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[RecordedRun, Path]:
     """A protocol run and closed, without the command around it."""
-    clock = Still()
+    clock = SimulatedClock()
     stage = SimulatedStage(clock)
     on = Instruments(stage, make(clock, stage.axis.positions), clock, 0.5)
     sensors = [one.model_dump(mode="json") for one in rig.sensor]
@@ -95,11 +97,11 @@ def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[Closed, Path
     with begin(path, on, header) as journal:
         run(load_protocol(made.folder / "protocol.toml"), on, journal)
     target = made.folder / f"{name}.nc"
-    return closed(read_journal(path), target), target
+    return write_recording(read_journal(path), target), target
 
 
 def daq_of(
-    rig: Rig, prints: tuple[Print, ...], room: RoomLight = DARK, kind: type[SimulatedDaq] = SimulatedDaq
+    rig: Rig, prints: tuple[SimulatedSensor, ...], room: RoomLight = DARK, kind: type[SimulatedDaq] = SimulatedDaq
 ) -> Make:
     setup = rig.setup
     assert setup is not None
@@ -135,7 +137,7 @@ def test_settling_is_the_lag_of_a_first_order_step_by_step() -> None:
 
 def test_what_is_sampled_late_in_a_phase_is_what_the_circuit_says(made: Bench) -> None:
     rig, prints = made.of(DAQS["counter"])
-    clock, room = Still(), RoomLight(mean_mw_cm2=0.05)
+    clock, room = SimulatedClock(), RoomLight(mean_mw_cm2=0.05)
     daq = daq_of(rig, prints, room)(clock, lambda time_s: np.full(len(time_s), 1.0))
     assert isinstance(daq, SimulatedDaq)
     daq.start()
@@ -165,7 +167,7 @@ def test_a_reading_in_pieces_is_a_reading_at_once(made: Bench) -> None:
     )
     taken = []
     for pieces in (1, 7):
-        clock = Still(3.0)
+        clock = SimulatedClock(3.0)
         daq = daq_of(rig, quiet)(clock, lambda time_s: np.sin(time_s))
         daq.start()
         parts = []
@@ -248,7 +250,7 @@ def test_a_sync_that_shows_nothing_is_told(sync: FloatArray, told: str) -> None:
 def board(made: Bench) -> Path:
     layout, rng = Layout(2, 4), np.random.default_rng(6)
 
-    def make(clock: Still, at: Angles) -> SimulatedBoard:
+    def make(clock: SimulatedClock, at: Angles) -> SimulatedBoard:
         return SimulatedBoard(clock, made.prints, at, ROOM, layout, 0.005, rng)
 
     return recorded(made, made.rig, make, "board")[1]
@@ -355,7 +357,7 @@ def test_after_a_gap_readings_go_on_and_the_gap_is_told(made: Bench) -> None:
     late = (time > time[np.argmax(steps)] + 0.01) & (np.abs(read["angle_deg"] + 3.0) < 1e-6)
     expected = volts(one.at(np.array([-3.0])), one.circuit) - volts(np.zeros((1, 2)), one.circuit)
     assert read["right"][late].mean() == pytest.approx(expected[0, 0], abs=1e-4)
-    assert done.remarks == ()
+    assert done.remarks == ("some were overwritten",)
 
 
 def test_emitters_that_do_not_switch_give_no_reading_and_the_file_says_so(made: Bench) -> None:
@@ -414,8 +416,8 @@ def test_bad_rigs_are_told_in_one_line(tmp_path: Path, change: tuple[str, str], 
 
 def test_a_run_that_was_stopped_is_taken_up_and_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (bench / "rig.toml").write_text(daq_rig(), encoding="utf-8")
-    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
-    ask = pipeline.Asked(bench / "protocol.toml", bench / "rig.toml", bench / "out")
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
+    files = bench / "protocol.toml", bench / "rig.toml", bench / "out"
 
     def stop(tick: Any) -> None:
         if tick.counts is not None:
@@ -425,18 +427,18 @@ def test_a_run_that_was_stopped_is_taken_up_and_closed(bench: Path, monkeypatch:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(ask, watch=stop)
-    found = pipeline.run(replace(ask, resume=True))
-    assert (found["outcome"], found["cycles"], found["remarks"]) == ("done", 3, [])
-    assert found["losses"] == {"samples": 0, "overruns": 0}
+        record(*files, watch=stop)
+    found = record(*files, RecordOptions(resume=True))
+    assert (found.outcome, found.cycles, found.warnings) == ("done", 3, ())
+    assert found.losses == {"samples": 0, "overruns": 0}
     with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
         time, part = file.variables["time_s"][...], file.variables["part"][...]
         assert file.variables["counts"].shape == (50 * len(time), 4)
     assert (np.diff(time) > 0.0).all()
     assert set(part) == {0, 1}
     assert (np.diff(group(bench / "out" / "protocol.nc", "A")["time_s"]) > 0.004).all()
-    (row,) = pipeline.recordings(bench / "out")["recordings"]
-    assert row["periods"] == found["periods"] == len(time)
+    (row,) = list_recordings(bench / "out").recordings
+    assert row.periods == found.periods == len(time)
 
 
 def check_killed(one: Killed) -> str:
@@ -453,8 +455,8 @@ def check_killed(one: Killed) -> str:
     if found.events:
         begun_s = dt.datetime.fromisoformat(found.events[0]["utc"]).timestamp()
         assert len(frames) >= int(200 * (one.at_s - begun_s - 0.5))
-    done = pipeline.recover(one.journal)
-    assert (done["outcome"], done["periods"]) == ("killed", len(frames))
+    done = recover(one.journal)
+    assert (done.outcome, done.periods) == ("killed", len(frames))
     read = group(one.recording, "A")
     assert len(read["time_s"]) >= len(frames) - 1 if len(frames) > 1 else True
     assert (np.diff(read["time_s"]) > 0.004).all()

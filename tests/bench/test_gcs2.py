@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from solen.bench.clock import Still, Wall
+from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.link import open_link
 from solen.bench.roles import LinearStage, RotationStage
 from solen.bench.simulated.gcs2 import Gcs2Controller
-from solen.bench.simulated.motion import Axis, Move
+from solen.bench.simulated.stage import Axis, Move
 from solen.bench.simulated.wire import Faults, Served, Wire
 from solen.errors import BenchError
 
@@ -71,7 +71,7 @@ def test_what_is_said_is_the_manual_s(recwarn: pytest.WarningsRecorder) -> None:
         (b"ERR?\n", b"10\n"),
     ]
     link = Written(HELLO + more)
-    stage = Gcs2Stage(link, Still(), stage="M-060.DG")
+    stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
     stage.reference()
     stage.begin_move(-3.0, 15.0)
     assert not stage.on_target()
@@ -87,18 +87,18 @@ def test_answers_of_several_lines_and_addresses() -> None:
     link = Written(
         [*((b"3 " + sent, b"0 3 " + got if got else got) for sent, got in HELLO), (b"3 HLP?\n", b"0 3 a \nb \nc\n")]
     )
-    stage = Gcs2Stage(link, Still(), stage="M-060.DG", address=3)
+    stage = Gcs2Stage(link, SimulatedClock(), stage="M-060.DG", address=3)
     assert stage.ask("HLP?") == ["a", "b", "c"]
 
 
-def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, Still]:
-    clock = Still()
+def driven(**more: float) -> tuple[Gcs2Stage, Gcs2Controller, Wire, SimulatedClock]:
+    clock = SimulatedClock()
     controller = Gcs2Controller(clock, **more)  # type: ignore[arg-type]  # its numbers
     wire = Wire(controller, clock)
     return Gcs2Stage(wire, clock, stage="M-060.DG"), controller, wire, clock
 
 
-def arrive(stage: Gcs2Stage, clock: Still) -> float:
+def arrive(stage: Gcs2Stage, clock: SimulatedClock) -> float:
     begun = clock.now_s()
     while not stage.on_target():
         clock.sleep(0.01)
@@ -128,7 +128,7 @@ def test_roles_are_played() -> None:
     stage, _, _, _ = driven()
     turning: RotationStage = stage  # type: ignore[assignment]  # the unit is told at run time
     assert turning.unit == "deg"
-    clock = Still()
+    clock = SimulatedClock()
     linear = Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-111.1DG")
     shifting: LinearStage = linear  # type: ignore[assignment]
     assert shifting.unit == "mm"
@@ -149,14 +149,14 @@ def test_what_the_controller_refuses_is_told() -> None:
 
 
 def test_another_stage_another_instrument_and_an_unknown_one() -> None:
-    clock = Still()
+    clock = SimulatedClock()
     with pytest.raises(BenchError, match=r"set up for M-111\.1DG, not M-060\.DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-060.DG")
     with pytest.raises(BenchError, match=r"^stage = 'M-1'; must be one of M-060.DG, M-111.1DG$"):
         Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
     link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
     with pytest.raises(BenchError, match="answered 'ACME, 1, 2' as its name; this is no controller of PI"):
-        Gcs2Stage(link, Still(), stage="M-060.DG")
+        Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
 
 
 def test_silence_garbage_and_a_pulled_plug_are_told_in_one_line() -> None:
@@ -186,7 +186,7 @@ def test_a_reference_that_is_never_found_is_given_up() -> None:
 
 
 def test_over_a_socket_as_over_a_port() -> None:
-    clock = Wall()
+    clock = WallClock()
     faults = Faults()
     with Served(Gcs2Controller(clock, reference_s=0.05), faults) as served:
         link = open_link(served.url)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from solen.analysis.demodulation import slots_of, subtract
-from solen.bench.close import subtracted
-from solen.bench.simulated.motion import Axis
-from solen.pipeline.bench import rig as pipeline
+from solen.bench.netcdf import subtracted
+from solen.bench.simulated.stage import Axis
+from solen.pipeline.bench.record import new
 
 
 def test_one_look_at_an_axis_is_what_many_at_once_are() -> None:
@@ -62,13 +62,13 @@ def measured(*words: str | Path) -> tuple[Any, float, float]:
 @pytest.mark.evidence
 @pytest.mark.skipif(sys.platform == "win32", reason="the memory of a child is asked for as POSIX tells it")
 def test_an_hour_of_four_sensors_takes_less_than_a_minute_and_500_MB(tmp_path: Path) -> None:
-    pipeline.new(tmp_path)
+    new(tmp_path)
     protocol = (tmp_path / "rotation.toml").read_text(encoding="utf-8")
     (tmp_path / "hour.toml").write_text(protocol.replace("cycles = 6", "cycles = 1324"), encoding="utf-8")
     run = ("bench", "run", tmp_path / "hour.toml", "--rig", tmp_path / "rig.toml", "--out", tmp_path / "out")
     recorded, record_s, record_mb = measured(*run)
-    analysed, analyse_s, analyse_mb = measured("analyse", recorded["recording"])
-    size_mb = Path(recorded["recording"]).stat().st_size / 1e6
+    analysed, analyse_s, analyse_mb = measured("bench", "analyse", recorded["files"]["recording"])
+    size_mb = Path(recorded["files"]["recording"]).stat().st_size / 1e6
     print(
         f"\n  {recorded['periods']} periods ({recorded['duration_s']:.0f} s) of {len(recorded['sensors'])} sensors:"
         f" recorded in {record_s:.1f} s and {record_mb:.0f} MB ({size_mb:.0f} MB on disk),"

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from solen.analysis import study
-from solen.bench.journal import Journaled, read_journal
+from solen.bench import record as recording
+from solen.bench.journal import JournalContent, read_journal
+from solen.bench.record import RecordOptions, record, recover
 from solen.errors import BenchError, DataError, SolenError
-from solen.pipeline.bench import rig as pipeline
 
 CYCLES, PERIOD_S = 3, 0.005
 AT_ONCE = 5
@@ -29,8 +30,9 @@ def command(*words: str, folder: Path) -> "subprocess.Popen[bytes]":
     return subprocess.Popen(line, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
-def asked(folder: Path, name: str, **more: Any) -> pipeline.Asked:
-    return pipeline.Asked(folder / "protocol.toml", folder / "rig.toml", folder / "out", name, **more)
+def recorded(folder: Path, name: str, **more: Any) -> None:
+    options = RecordOptions(name=name, **more)
+    record(folder / "protocol.toml", folder / "rig.toml", folder / "out", options)
 
 
 @dataclass
@@ -73,7 +75,7 @@ def killed(folder: Path, moments: list[float], first: int = 0, *, sampling: bool
     return found
 
 
-def check_journal(one: Killed, found: Journaled) -> None:
+def check_journal(one: Killed, found: JournalContent) -> None:
     """Nothing twice, nothing missing, and everything older than half a second is there."""
     board, stage = found.streams["board"], found.streams["stage"]
     assert board["number"].tolist() == list(range(len(board)))
@@ -125,21 +127,21 @@ def after(one: Killed, *, resume: bool) -> tuple[str, str]:
         return "before its journal", "nothing to keep"
     check_journal(one, found)
     if found.end is not None:
-        pipeline.recover(one.journal)
+        recover(one.journal)
         check_readings(one.recording, len(found.streams["board"]))
         return "while closing", check_analysis(one.recording)
     if resume:
-        pipeline.run(asked(one.folder, one.name, resume=True))
+        recorded(one.folder, one.name, resume=True)
         check_readings(one.recording)
         told = study([one.recording]).to_dict()
         for sensor in told["sensors"].values():
             assert [len(run["motion"]["cycles"]) for run in sensor["runs"]] == [CYCLES]
         assert not [line for line in told["warnings"] if "not whole" in line]
         return "in the run", "taken up: every cycle whole"
-    done = pipeline.recover(one.journal)
-    assert (done["outcome"], done["periods"]) == ("killed", len(found.streams["board"]))
-    if done["periods"] > 0:
-        check_readings(one.recording, done["periods"])
+    done = recover(one.journal)
+    assert (done.outcome, done.periods) == ("killed", len(found.streams["board"]))
+    if done.periods > 0:
+        check_readings(one.recording, done.periods)
     return "in the run", check_analysis(one.recording)
 
 
@@ -176,9 +178,9 @@ def left(bench: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace("cycles = 3", "cycles = 60"), encoding="utf-8")
     with monkeypatch.context() as patched:
-        patched.setattr(pipeline, "_close", gone)
+        patched.setattr(recording, "close_journal", gone)
         with pytest.raises(KeyboardInterrupt):
-            pipeline.run(asked(bench, "left"))
+            recorded(bench, "left")
     return bench / "out" / "left.journal"
 
 
@@ -194,23 +196,23 @@ def test_killed_while_the_recording_is_written_it_is_closed_anew(left: Path) -> 
         child.kill()
     assert left.exists()
     assert temporary(left.parent)
-    done = pipeline.recover(left)
-    assert (done["outcome"], done["periods"], done["cycles"]) == ("done", periods, 60)
+    done = recover(left)
+    assert (done.outcome, done.periods, done.cycles) == ("done", periods, 60)
     assert not temporary(left.parent)
     assert not left.exists()
 
 
 def test_killed_before_the_journal_is_removed_it_is_closed_again(left: Path) -> None:
     kept = shutil.copy(left, left.with_suffix(".kept"))
-    first = pipeline.recover(left)
+    first = recover(left)
     shutil.copy(kept, left)
-    assert pipeline.recover(left) == first
+    assert recover(left).to_dict() == first.to_dict()
     shutil.copy(kept, left.with_name("other.journal"))
-    data = Path(first["recording"]).read_bytes()
+    data = first.path.read_bytes()
     left.with_name("other.nc").write_bytes(b"somebody's")
     with pytest.raises(SolenError, match=r"other\.nc; exists already; move it away"):
-        pipeline.recover(left.with_name("other.journal"))
-    assert Path(first["recording"]).read_bytes() == data
+        recover(left.with_name("other.journal"))
+    assert first.path.read_bytes() == data
 
 
 @pytest.mark.evidence
@@ -231,7 +233,7 @@ def test_recover_is_killed_at_random_moments(left: Path) -> None:
         state = "before writing" if left.exists() and not temporary(left.parent) else "after"
         told["writing" if temporary(left.parent) else state] += 1
         if left.exists():
-            pipeline.recover(left)
+            recover(left)
         check_readings(recording, periods)
         assert not temporary(left.parent)
     print(f"\n  20 kills of recover: {dict(told)}; every time the same {periods} periods in the end")
@@ -248,9 +250,9 @@ def test_a_second_run_and_a_recovery_are_kept_from_a_journal_in_use(bench: Path)
             time.sleep(0.01)
         in_use = r"one\.journal; is in use by a run that goes on; let it end first"
         with pytest.raises(BenchError, match=in_use):
-            pipeline.run(asked(bench, "one", resume=True))
+            recorded(bench, "one", resume=True)
         with pytest.raises(BenchError, match=in_use):
-            pipeline.recover(journal)
+            recover(journal)
         assert child.poll() is None
         child.kill()
-    assert pipeline.recover(journal)["outcome"] == "killed"  # the lock went with its process
+    assert recover(journal).outcome == "killed"  # the lock went with its process

@@ -8,10 +8,10 @@ import h5netcdf
 import numpy as np
 import pytest
 
-from solen.bench.clock import Still
-from solen.bench.close import Closed, closed
+from solen.bench.clock import SimulatedClock
 from solen.bench.daq import Setup, volts_of
 from solen.bench.journal import read_journal
+from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.nidaq import NiDaq
 from solen.bench.protocol import load_protocol
 from solen.bench.roles import Daq
@@ -84,7 +84,7 @@ def setup(**more: object) -> Setup:
 
 
 def test_a_conversation_from_beginning_to_end(library: Library) -> None:
-    daq = NiDaq(Still(), "Dev1", setup())
+    daq = NiDaq(SimulatedClock(), "Dev1", setup())
     assert isinstance(daq, Daq)
     assert library.said == PREPARED.split("\n")[1:-1]
     library.said.clear()
@@ -105,13 +105,13 @@ def test_a_conversation_from_beginning_to_end(library: Library) -> None:
 
 
 def test_two_counters_take_turns_and_a_line_enables_what_is_outside(library: Library) -> None:
-    NiDaq(Still(), "Dev1", setup(emitters=2)).close()
+    NiDaq(SimulatedClock(), "Dev1", setup(emitters=2)).close()
     pulses = [said for said in library.said if said.startswith("CreateCO")]
     assert pulses == [
         "CreateCOPulseChanFreq(3, 'Dev1/ctr0', '', 10373, 10214, 0, 200, 0.25)",
         "CreateCOPulseChanFreq(4, 'Dev1/ctr1', '', 10373, 10214, 0.0025, 200, 0.25)",
     ]
-    daq = NiDaq(Still(), "Dev1", setup(switching="external", enable="port1/line7", terminal="differential"))
+    daq = NiDaq(SimulatedClock(), "Dev1", setup(switching="external", enable="port1/line7", terminal="differential"))
     assert library.said[-10].endswith("10106, -10, 10, 10348, '')")
     assert library.lines["Dev1/port1/line7"] is False
     daq.start()
@@ -122,13 +122,13 @@ def test_two_counters_take_turns_and_a_line_enables_what_is_outside(library: Lib
 
 def test_a_rate_that_divides_no_clock_is_told_as_the_instrument_has_it(library: Library) -> None:
     assert library.dark
-    daq = NiDaq(Still(), "Dev1", setup(rate_hz=13_000.0))
+    daq = NiDaq(SimulatedClock(), "Dev1", setup(rate_hz=13_000.0))
     assert daq.rate_hz == pytest.approx(20e6 / 1538)
     daq.close()
 
 
 def test_what_was_overwritten_is_counted_and_sampling_begun_anew(library: Library) -> None:
-    clock = Still()
+    clock = SimulatedClock()
     daq = NiDaq(clock, "Dev1", setup())
     sampling = DaqSampling(daq)
     daq.start()
@@ -154,7 +154,7 @@ def test_what_was_overwritten_is_counted_and_sampling_begun_anew(library: Librar
 
 
 def test_overruns_that_follow_one_another_end_the_run(library: Library) -> None:
-    daq = NiDaq(Still(), "Dev1", setup())
+    daq = NiDaq(SimulatedClock(), "Dev1", setup())
     daq.start()
     library.faults["DAQmxGetReadAttribute"] = [-200361] * 3
     daq.read()
@@ -184,7 +184,7 @@ def test_a_fault_is_one_line_and_leaves_everything_dark(
     library.faults[function] = [0] * nth + [code]
 
     def used() -> None:
-        daq = NiDaq(Still(), "Dev1", setup(enable="port1/line7"))
+        daq = NiDaq(SimulatedClock(), "Dev1", setup(enable="port1/line7"))
         daq.start()
         for _ in range(2):
             library.waiting = np.zeros((2, 5), np.int16)
@@ -197,7 +197,7 @@ def test_a_fault_is_one_line_and_leaves_everything_dark(
 
 
 def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
-    daq = NiDaq(Still(), "Dev1", setup())
+    daq = NiDaq(SimulatedClock(), "Dev1", setup())
     daq.start()
     library.faults["DAQmxWriteDigitalLines"] = [-88709]
     with pytest.raises(BenchError, match=r"its lines could not be set low: emitters may be on .*; cut their supply"):
@@ -207,12 +207,12 @@ def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
 
 def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None:
     with pytest.raises(BenchError, match="device Dev9; is no device that NI-DAQmx knows; there are Dev1, Dev2"):
-        NiDaq(Still(), "Dev9", setup())
+        NiDaq(SimulatedClock(), "Dev9", setup())
     with pytest.raises(BenchError, match="device Dev2; is a USB-6009, not a USB-6218"):
-        NiDaq(Still(), "Dev2", setup())
+        NiDaq(SimulatedClock(), "Dev2", setup())
     library.missing.add("DAQmxCfgImplicitTiming")
     with pytest.raises(BenchError, match=r"NI-DAQmx; is too old for nidaqmx; install a newer NI-DAQmx from ni\.com"):
-        NiDaq(Still(), "Dev1", setup())
+        NiDaq(SimulatedClock(), "Dev1", setup())
     assert library.dark
 
 
@@ -226,7 +226,7 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(_lib.lib_importer, "_cdll", None)
     monkeypatch.setattr(_lib.lib_importer, "_import_lib", none)
     with pytest.raises(BenchError, match=r"NI-DAQmx; must be installed, and is not; get the driver from ni\.com"):
-        NiDaq(Still(), "Dev1", setup())
+        NiDaq(SimulatedClock(), "Dev1", setup())
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ class Driven:
     """A run of the real driver on an instrument that is not there."""
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.clock, self.folder = Still(), folder
+        self.clock, self.folder = SimulatedClock(), folder
         self.library = Rig(self.clock, lit=(1000, -2000), dark_counts=(20_000, 25_000))
         use(self.library, monkeypatch)
         (folder / "protocol.toml").write_text(PROTOCOL, encoding="utf-8")
@@ -287,8 +287,8 @@ class Driven:
             run(load_protocol(self.folder / "protocol.toml"), on, journal, watch=watch)
         daq.close()
 
-    def closed(self) -> tuple[Closed, dict[str, np.ndarray]]:
-        done = closed(read_journal(self.folder / "run.journal"), self.folder / "run.nc")
+    def closed(self) -> tuple[RecordedRun, dict[str, np.ndarray]]:
+        done = write_recording(read_journal(self.folder / "run.journal"), self.folder / "run.nc")
         with h5netcdf.File(self.folder / "run.nc", "r") as file:
             return done, {name: one[...] for name, one in file.groups["A"].variables.items()}
 

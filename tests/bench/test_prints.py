@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.bench.rig import load_rig
-from solen.bench.simulated.prints import ANGLES, CLOSE, prints_of
+from solen.bench.simulated.sensors import ANGLES, CLOSE, simulated_sensors
 from solen.sensor import Sensor
 from solen.spec import load
 
@@ -17,7 +17,7 @@ def test_a_print_is_close_to_its_trace_at_any_angle(bench: Path, width_mm: float
     design = bench / "sensor.toml"
     text = design.read_text(encoding="utf-8")
     (bench / "sensor.toml").write_text(text.replace("# width_mm = 0.0", f"width_mm = {width_mm}"), encoding="utf-8")
-    one = prints_of(load_rig(bench / "rig.toml"), bench, 1.0, np.random.default_rng(1))[0]
+    one = simulated_sensors(load_rig(bench / "rig.toml"), bench, 1.0, np.random.default_rng(1))[0]
     angles = np.random.default_rng(2).uniform(-1.0, 1.0, 16)
     found = Sensor.of(load(design)).power(angles.tolist())
     off = np.abs(one.at(found.angle_deg) - np.column_stack([found.right, found.left]))

@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,23 +12,28 @@ import pytest
 
 from solen.analysis import study
 from solen.arrays import FloatArray
-from solen.bench.clock import Still
-from solen.bench.clocks import on_run
+from solen.bench import record as recording
+from solen.bench.catalogue import list_recordings
+from solen.bench.clock import SimulatedClock
+from solen.bench.clock_fit import fit_clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.journal import read_journal
+from solen.bench.netcdf import RecordedRun
 from solen.bench.protocol import load_protocol
+from solen.bench.record import RecordOptions, record, recover
 from solen.bench.rig import load_rig
-from solen.bench.run import Instruments, Tick, begin, cycles_done, run
-from solen.bench.simulated.prints import prints_of
+from solen.bench.run import Instruments, Tick, begin, run
+from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError, OutputError, SpecError
-from solen.pipeline.bench import rig as pipeline
+from solen.pipeline.bench.record import new
 from solen.sensor import Sensor
 from solen.spec import load, save, with_values
 
 
-def asked(folder: Path, **more: Any) -> pipeline.Asked:
-    return pipeline.Asked(folder / "protocol.toml", folder / "rig.toml", folder / "out", **more)
+def recorded(folder: Path, out: str = "out", watch: Any = None, **more: Any) -> RecordedRun:
+    files = folder / "protocol.toml", folder / "rig.toml"
+    return record(*files, folder / out, RecordOptions(**more), watch=watch)
 
 
 def group(path: Path, name: str) -> dict[str, np.ndarray]:
@@ -38,13 +42,13 @@ def group(path: Path, name: str) -> dict[str, np.ndarray]:
 
 
 def test_a_run_is_what_the_traced_sensor_would_give(bench: Path) -> None:
-    found = pipeline.run(asked(bench))
-    assert (found["outcome"], found["cycles"], found["simulated"]) == ("done", 3, True)
+    found = recorded(bench)
+    assert (found.outcome, found.cycles, found.simulated) == ("done", 3, True)
     assert not list((bench / "out").glob("*.journal"))
     path = bench / "out" / "protocol.nc"
     read = group(path, "A")
     # light as the tracer has it, made volts by the sensor's own circuit, without the room's light
-    (one, _) = prints_of(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng([5, 0]))
+    (one, _) = simulated_sensors(load_rig(bench / "rig.toml"), bench, 3.0, np.random.default_rng([5, 0]))
     traced = Sensor.of(load(bench / "sensor.toml")).integrate(-3.0)
     assert one.at(np.array([-3.0]))[0] == pytest.approx(
         [traced.detectors["right"].power, traced.detectors["left"].power], abs=2e-3
@@ -61,7 +65,7 @@ def test_a_run_is_what_the_traced_sensor_would_give(bench: Path) -> None:
 
 
 def test_the_control_hardly_answers_and_wires_are_kept_apart(bench: Path) -> None:
-    pipeline.run(asked(bench))
+    recorded(bench)
     read = group(bench / "out" / "protocol.nc", "B")
     ends = [np.abs(read["angle_deg"] - angle) < 0.01 for angle in (-3.0, 3.0)]
     swing = {side: np.ptp([read[side][end].mean() for end in ends]) for side in ("right", "left")}
@@ -72,7 +76,7 @@ def test_the_control_hardly_answers_and_wires_are_kept_apart(bench: Path) -> Non
 
 def test_a_seed_gives_the_same_recording_and_another_another(bench: Path) -> None:
     for folder, name, seed in (("one", "a", None), ("two", "a", None), ("one", "b", None), ("one", "c", 6)):
-        pipeline.run(replace(asked(bench, name=name, seed=seed), out=bench / folder))
+        recorded(bench, folder, name=name, seed=seed)
     a, again, b, c = (group(bench / path, "A") for path in ("one/a.nc", "two/a.nc", "one/b.nc", "one/c.nc"))
     assert all(np.array_equal(a[key], again[key]) for key in a)
     assert not np.array_equal(a["right"], b["right"])  # another run of the same prints
@@ -81,7 +85,7 @@ def test_a_seed_gives_the_same_recording_and_another_another(bench: Path) -> Non
 
 
 def test_everything_that_made_it_is_in_the_file(bench: Path) -> None:
-    pipeline.run(asked(bench))
+    recorded(bench)
     with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
         header, events = json.loads(file.attrs["header"]), json.loads(file.attrs["events"])
         assert file.attrs["simulated"] == "yes"
@@ -97,7 +101,7 @@ def test_everything_that_made_it_is_in_the_file(bench: Path) -> None:
 def test_it_opens_in_xarray(bench: Path) -> None:
     import xarray as xr
 
-    pipeline.run(asked(bench))
+    recorded(bench)
     with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf") as data:
         assert float(data["voltage"].max()) < 5.0
     with xr.open_dataset(bench / "out" / "protocol.nc", engine="h5netcdf", group="A") as data:
@@ -118,15 +122,15 @@ def stopping(after: int, how: BaseException) -> Any:
 def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
     bench: Path, how: BaseException, outcome: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(type(how)):
-        pipeline.run(asked(bench), watch=stopping(1, how))
+        recorded(bench, watch=stopping(1, how))
     left = bench / "out" / "protocol.journal"
     before = read_journal(left)
-    assert cycles_done(before) == 1
+    assert before.cycles == 1
     assert [event["what"] for event in before.events][-1] == outcome
-    found = pipeline.run(asked(bench, resume=True))
-    assert (found["outcome"], found["cycles"]) == ("done", 3)
+    found = recorded(bench, resume=True)
+    assert (found.outcome, found.cycles) == ("done", 3)
     with h5netcdf.File(bench / "out" / "protocol.nc", "r") as file:
         time, part = file.variables["time_s"][...], file.variables["part"][...]
     assert (np.diff(time) > 0.0).all()
@@ -134,26 +138,26 @@ def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
 
 
 def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(asked(bench), watch=stopping(2, KeyboardInterrupt()))
+        recorded(bench, watch=stopping(2, KeyboardInterrupt()))
     with pytest.raises(BenchError, match=r"exists already: a run that was not closed; solen bench recover"):
-        pipeline.run(asked(bench))
+        recorded(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
-    found = pipeline.recover(bench / "out" / "protocol.journal")
-    assert (found["outcome"], found["cycles"], found["periods"]) == ("stopped", 2, periods)
-    (row,) = pipeline.recordings(bench / "out")["recordings"]
-    assert (row["outcome"], row["sensors"], row["there"]) == ("stopped", ["A", "B"], True)
+    found = recover(bench / "out" / "protocol.journal")
+    assert (found.outcome, found.cycles, found.periods) == ("stopped", 2, periods)
+    (row,) = list_recordings(bench / "out").recordings
+    assert (row.outcome, row.sensors, row.there) == ("stopped", ("A", "B"), True)
 
 
 def test_a_changed_protocol_is_not_taken_up(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt):
-        pipeline.run(asked(bench), watch=stopping(1, KeyboardInterrupt()))
+        recorded(bench, watch=stopping(1, KeyboardInterrupt()))
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace("hold_s = 0.1", "hold_s = 0.2"), encoding="utf-8")
-    with pytest.raises(BenchError, match="is not what the run was begun with; change it back"):
-        pipeline.run(asked(bench, resume=True))
+    with pytest.raises(BenchError, match=r"protocol\.toml; .*; change it back"):
+        recorded(bench, resume=True)
 
 
 class Silent:
@@ -187,7 +191,7 @@ class Stuck(SimulatedStage):
 
 @pytest.mark.parametrize("stage", [SimulatedStage, Stuck])
 def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage: type[SimulatedStage]) -> None:
-    clock, board = Still(), Silent()
+    clock, board = SimulatedClock(), Silent()
     on = Instruments(stage(clock), board, clock)
     with (
         begin(bench / "a.journal", on, {}) as journal,
@@ -203,12 +207,12 @@ def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
     board_s: FloatArray = np.asarray(np.arange(1, 3000) * 0.1, dtype=np.float64)
     delay: FloatArray = np.asarray(rng.exponential(0.01, len(board_s)), dtype=np.float64)
     came: FloatArray = np.asarray(7.0 + board_s * (1 - 50e-6) + delay, dtype=np.float64)
-    line = on_run(board_s, came)
+    line = fit_clock(board_s, came)
     assert line.rate == pytest.approx(1 - 50e-6, abs=2e-6)
     assert line.at(board_s) == pytest.approx(7.0 + board_s * (1 - 50e-6), abs=1e-3)
-    assert on_run(board_s[:3], came[:3]).rate == 1.0
+    assert fit_clock(board_s[:3], came[:3]).rate == 1.0
     few = slice(None, 180, 3)  # 18 s with few arrivals tell less of the rate than what a quartz is
-    assert abs(on_run(board_s[few], came[few]).rate - 1.0) < 60e-6
+    assert abs(fit_clock(board_s[few], came[few]).rate - 1.0) < 60e-6
 
 
 @pytest.mark.parametrize(
@@ -230,7 +234,7 @@ def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str]
     text = (bench / "protocol.toml").read_text(encoding="utf-8")
     (bench / "protocol.toml").write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises((BenchError, SpecError), match=told) as refusal:
-        pipeline.run(asked(bench))
+        recorded(bench)
     assert len(str(refusal.value).splitlines()) == 1
 
 
@@ -251,7 +255,7 @@ def test_bad_rigs_are_told_in_one_line(bench: Path, change: tuple[str, str], tol
     text = (bench / "rig.toml").read_text(encoding="utf-8")
     (bench / "rig.toml").write_text(text.replace(*change, 1), encoding="utf-8")
     with pytest.raises((BenchError, SpecError, OutputError), match=told) as refusal:
-        pipeline.run(asked(bench))
+        recorded(bench)
     assert len(str(refusal.value).splitlines()) == 1
     assert not (bench / "out").exists()
 
@@ -265,8 +269,8 @@ def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
     protocol = protocol.replace("to_deg", "to_mm").replace("velocity_deg", "velocity_mm").replace("15.0", "8.0")
     (bench / "protocol.toml").write_text(protocol.replace("-3.0", "-2.0").replace("3.0", "2.0"), encoding="utf-8")
     save(bench / "sensor.toml", with_values(load(bench / "sensor.toml"), {"motion.kind": kind}))
-    found = pipeline.run(asked(bench))
-    told = study([Path(found["recording"])]).to_dict()["sensors"]["A"]["receivers"]
+    found = recorded(bench)
+    told = study([found.path]).to_dict()["sensors"]["A"]["receivers"]
     reach = math.degrees(math.atan(2.0 / 40.0))
     for side, at in (("right", 0), ("left", -1)):
         angles, volts = told[side]["angle_deg"], told[side]["mean_V"]
@@ -278,19 +282,19 @@ def test_a_linear_stage_turns_and_bends(bench: Path, kind: str) -> None:
 def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
     bench: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pipeline, "READ_SIMULATED_S", 0.1)
+    monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     for resume, after in ((False, 1), (True, 2)):
         with pytest.raises(KeyboardInterrupt):
-            pipeline.run(asked(bench, resume=resume), watch=stopping(after, KeyboardInterrupt()))
-    found = pipeline.run(asked(bench, resume=True))
-    with h5netcdf.File(found["recording"], "r") as file:
+            recorded(bench, resume=resume, watch=stopping(after, KeyboardInterrupt()))
+    found = recorded(bench, resume=True)
+    with h5netcdf.File(found.path, "r") as file:
         cuts = json.loads(file.attrs["cut_short"])
         root, read = file.variables["time_s"][...], file.groups["A"].variables["time_s"][...]
     assert len(cuts) == 2
     for begin_s, end_s in cuts:
         assert ((root > begin_s) & (root < end_s)).any()
         assert not ((read > begin_s + 0.01) & (read < end_s)).any()
-    told = study([Path(found["recording"])]).to_dict()
+    told = study([found.path]).to_dict()
     assert [len(one["runs"][0]["motion"]["cycles"]) for one in told["sensors"].values()] == [3, 3]
     assert not [line for line in told["warnings"] if "not whole" in line]
 
@@ -298,16 +302,16 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
 def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
     with pytest.raises(OutputError, match=r"protocol\.nc; needs up to 0\..* MB, and 0\.2 MB are free; make room, then"):
-        pipeline.run(asked(bench))
+        recorded(bench)
     monkeypatch.undo()
     assert [path.name for path in (bench / "out").iterdir()] == ["protocol.journal"]
-    assert pipeline.recover(bench / "out" / "protocol.journal")["outcome"] == "done"
+    assert recover(bench / "out" / "protocol.journal").outcome == "done"
 
 
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        ({"seed": -4}, r"--seed = -4; must be from 0 to 2\^63 - 1"),
+        ({"seed": -4}, "seed = -4; must be at least 0"),
         ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; 200 at most; shorten it"),
         ({"name": "../a"}, "must be the name of a file, without its folder"),
         ({"resume": True}, "is not there: nothing was left; leave --resume out"),
@@ -315,12 +319,12 @@ def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monke
 )
 def test_bad_options_are_told_in_one_line(bench: Path, more: dict[str, Any], told: str) -> None:
     with pytest.raises((BenchError, SpecError), match=told):
-        pipeline.run(asked(bench, **more))
+        recorded(bench, **more)
     assert not (bench / "out").exists()
 
 
 def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
-    pipeline.new(tmp_path / "bench")
+    new(tmp_path / "bench")
     for name in ("rotation", "bending"):
         assert load_protocol(tmp_path / "bench" / f"{name}.toml").cycles == 6
     for name, kind in (("rig", "rotation"), ("rig-bending", "bend")):
@@ -328,17 +332,18 @@ def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
         assert (rig.inputs, rig.stage.lever_mm) == (8, 40.0 if kind == "bend" else None)
         assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
     with pytest.raises(OutputError, match="exists already"):
-        pipeline.new(tmp_path / "bench")
+        new(tmp_path / "bench")
 
 
 def test_a_catalogue_takes_in_what_was_put_there_and_tells_what_is_missing(bench: Path) -> None:
-    pipeline.run(asked(bench))
+    recorded(bench)
     out = bench / "out"
     (out / "protocol.nc").rename(out / "moved.nc")
     (out / "strange.nc").write_bytes(b"no netCDF")
-    found = pipeline.recordings(out, look=True)
-    assert {row["file"]: row["there"] for row in found["recordings"]} == {"protocol.nc": False, "moved.nc": True}
-    assert found["strange"] == ["strange.nc"]
+    found = list_recordings(out, look=True)
+    assert {row.file: row.there for row in found.recordings} == {"protocol.nc": False, "moved.nc": True}
+    assert found.strangers == ("strange.nc",)
+    assert "strange.nc" in found.warnings[0]
     (out / "recordings.sqlite").write_bytes(b"no database, but long enough to be looked at as one" * 30)
     with pytest.raises(OutputError, match="cannot be used"):
-        pipeline.recordings(out)
+        list_recordings(out)

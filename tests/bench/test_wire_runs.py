@@ -16,18 +16,19 @@ import numpy as np
 import pytest
 
 from solen.analysis import study
-from solen.bench.clock import Wall
+from solen.bench.clock import WallClock
 from solen.bench.frames import ANEW, Layout
 from solen.bench.journal import read_journal
+from solen.bench.netcdf import RecordedRun
+from solen.bench.record import RecordOptions, record, recover
 from solen.bench.rig import load_rig
 from solen.bench.run import Tick
 from solen.bench.simulated.board import SimulatedBoard
 from solen.bench.simulated.controller import BoardController
 from solen.bench.simulated.gcs2 import Gcs2Controller
-from solen.bench.simulated.prints import prints_of
+from solen.bench.simulated.sensors import simulated_sensors
 from solen.bench.simulated.wire import Served
 from solen.errors import BenchError
-from solen.pipeline.bench import rig as pipeline
 
 CYCLES = 2
 
@@ -42,9 +43,9 @@ class Wires:
     to_stage: Served
     to_board: Served
 
-    def run(self, watch: Callable[[Tick], None] | None = None) -> dict[str, Any]:
-        asked = pipeline.Asked(self.folder / "protocol.toml", self.folder / "wired.toml", self.folder / "out")
-        return pipeline.run(asked, watch=watch)
+    def run(self, watch: Callable[[Tick], None] | None = None) -> RecordedRun:
+        files = self.folder / "protocol.toml", self.folder / "wired.toml", self.folder / "out"
+        return record(*files, watch=watch)
 
     @property
     def events(self) -> list[dict[str, Any]]:
@@ -63,9 +64,9 @@ class Wires:
 @pytest.fixture
 def wires(bench: Path) -> Iterator[Wires]:
     """The simulated rig of the folder as controllers on loopback sockets, and a rig file that names these."""
-    rig, clock = load_rig(bench / "rig.toml"), Wall()
+    rig, clock = load_rig(bench / "rig.toml"), WallClock()
     stage = Gcs2Controller(clock, reference_s=0.05, offset=0.0)
-    prints = prints_of(rig, bench, 3.0, np.random.default_rng([rig.seed, 0]))
+    prints = simulated_sensors(rig, bench, 3.0, np.random.default_rng([rig.seed, 0]))
     sampler = SimulatedBoard(
         clock,
         prints,
@@ -105,19 +106,19 @@ def volts_at(found: dict[str, Any], sensor: str, side: str, angle: float) -> flo
 
 def test_from_the_wire_to_the_response(wires: Wires) -> None:
     found = wires.run()
-    assert (found["outcome"], found["cycles"], found["simulated"]) == ("done", CYCLES, False)
-    assert not any(found["losses"].values())
+    assert (found.outcome, found.cycles, found.simulated) == ("done", CYCLES, False)
+    assert not any(found.losses.values())
     assert not wires.board.lit
     assert wires.stands()
-    told = study([Path(found["recording"])]).to_dict()
+    told = study([found.path]).to_dict()
     lens = {(side, angle): volts_at(told, "A", side, angle) for side in ("right", "left") for angle in (-2.8, 2.8)}
     assert lens["right", -2.8] < lens["right", 2.8] - 1.0  # brighter is lower: -3 degrees brighten the right receiver
     assert lens["left", 2.8] < lens["left", -2.8] - 1.0
     # what the same prints give without a wire, but for where the stage was between two looks at it
-    there = pipeline.run(
-        pipeline.Asked(wires.folder / "protocol.toml", wires.folder / "rig.toml", wires.folder / "out", "straight")
+    there = record(
+        wires.folder / "protocol.toml", wires.folder / "rig.toml", wires.folder / "out", RecordOptions(name="straight")
     )
-    straight = study([Path(there["recording"])]).to_dict()
+    straight = study([there.path]).to_dict()
     for (side, angle), volts in lens.items():
         assert volts == pytest.approx(volts_at(straight, "A", side, angle), abs=0.1)
 
@@ -135,13 +136,13 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_told(wire
         second(tick)
 
     found = wires.run(both)
-    losses = found["losses"]
-    assert found["outcome"] == "done"
+    losses = found.losses
+    assert found.outcome == "done"
     assert losses["restarts"] == 1
     assert losses["doubled"] >= 4
     assert losses["dropped"] >= 3
     assert losses["garbled"] + losses["skipped_bytes"] > 0
-    with h5netcdf.File(found["recording"], "r") as file:
+    with h5netcdf.File(found.path, "r") as file:
         time_s, number = file.variables["time_s"][...], file.variables["number"][...]
         assert int(np.sum(file.variables["flags"][...] & ANEW != 0)) == 1
         assert len(json.loads(file.attrs["clock"])) == 2
@@ -149,7 +150,7 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_told(wire
     assert len(np.unique(number)) == len(number)
     assert (np.diff(time_s) > 0.0).all()
     assert time_s[-1] - time_s[0] < 20.0  # a clock that began anew is no leap in time
-    assert set(study([Path(found["recording"])]).to_dict()["sensors"]) == {"A", "B"}
+    assert set(study([found.path]).to_dict()["sensors"]) == {"A", "B"}
 
 
 FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {
@@ -189,9 +190,9 @@ def test_a_fault_in_the_middle_ends_the_run_with_emitters_off_and_the_stage_stop
     events = [event["what"] for event in wires.events]
     assert events[-1] == "fault"
     assert ("not stopped" in events) == (fault not in {"stage blocked", "garbage from the stage"})
-    kept = pipeline.recover(wires.folder / "out" / "protocol.journal")
-    assert kept["outcome"] == "fault"
-    assert kept["periods"] > 100
+    kept = recover(wires.folder / "out" / "protocol.journal")
+    assert kept.outcome == "fault"
+    assert kept.periods > 100
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
@@ -213,4 +214,4 @@ def test_ctrl_c_switches_off_and_stops(wires: Wires) -> None:
     assert events[-1] == "stopped"
     assert "not stopped" not in events
     with contextlib.suppress(BenchError):
-        assert pipeline.recover(wires.folder / "out" / "protocol.journal")["outcome"] == "stopped"
+        assert recover(wires.folder / "out" / "protocol.journal").outcome == "stopped"

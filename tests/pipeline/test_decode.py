@@ -21,10 +21,10 @@ from solen.analysis.calibration import file as saved
 from solen.analysis.calibration.decoding import COLUMNS
 from solen.bench.follow import Following
 from solen.bench.journal import Journal
+from solen.bench.record import record
 from solen.cli import run_command
 from solen.errors import DataError, SpecError
 from solen.pipeline.bench import decode as pipeline
-from solen.pipeline.bench import rig as bench
 from tests.analysis.made_support import Protocol, Truth, made
 from tests.bench.rig_support import PROTOCOL
 from tests.command_support import answered
@@ -332,7 +332,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Journal, "end", keep)
-        bench.run(bench.Asked(tmp_path / "protocol.toml", tmp_path / "rig.toml", tmp_path))
+        record(tmp_path / "protocol.toml", tmp_path / "rig.toml", tmp_path)
     found = answered(capfd, "bench", "calibrate", str(tmp_path / "protocol.nc"))
     (one,) = found["calibrations"]
     assert one["circuit"]["ambient"] == "subtracted"

@@ -8,7 +8,7 @@ import pytest
 from solen.analysis.diagnosis import Table
 from solen.analysis.diagnosis.response_table import angles_deg
 from solen.bench.rig import load_rig
-from solen.bench.simulated.prints import prints_of
+from solen.bench.simulated.sensors import simulated_sensors
 from solen.sensor import Sensor
 from solen.sensor.readings import Acceptance, readings
 from solen.spec import Design, load, with_values
@@ -67,7 +67,7 @@ def test_readings_bench_and_diagnosis_agree_on_a_part_of_20_deg(folder: Path, de
     sensor = Sensor.of(design)
     at_rest = readings(sensor).power_fraction[1]
     assert at_rest == pytest.approx([0.2228, 0.2228], abs=2e-4)
-    simulated = prints_of(load_rig(folder / "rig.toml"), folder, 0.2, np.random.default_rng(1))[0]
+    simulated = simulated_sensors(load_rig(folder / "rig.toml"), folder, 0.2, np.random.default_rng(1))[0]
     assert simulated.at(np.zeros(1))[0] == pytest.approx(at_rest, abs=2e-4)
     diagnosed = Table.of(sensor, angles_deg(-0.2, 0.2)).chip(np.zeros(1), 0.0, 0.2)[0]
     assert diagnosed == pytest.approx(at_rest, abs=2e-4)

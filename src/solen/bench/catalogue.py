@@ -3,7 +3,7 @@
 The idea: the files are the truth, the catalogue only finds them. A row is what the file says of itself; a file that was
 moved away is listed as missing, one that the catalogue does not know is taken in when it is asked to look again.
 
-The interface: `Catalogue`; `Row`.
+The interface: `Catalogue`; `CatalogueEntry`.
 """
 
 import contextlib
@@ -15,7 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from solen.errors import DataError, OutputError
+from solen.bench.journal import SUFFIX as JOURNAL
+from solen.errors import DataError, OutputError, SpecError
+from solen.results import Result, reported
 
 NAME = "recordings.sqlite"
 SUFFIX = ".nc"
@@ -27,8 +29,8 @@ _TAKE_IN = """insert or replace into recordings values
 
 
 @dataclass(frozen=True)
-class Row:
-    """What a recording says of itself; ``sensors`` are their names, ``there`` whether the file still is."""
+class CatalogueEntry:
+    """What a recording states of itself; ``sensors`` are their names, ``there`` whether the file still is."""
 
     file: str
     sha256: str
@@ -43,9 +45,50 @@ class Row:
     solen: str
     there: bool = True
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return asdict(self) | {"sensors": list(self.sensors)}
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordingList(Result):
+    """Recordings of a folder.
+
+    Attributes
+    ----------
+    folder
+        The folder.
+    recordings
+        What the catalogue holds, by date.
+    journals
+        Names of journals of runs that are under way or were not closed.
+    strangers
+        Names of .nc files that are not recordings of a run.
+    """
+
+    folder: Path
+    recordings: tuple[CatalogueEntry, ...]
+    journals: tuple[str, ...]
+    strangers: tuple[str, ...]
+
+    @reported
+    def warnings(self) -> tuple[str, ...]:
+        """The files that are not recordings."""
+        return tuple(f"{name} is not a recording of solen bench run" for name in self.strangers)
+
+
+def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
+    """Recordings of a folder, and journals in it that were left.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    look
+        Look for recordings that were put there by hand; done anyway where there is no catalogue yet.
+    """
+    if not folder.is_dir():
+        raise SpecError(str(folder), limit="is not a folder", remedy="name the folder of the recordings")
+    catalogue = Catalogue(folder)
+    strangers = catalogue.look() if look or not (folder / NAME).exists() else ()
+    journals = tuple(sorted(path.name for path in folder.glob(f"*{JOURNAL}")))
+    return RecordingList(folder, catalogue.entries(), journals, strangers)
 
 
 class Catalogue:
@@ -54,16 +97,16 @@ class Catalogue:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def add(self, path: Path) -> Row:
+    def add(self, path: Path) -> CatalogueEntry:
         """Take a closed run in, or take it in anew."""
-        row = row_of(path)
+        row = entry_of(path)
         with self._open() as table:
             values = asdict(row) | {"sensors": json.dumps(row.sensors)}
             del values["there"]
             table.execute(_TAKE_IN, values)
         return row
 
-    def rows(self) -> tuple[Row, ...]:
+    def entries(self) -> tuple[CatalogueEntry, ...]:
         """All recordings, by their dates."""
         if not (self.folder / NAME).exists():
             return ()
@@ -74,7 +117,7 @@ class Catalogue:
 
     def look(self) -> tuple[str, ...]:
         """Take in what lies in the folder and is not known, and what changed; names of files that are no recordings."""
-        known, strange = {row.file: row.sha256 for row in self.rows()}, []
+        known, strange = {row.file: row.sha256 for row in self.entries()}, []
         for path in sorted(self.folder.glob(f"*{SUFFIX}")):
             if known.get(path.name) != _sha256(path):
                 try:
@@ -83,10 +126,10 @@ class Catalogue:
                     strange.append(path.name)
         return tuple(strange)
 
-    def _row(self, values: dict[str, Any]) -> Row:
+    def _row(self, values: dict[str, Any]) -> CatalogueEntry:
         values["sensors"] = tuple(json.loads(values["sensors"]))
         values["simulated"] = bool(values["simulated"])
-        return Row(**values, there=(self.folder / values["file"]).exists())
+        return CatalogueEntry(**values, there=(self.folder / values["file"]).exists())
 
     @contextlib.contextmanager
     def _open(self) -> Iterator[sqlite3.Connection]:
@@ -118,7 +161,7 @@ def _reading(path: Path) -> Iterator[Any]:
         raise DataError(str(path), limit=f"is no recording of solen bench run: {reason}") from None
 
 
-def row_of(path: Path) -> Row:
+def entry_of(path: Path) -> CatalogueEntry:
     """Row of a closed run; `DataError` where a file is none."""
     with _reading(path) as file:
         header = json.loads(file.attrs["header"])
@@ -126,7 +169,7 @@ def row_of(path: Path) -> Row:
         periods = times.shape[0]
         duration = float(times[-1] - times[0]) if periods else 0.0
         outcome = str(file.attrs["outcome"])
-    return Row(
+    return CatalogueEntry(
         file=path.name,
         sha256=_sha256(path),
         date=header["begun_utc"],

@@ -1,9 +1,9 @@
 """The time of a run: the wall's, or one that stands still until somebody waits.
 
-The idea: nothing on the bench asks the system for the time or sleeps by itself; it is given a clock. With a `Still`
-clock a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
+The idea: nothing on the bench asks the system for the time or sleeps by itself; it is given a clock. With a
+`SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
 
-The interface: `Clock`; `Wall`, `Still`.
+The interface: `Clock`; `WallClock`, `SimulatedClock`.
 """
 
 import time
@@ -22,7 +22,7 @@ class Clock(Protocol):
         """Wait."""
 
 
-class Wall:
+class WallClock:
     """The computer's own time, counted from what it is when the clock is made."""
 
     def __init__(self, at_s: float = 0.0) -> None:
@@ -37,7 +37,7 @@ class Wall:
         time.sleep(max(0.0, duration_s))
 
 
-class Still:
+class SimulatedClock:
     """A time that passes only while somebody sleeps."""
 
     def __init__(self, at_s: float = 0.0) -> None:

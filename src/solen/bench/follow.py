@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.close import subtracted
 from solen.bench.journal import END, HEADER, MAGIC, ROWS, Rows, dtypes_of, read_journal, read_on
+from solen.bench.netcdf import subtracted
 from solen.errors import DataError
 
 

@@ -17,13 +17,14 @@ offset bytes what
 10     n     payload: JSON, or rows
 ====== ===== ================================================================
 
-The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives a `Journaled`.
+The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives its content.
 """
 
 import json
 import os
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from io import FileIO
@@ -45,8 +46,8 @@ _LONGEST = 1 << 26
 Rows = NDArray[np.void]
 
 
-@dataclass(frozen=True)
-class Journaled:
+@dataclass(frozen=True, eq=False)
+class JournalContent:
     """What a journal holds.
 
     Attributes
@@ -75,6 +76,30 @@ class Journaled:
     lost_bytes: int
     path: Path
     counts: dict[str, int]
+
+    @property
+    def parts(self) -> int:
+        """How often the run was begun."""
+        return sum(event["what"] == "begun" for event in self.events)
+
+    @property
+    def cycles(self) -> int:
+        """Whole cycles."""
+        return sum(event["what"] == "cycle done" for event in self.events)
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended: ``done``, ``stopped``, ``fault`` or ``killed``."""
+        ends = [event["what"] for event in self.events if event["what"] in {"done", "stopped", "fault", "begun"}]
+        return ends[-1] if ends and ends[-1] != "begun" else "killed"
+
+    @property
+    def losses(self) -> dict[str, int]:
+        """What the sampler lost, over all parts that ended otherwise than by a kill."""
+        total: Counter[str] = Counter()
+        for event in self.events:
+            total.update(event.get("losses", {}))
+        return dict(total)
 
     def blocks(self, stream: str) -> Iterator[Rows]:
         """Rows of a stream, record by record, from the disk."""
@@ -121,7 +146,7 @@ class Journal:
         return journal
 
     @classmethod
-    def resume(cls, path: Path) -> tuple[Self, Journaled]:
+    def resume(cls, path: Path) -> tuple[Self, JournalContent]:
         """A journal that was left, to be gone on with after what is whole in it, and what that is."""
         found = read_journal(path)
         if found.end is not None:
@@ -176,7 +201,7 @@ class Journal:
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None
 
 
-def read_journal(path: Path) -> Journaled:
+def read_journal(path: Path) -> JournalContent:
     """Everything that is whole in a journal, whether it was ended or killed.
 
     Raises
@@ -191,7 +216,7 @@ def read_journal(path: Path) -> Journaled:
         raise DataError(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
 
 
-def _read(file: BinaryIO, path: Path) -> Journaled:
+def _read(file: BinaryIO, path: Path) -> JournalContent:
     """Two passes, so that a long journal needs little more memory than its rows: what there is, then the rows."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
@@ -223,7 +248,7 @@ def _read(file: BinaryIO, path: Path) -> Journaled:
     data = {number: bytearray(sizes.get(number, 0)) for number in held}
     _fill(data, file, whole)
     found = {name: np.frombuffer(data[number], dtypes[name]) for number, name in held.items()}
-    return Journaled(header, found, tuple(events), end, whole, size - whole, path, counts)
+    return JournalContent(header, found, tuple(events), end, whole, size - whole, path, counts)
 
 
 def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:

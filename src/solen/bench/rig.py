@@ -11,8 +11,10 @@ from collections import Counter
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from solen.arrays import FloatArray
 from solen.bench.daq import MODELS, Setup
 from solen.bench.drivers import DRIVERS
 from solen.bench.gcs2 import STAGES
@@ -259,6 +261,12 @@ class Rig(Strict):
     def simulated(self) -> bool:
         """Whether anything that is read from it is simulated."""
         return "simulated" in {self.stage.driver, self.sampler.driver}
+
+
+def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) -> FloatArray:
+    """Angles of a sensor at positions of the stage: degrees as they are, or mm at the end of a lever."""
+    moved = np.asarray(position - zero)
+    return moved if lever_mm is None else np.degrees(np.arctan(moved / lever_mm))
 
 
 def load_rig(path: Path) -> Rig:

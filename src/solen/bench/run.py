@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from solen.bench.clock import Clock
-from solen.bench.journal import Journal, Journaled
+from solen.bench.journal import Journal, JournalContent
 from solen.bench.protocol import Protocol, Step
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.sampling import Counts, sampling_of
@@ -87,24 +87,14 @@ def utc_now() -> str:
     return dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
 
 
-def cycles_done(before: Journaled | None) -> int:
-    """Cycles that a journal has whole."""
-    return 0 if before is None else sum(event["what"] == "cycle done" for event in before.events)
-
-
-def parts_of(before: Journaled | None) -> int:
-    """How often a journal's run was begun."""
-    return 0 if before is None else sum(event["what"] == "begun" for event in before.events)
-
-
 def run(
     protocol: Protocol,
     instruments: Instruments,
     journal: Journal,
     *,
-    before: Journaled | None = None,
+    before: JournalContent | None = None,
     watch: Watch | None = None,
-) -> dict[str, Any]:
+) -> None:
     """Run a protocol, or what is left of it, and end the journal.
 
     Raises
@@ -115,7 +105,8 @@ def run(
     KeyboardInterrupt
         Where somebody stopped it; likewise.
     """
-    runner = _Runner(protocol, instruments, journal, parts_of(before), cycles_done(before), watch)
+    part, done = (0, 0) if before is None else (before.parts, before.cycles)
+    runner = _Runner(protocol, instruments, journal, part, done, watch)
     outcome, reason = "done", ""
     try:
         runner.all()
@@ -130,7 +121,6 @@ def run(
         if outcome == "done":
             journal.end(**told)
         journal.sync()
-    return told
 
 
 @dataclass

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
-from solen.bench.clocks import OnRun, on_run
+from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, volts_of
-from solen.bench.journal import Journaled
+from solen.bench.journal import JournalContent
 from solen.bench.phases import clock_of, states
 from solen.errors import DataError
 
@@ -39,7 +39,7 @@ class _Stretch:
 
     begin: int
     end: int
-    line: OnRun
+    line: ClockLine
     name: str
 
 
@@ -63,7 +63,7 @@ class Waveform:
         Windows that gave no readings, in words.
     """
 
-    def __init__(self, file: Any, journaled: Journaled) -> None:
+    def __init__(self, file: Any, journaled: JournalContent) -> None:
         told = journaled.header["daq"]
         self._setup = Setup(**told["setup"] | {"channels": tuple(told["setup"]["channels"])})
         self._rate_hz, self._switch_hz, self._convert_s = told["rate_hz"], told["switch_hz"], told["convert_s"]
@@ -77,7 +77,7 @@ class Waveform:
         self._stretches = list(self._lined(journaled.streams["came"]))
 
     @property
-    def lines(self) -> dict[str, OnRun]:
+    def lines(self) -> dict[str, ClockLine]:
         """The instrument's clock on the run's, by part and stretch."""
         return {stretch.name: stretch.line for stretch in self._stretches}
 
@@ -95,7 +95,7 @@ class Waveform:
                         last[sensor["name"]] = float(found.time_s[kept][-1])
                     yield sensor, found, kept
 
-    def _fill(self, journaled: Journaled) -> None:
+    def _fill(self, journaled: JournalContent) -> None:
         """Counts into the file, record by record, and what each frame is."""
         at, frame = 0, self._setup.frame
         for rows in journaled.blocks("samples"):
@@ -115,7 +115,7 @@ class Waveform:
             part, stretch = which[begin]
             mine = came[(came["part"] == part) & (came["stretch"] == stretch)]
             taken_s = mine["number"] / self._rate_hz if len(mine) else np.zeros(1)
-            line = on_run(taken_s, mine["t_s"] if len(mine) else np.zeros(1))
+            line = fit_clock(taken_s, mine["t_s"] if len(mine) else np.zeros(1))
             self.time_s[begin:end] = line.at(self.number[begin:end] / self._rate_hz)
             yield _Stretch(begin, end, line, f"{part}.{stretch}")
 
@@ -154,7 +154,7 @@ class Waveform:
         return [sensor[side] - 1 for sensor in sensors for side in ("right", "left")]
 
     def _subtracted(
-        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: OnRun, sensor: Sensor
+        self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, sensor: Sensor
     ) -> Demodulated:
         """Readings of a sensor's two inputs; a sample is used where both are in the same phase.
 

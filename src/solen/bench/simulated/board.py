@@ -16,8 +16,7 @@ from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.rig import RoomLight
-from solen.bench.simulated.prints import Print
-from solen.bench.simulated.room import light_mw_cm2
+from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import volts
 
 AT_ONCE = 2000
@@ -47,7 +46,7 @@ class SimulatedBoard:
     """
 
     clock: Clock
-    prints: tuple[Print, ...]
+    prints: tuple[SimulatedSensor, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     layout: Layout
@@ -99,7 +98,7 @@ class SimulatedBoard:
         time = (start[:, None] + (np.arange(slots) + 1.0) / slots * self.period_s).ravel()
         counts = np.zeros((n * slots, self.layout.receivers), np.uint16)
         if n:
-            angle, room = self.angle_deg(time), light_mw_cm2(self.room, time, self._phase)
+            angle, room = self.angle_deg(time), room_light_mw_cm2(self.room, time, self._phase)
             for one in self.prints:
                 lit = np.zeros((len(time), 2))
                 on = np.arange(2 * (one.wires.emitter - 1), len(time), slots)

@@ -20,8 +20,7 @@ from solen.arrays import FloatArray
 from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
 from solen.bench.rig import RoomLight
-from solen.bench.simulated.prints import Print
-from solen.bench.simulated.room import light_mw_cm2
+from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
 
@@ -57,7 +56,7 @@ class SimulatedDaq:
     """
 
     clock: Clock
-    prints: tuple[Print, ...]
+    prints: tuple[SimulatedSensor, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     setup: Setup
@@ -135,11 +134,11 @@ class SimulatedDaq:
         turns = (time_s - (self._begun_s or 0.0)) * self.switch_hz * (1.0 + 1e-6 * ppm) + self._turn
         return np.asarray((turns - (emitter - 1) / self.setup.emitters) % 1.0)
 
-    def _read(self, one: Print, inputs: list[int], time_s: FloatArray) -> FloatArray:
+    def _read(self, one: SimulatedSensor, inputs: list[int], time_s: FloatArray) -> FloatArray:
         """Volts (N, 2) that the converter reads of a print's receivers."""
         circuit = replace(one.circuit, samples=1)
         shares = one.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
-        light = light_mw_cm2(self.room, time_s, self._flicker)
+        light = room_light_mw_cm2(self.room, time_s, self._flicker)
         since = np.stack(
             [self._since_on(time_s + self.convert_s * place, one.wires.emitter) for place in inputs], axis=1
         )

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from solen.bench.clock import Clock
-from solen.bench.simulated.motion import Axis
+from solen.bench.simulated.stage import Axis
 
 IDENTITY = "(c)2015 Physik Instrumente (PI) GmbH & Co. KG, C-863.12, 0, 1.2.1.0 (simulated)"
 _STOP, _MOTION, _READY = 24, 5, 7

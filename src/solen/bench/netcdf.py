@@ -7,14 +7,13 @@ volts of its two receivers, on less the mean of off before and after. Nothing is
 a run that was taken up is done anew: it stays in the root and is left out of the groups. The file is written under a
 temporary name and renamed; the journal is left to whoever called.
 
-The interface: `closed` writes the file of a journal; extra ``netcdf``.
+The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``netcdf``.
 """
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +24,13 @@ from scipy.interpolate import PchipInterpolator
 from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
 from solen.arrays import FloatArray
-from solen.bench.clocks import OnRun, on_run
+from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import ANEW
-from solen.bench.journal import Journaled, Rows
+from solen.bench.journal import JournalContent, Rows
+from solen.bench.rig import sensor_angle_deg
 from solen.bench.waveform import Waveform
 from solen.extras import need
+from solen.results import HIDDEN, Result, reported
 
 Columns = dict[str, NDArray[Any]]
 
@@ -37,35 +38,52 @@ AT_ONCE = 16_384
 """Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
 
 
-@dataclass(frozen=True)
-class Closed:
-    """What a closed file holds.
+@dataclass(frozen=True, eq=False, repr=False)
+class RecordedRun(Result):
+    """What the recording of a run holds.
 
     Attributes
     ----------
     path
         The file.
-    periods
-        Periods in it.
+    outcome
+        ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
+    cycles, periods
+        Whole cycles, and periods or frames in it.
     duration_s
         From the first to the last.
     sensors
         Readings of each sensor.
-    outcome
-        ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
+    losses
+        What the sampler lost, over all parts of the run.
     lost_bytes
         Of the journal's unfinished last record.
+    simulated
+        Whether anything in it is simulated.
     remarks
-        What could not be made of it, in words.
+        What gave no readings, and what happened to the instruments.
     """
 
-    path: Path
+    path: Path = field(metadata=HIDDEN)
+    outcome: str
+    cycles: int
     periods: int
     duration_s: float
     sensors: dict[str, int]
-    outcome: str
+    losses: dict[str, int]
     lost_bytes: int
-    remarks: tuple[str, ...] = ()
+    simulated: bool
+    remarks: tuple[str, ...] = field(default=(), metadata=HIDDEN)
+
+    @reported
+    def warnings(self) -> tuple[str, ...]:
+        """What was lost, and the remarks."""
+        lost = [f"{number} {name}" for name, number in self.losses.items() if number]
+        return (
+            *([f"lost {', '.join(lost)}"] if lost else []),
+            *self.remarks,
+            *([f"the last {self.lost_bytes} bytes of the journal were not whole"] if self.lost_bytes else []),
+        )
 
 
 def check_installed() -> None:
@@ -73,7 +91,7 @@ def check_installed() -> None:
     need("h5netcdf", "h5py", what="netCDF")
 
 
-def closed(journaled: Journaled, path: Path) -> Closed:
+def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
     """Write what a journal holds to a netCDF file.
 
     Raises
@@ -82,7 +100,7 @@ def closed(journaled: Journaled, path: Path) -> Closed:
         Where the file cannot be written, or h5netcdf is not installed.
     """
     check_installed()
-    done: list[Closed] = []
+    done: list[RecordedRun] = []
 
     def write(target: Path) -> None:
         import h5netcdf
@@ -91,9 +109,21 @@ def closed(journaled: Journaled, path: Path) -> Closed:
             content = _waveform if "daq" in journaled.header else _periods
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled.streams["stage"], journaled.header["unit"])
-            duration = float(time_s[-1] - time_s[0]) if len(time_s) else 0.0
-            outcome, lost = outcome_of(journaled), journaled.lost_bytes
-            done.append(Closed(path, len(time_s), duration, readings, outcome, lost, tuple(remarks)))
+            remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
+            done.append(
+                RecordedRun(
+                    path=path,
+                    outcome=journaled.outcome,
+                    cycles=journaled.cycles,
+                    periods=len(time_s),
+                    duration_s=float(time_s[-1] - time_s[0]) if len(time_s) else 0.0,
+                    sensors=readings,
+                    losses=journaled.losses,
+                    lost_bytes=journaled.lost_bytes,
+                    simulated=bool(journaled.header["simulated"]),
+                    remarks=tuple(remarks),
+                )
+            )
 
     files.write_all({path: write})
     return done[-1]
@@ -103,7 +133,7 @@ Content = tuple[FloatArray, dict[str, int], list[str]]
 """Time of each period, readings of each sensor, and remarks."""
 
 
-def _periods(file: Any, journaled: Journaled) -> Content:
+def _periods(file: Any, journaled: JournalContent) -> Content:
     """Write what a board sampled."""
     board, header = journaled.streams["board"], journaled.header
     time_s, lines = _times(journaled)
@@ -117,7 +147,7 @@ def _periods(file: Any, journaled: Journaled) -> Content:
     )
 
 
-def _waveform(file: Any, journaled: Journaled) -> Content:
+def _waveform(file: Any, journaled: JournalContent) -> Content:
     """Write what a data acquisition sampled."""
     header, wave = journaled.header, Waveform(file, journaled)
     _attributes(file, journaled, wave.lines)
@@ -141,27 +171,13 @@ def _waveform(file: Any, journaled: Journaled) -> Content:
     return wave.time_s, readings, wave.remarks
 
 
-def outcome_of(journaled: Journaled) -> str:
-    """How a run ended: ``done``, ``stopped``, ``fault`` or ``killed``."""
-    ends = [event["what"] for event in journaled.events if event["what"] in {"done", "stopped", "fault", "begun"}]
-    return ends[-1] if ends and ends[-1] != "begun" else "killed"
-
-
-def losses_of(journaled: Journaled) -> dict[str, int]:
-    """What the board's line lost, over all parts that came to say so."""
-    told: Counter[str] = Counter()
-    for event in journaled.events:
-        told.update(event.get("losses", {}))
-    return dict(told)
-
-
 def stretches(board: Rows) -> list[tuple[int, int]]:
     """First and last place, less one, of what was sampled by one clock: a part, up to a restart of the board."""
     edges = np.flatnonzero((np.diff(board["part"].astype(np.int64)) != 0) | (board["flags"][1:] & ANEW != 0)) + 1
     return list(zip([0, *edges.tolist()], [*edges.tolist(), len(board)], strict=True)) if len(board) else []
 
 
-def cut_short(journaled: Journaled) -> list[tuple[float, float]]:
+def cut_short(journaled: JournalContent) -> list[tuple[float, float]]:
     """Times of the run from the last whole cycle of a part to where the next part is at rest."""
     found, whole_s, open_s = [], -math.inf, None
     for event in journaled.events:
@@ -175,7 +191,7 @@ def cut_short(journaled: Journaled) -> list[tuple[float, float]]:
     return found if open_s is None else [*found, (open_s, math.inf)]
 
 
-def _times(journaled: Journaled) -> tuple[FloatArray, list[OnRun]]:
+def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
     """Time of each period on the run's clock, and the line of each stretch."""
     board, came = journaled.streams["board"], journaled.streams["came"]
     times, lines = np.zeros(len(board)), []
@@ -186,25 +202,25 @@ def _times(journaled: Journaled) -> tuple[FloatArray, list[OnRun]]:
         arrivals = came[held]
         # a period has come when it is over
         over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
-        line = on_run(over, arrivals["t_s"] if len(arrivals) else over)
+        line = fit_clock(over, arrivals["t_s"] if len(arrivals) else over)
         lines.append(line)
         times[first:last] = line.at(board_s)
     return times, lines
 
 
-def _attributes(file: Any, journaled: Journaled, lines: Mapping[str, OnRun]) -> None:
+def _attributes(file: Any, journaled: JournalContent, lines: Mapping[str, ClockLine]) -> None:
     header = {key: value for key, value in journaled.header.items() if key != "streams"}
     file.attrs["title"] = f"solen bench run: {header['protocol_name']} on {header['rig_name']}"
     file.attrs["source"] = f"solen {header['solen']}"
     file.attrs["simulated"] = "yes" if header["simulated"] else "no"
-    file.attrs["outcome"] = outcome_of(journaled)
+    file.attrs["outcome"] = journaled.outcome
     file.attrs["date"] = header["begun_utc"]
     file.attrs["control"] = " ".join(sensor["name"] for sensor in header["sensors"] if not sensor["lens"])
     file.attrs["header"] = json.dumps(header)
     file.attrs["events"] = json.dumps(journaled.events)
     file.attrs["clock"] = json.dumps({name: vars(line) for name, line in lines.items()})
     file.attrs["cut_short"] = json.dumps([[max(a, 0.0), b] for a, b in cut_short(journaled) if b < math.inf])
-    file.attrs["losses"] = json.dumps(losses_of(journaled))
+    file.attrs["losses"] = json.dumps(journaled.losses)
     file.attrs["lost_bytes"] = journaled.lost_bytes
 
 
@@ -267,7 +283,7 @@ _COLUMNS = {
 
 
 def _readings(
-    sensor: Mapping[str, Any], journaled: Journaled, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
+    sensor: Mapping[str, Any], journaled: JournalContent, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
 ) -> Iterator[Columns]:
     """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
     board, header = journaled.streams["board"], journaled.header
@@ -300,7 +316,7 @@ def subtracted(
 
 
 def _columns(
-    found: Demodulated, kept: NDArray[np.bool_], journaled: Journaled, cuts: Sequence[tuple[float, float]]
+    found: Demodulated, kept: NDArray[np.bool_], journaled: JournalContent, cuts: Sequence[tuple[float, float]]
 ) -> Columns:
     """Columns of readings that are kept, but for those of cycles that were cut short."""
     for cut_s, rest_s in cuts:
@@ -310,7 +326,7 @@ def _columns(
     position = between_looks(time, stage["t_s"], stage["position"])
     return {
         "time_s": time,
-        "angle_deg": angle_deg(position, header),
+        "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),
         "right": found.signal[kept, 0],
         "left": found.signal[kept, 1],
         "right_ambient": found.ambient[kept, 0],
@@ -335,12 +351,6 @@ def between_looks(time_s: FloatArray, look_s: FloatArray, position: FloatArray) 
         return np.full(len(time_s), position[near][0])
     curve = PchipInterpolator(at, position[near][kept])
     return np.asarray(curve(np.clip(time_s, at[0], at[-1])))
-
-
-def angle_deg(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
-    """Angles of the sensor at positions of the stage: degrees as they are, mm at the end of a lever."""
-    moved = position - header["zero"]
-    return np.degrees(np.arctan(moved / header["lever_mm"])) if header["unit"] == "mm" else np.asarray(moved)
 
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:

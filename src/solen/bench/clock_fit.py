@@ -6,7 +6,7 @@ So the line that lies below all points (board's time, time it came) and nearest 
 run's, but for the least delay: an edge of the points' lower convex hull. Of a short run the edge's slope says more of
 the delays than of the clocks; it counts by what it is worth beside what is known of any quartz.
 
-The interface: `on_run` gives the line of one stretch without a break.
+The interface: `fit_clock` gives the line of one stretch without a break.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ USUAL_PPM = 50.0
 
 
 @dataclass(frozen=True)
-class OnRun:
+class ClockLine:
     """Time of the run = ``begin_s`` + ``rate`` × the board's time in s.
 
     Attributes
@@ -44,7 +44,7 @@ class OnRun:
         return np.asarray(self.begin_s + self.rate * board_s)
 
 
-def on_run(board_s: FloatArray, came_s: FloatArray) -> OnRun:
+def fit_clock(board_s: FloatArray, came_s: FloatArray) -> ClockLine:
     """Line of times of the board (N,) and the times of the run (N,) at which they had come; both ascending."""
     rate = 1.0
     if len(board_s) > 2 and board_s[-1] - board_s[0] >= LEAST_SPAN_S:
@@ -56,7 +56,7 @@ def on_run(board_s: FloatArray, came_s: FloatArray) -> OnRun:
         rate = _credible(rate, came_s - rate * board_s, float(board_s[b] - board_s[a]))
     delay = came_s - rate * board_s
     begin = float(delay.min())
-    return OnRun(begin, rate, float(np.median(delay) - begin))
+    return ClockLine(begin, rate, float(np.median(delay) - begin))
 
 
 def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:

@@ -4,9 +4,10 @@ The idea: three prints of one design are three designs: another index, another d
 other parts from the reel. Each is drawn once, by the rig's seed, and its response is **traced**, angle by angle;
 between the angles it is a monotone interpolation of what was traced, at as many angles as that needs.
 
-The interface: `prints_of` a rig.
+The interface: `simulated_sensors` of a rig; `room_light_mw_cm2` at times.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from typing import cast
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.bench.rig import Rig, SensorOf
+from solen.bench.rig import Rig, RoomLight, SensorOf
 from solen.errors import BenchError
 from solen.parts import AdcPart, library_part
 from solen.readout import Adc, Circuit, circuit_of, face_areas_mm2
@@ -40,7 +41,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Print:
+class SimulatedSensor:
     """One simulated sensor.
 
     Attributes
@@ -71,9 +72,9 @@ class Print:
         return between(self.angle_deg, self.fractions)
 
 
-def prints_of(
+def simulated_sensors(
     rig: Rig, folder: Path, reach_deg: float, rng: np.random.Generator, progress: Progress | None = None
-) -> tuple[Print, ...]:
+) -> tuple[SimulatedSensor, ...]:
     """All sensors of a simulated rig, traced up to an angle on both sides.
 
     Raises
@@ -92,7 +93,7 @@ def prints_of(
     return tuple(made)
 
 
-def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.random.Generator) -> Print:
+def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.random.Generator) -> SimulatedSensor:
     drawn = _drawn(rig, wires, design, rng)
     end = max(BEYOND * reach_deg, 0.1)
     sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}
@@ -109,7 +110,7 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = replace(circuit, adc=converter(rig), rate_hz=rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz)
     if rig.sampler.trim_v is not None:
         circuit = _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, rig.sampler.trim_v)
-    made = Print(wires, drawn | _gains(circuit), angle_deg, fractions, circuit)
+    made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit)
     made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
     return made
 
@@ -188,3 +189,10 @@ def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) 
     if spread.chip_mm > 0.0:
         values["emitter.width_mm"] = max(0.0, design.emitter.width_mm + spread.chip_mm * float(chip))
     return values
+
+
+def room_light_mw_cm2(room: RoomLight, time_s: FloatArray, phase: float) -> FloatArray:
+    """Light of the room in mW/cm² at times, shape as given, its flicker beginning at a phase; never below 0."""
+    drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
+    flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + phase)
+    return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))

@@ -1,0 +1,266 @@
+"""A recording from start to end: a protocol run on a rig, its journal closed, the file entered into the catalogue.
+
+The idea: whatever happens on the way, the journal stays until its recording was written and read back. A run that was
+interrupted is resumed after its last whole cycle, or recovered as it is; a lock keeps both from a run under way.
+
+The interface: `record` with `RecordOptions`; `recover`; `close_journal`.
+"""
+
+import datetime as dt
+import platform
+import shutil
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from solen import __version__, files
+from solen.bench.catalogue import Catalogue, header_of
+from solen.bench.clock import Clock, SimulatedClock, WallClock
+from solen.bench.drivers import open_instruments
+from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal
+from solen.bench.lock import Lock
+from solen.bench.netcdf import RecordedRun, check_installed, write_recording
+from solen.bench.protocol import Protocol, load_protocol
+from solen.bench.rig import Rig, load_rig
+from solen.bench.roles import Daq, EmitterBoard, Stage
+from solen.bench.run import Instruments, Watch, begin, run
+from solen.errors import BenchError, DataError, OutputError, SolenError, SpecError
+from solen.spec.strict import Options
+
+READ_S = 0.1
+"""How often a board is read: what a kill may cost."""
+READ_SIMULATED_S = 1.0
+READ_SIMULATED_MOST_S = 10.0
+"""A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
+ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
+"""A recording needs at most the size of its journal times the first, and the second in bytes."""
+LONGEST_NAME = 200
+"""Of a recording, in bytes: with its ending it must be a valid file name everywhere."""
+PAUSE_S = 1.0
+"""Shortest time between the end of a part of a run and the part that resumes it."""
+
+
+Report = Callable[[str], None]
+
+
+class RecordOptions(Options):
+    """How a run is recorded."""
+
+    name: str | None = None
+    """Name of the recording; default: that of the protocol's file."""
+    seed: Annotated[int, Field(ge=0, lt=1 << 63)] | None = None
+    """Seed of a simulated rig, instead of its file's: other sensors, other noise."""
+    resume: bool = False
+    """Resume a run that was stopped or killed, after its last whole cycle."""
+    real_time: bool = False
+    """Let a simulated rig take as long as a real one."""
+
+
+def record(
+    protocol_file: Path,
+    rig_file: Path,
+    folder: Path,
+    options: RecordOptions = RecordOptions(),
+    *,
+    watch: Watch | None = None,
+    report: Report | None = None,
+) -> RecordedRun:
+    """Run a protocol on a rig and close what was recorded.
+
+    Parameters
+    ----------
+    protocol_file, rig_file
+        What the stage does, and the instruments and sensors.
+    folder
+        Where the recording goes; made if need be.
+    watch, report
+        Called with the state of the run, and with what is prepared before it.
+
+    Raises
+    ------
+    BenchError, SpecError, DataError, DesignError, OutputError
+        Where files, instruments or the folder are at fault. What was recorded by then is in the journal.
+    """
+    check_installed()
+    protocol, rig = load_protocol(protocol_file), load_rig(rig_file)
+    if options.seed is not None:
+        rig = rig.model_copy(update={"seed": options.seed})
+    _check_compatible(protocol, rig, protocol_file, rig_file)
+    if options.real_time and not rig.simulated:
+        raise SpecError("--real-time", limit="is for a simulated rig; a real one always runs in real time")
+    name = options.name or protocol_file.stem
+    _check_name(name)
+    path, target = folder / f"{name}{SUFFIX}", folder / f"{name}.nc"
+    simulated_time = rig.simulated and not options.real_time
+    with files.output_folder(folder), Lock(path):
+        if target.exists() and not (path.exists() and _is_of(target, path)):
+            raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
+        if path.exists() and not options.resume:
+            limit, remedy = "exists already: a run that was not closed", "solen bench recover, or --resume"
+            raise BenchError(str(path), limit=limit, remedy=remedy)
+        journal, before = None, None
+        if options.resume:
+            journal, before = _resumed(path, {protocol_file: protocol, rig_file: rig})
+        clock = _clock(simulated_time, before)
+        noise = _noise(rig, options.name, before)
+        with _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn):
+            on = Instruments(stage, sampler, clock, _read_every_s(protocol, simulated_time))
+            if journal is None:
+                header = _header(protocol, rig, rig_file.parent, simulated_time)
+                journal = begin(path, on, header | drawn)
+            with journal:
+                run(protocol, on, journal, before=before, watch=watch)
+        return close_journal(path, target)
+
+
+def recover(path: Path) -> RecordedRun:
+    """Close a journal that was left by a run that was killed, stopped or failed."""
+    if path.suffix != SUFFIX:
+        raise SpecError(str(path), limit=f"a journal ends in {SUFFIX}", remedy="name the journal of the run")
+    target = path.with_suffix(".nc")
+    with Lock(path):
+        if target.exists() and not _is_of(target, path):
+            raise OutputError(str(target), limit="exists already", remedy="move it away")
+        return close_journal(path, target)
+
+
+def close_journal(path: Path, target: Path) -> RecordedRun:
+    """Write the recording of a journal, enter it into the catalogue, and only then remove the journal.
+
+    A kill on the way leaves the journal; a recording that was written by then is written again.
+    """
+    files.remove_left(target)
+    _check_room(path, target)
+    content = read_journal(path)
+    recorded = write_recording(content, target)
+    row = Catalogue(target.parent).add(target)
+    if row.periods != content.counts["samples" if "daq" in content.header else "board"]:
+        raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
+    files.remove(path)
+    return recorded
+
+
+def _check_room(path: Path, target: Path) -> None:
+    """`OutputError` where the disk has no room for the recording of a journal."""
+    if not path.exists():
+        return
+    needed = int(ROOM_OF_JOURNAL * path.stat().st_size) + ROOM_BYTES
+    free = shutil.disk_usage(target.absolute().parent).free
+    if free < needed:
+        limit = f"needs up to {1e-6 * needed:.2g} MB, and {1e-6 * free:.2g} MB are free"
+        raise OutputError(str(target), limit=limit, remedy=f"make room, then solen bench recover {path.name}")
+
+
+def _is_of(target: Path, journal: Path) -> bool:
+    """Whether a recording was made of a journal that is still there: closing it was killed before it was removed."""
+    try:
+        return header_of(target) == _without_streams(read_journal(journal).header)
+    except DataError:
+        return False
+
+
+def _without_streams(header: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in header.items() if key != "streams"}
+
+
+def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_file: Path) -> None:
+    unit = "mm" if rig.stage.lever_mm is not None else "deg"
+    if protocol.unit != unit:
+        remedy = "take the protocol or the rig of the other kind"
+        raise BenchError(str(protocol_file), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
+    if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
+        raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
+
+
+def _check_name(name: str) -> None:
+    if (length := len(name.encode())) > LONGEST_NAME:
+        limit = f"is {length} bytes long; {LONGEST_NAME} at most"
+        raise SpecError("--name", value=f"{name[:20]}…", limit=limit, remedy="shorten it")
+    if any(sign in name for sign in '/\\:*?"<>|') or name.startswith("."):
+        raise SpecError("--name", value=name, limit="must be the name of a file, without its folder")
+
+
+def _resumed(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:
+    """The journal of a run and what it holds, checked against the files of the protocol and the rig."""
+    if not path.exists():
+        raise BenchError(str(path), limit="is not there: nothing was left", remedy="leave --resume out")
+    header = read_journal(path).header
+    for key, (file, table) in zip(("protocol", "rig"), tables.items(), strict=True):
+        if header[key] != table.model_dump(mode="json"):
+            remedy = "change it back, or close the journal with solen bench recover"
+            raise BenchError(str(file), limit="differs from what the run began with", remedy=remedy)
+    return Journal.resume(path)
+
+
+def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) -> dict[str, Any]:
+    """Everything that a run was made of."""
+    designs = {sensor.design: files.read_text(folder / sensor.design, DataError) for sensor in rig.sensor}
+    return {
+        "solen": __version__,
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "begun_utc": dt.datetime.now(dt.UTC).isoformat(timespec="seconds"),
+        "simulated": rig.simulated,
+        "clock": "as fast as it can be computed" if simulated_time else "wall",
+        "seed": rig.seed,
+        "protocol_name": protocol.name,
+        "rig_name": rig.name,
+        "protocol": protocol.model_dump(mode="json"),
+        "rig": rig.model_dump(mode="json"),
+        "designs": designs,
+        "sensors": [sensor.model_dump(mode="json") for sensor in rig.sensor],
+        "zero": rig.stage.zero,
+        "lever_mm": rig.stage.lever_mm,
+        "top_count": 2**rig.board.bits - 1,
+    }
+
+
+def _clock(simulated_time: bool, before: JournalContent | None) -> Clock:
+    """Time of a run; that of a resumed run goes on, by as much as passed since."""
+    if before is None:
+        return SimulatedClock() if simulated_time else WallClock()
+    last_s = max(float(before.streams[name]["t_s"][-1:].max(initial=0.0)) for name in ("came", "stage"))
+    if simulated_time:
+        return SimulatedClock(last_s + PAUSE_S)
+    since = dt.datetime.now(dt.UTC) - dt.datetime.fromisoformat(before.header["begun_utc"])
+    return WallClock(max(since.total_seconds(), last_s + PAUSE_S))
+
+
+def _noise(rig: Rig, name: str | None, before: JournalContent | None) -> np.random.Generator:
+    """Noise of a simulated rig: other noise in each part of a run, and under each name."""
+    part = 0 if before is None else 1 + before.parts
+    return np.random.default_rng([rig.seed, 1, part, *([] if name is None else [zlib.crc32(name.encode())])])
+
+
+def _read_every_s(protocol: Protocol, simulated_time: bool) -> float:
+    if not simulated_time:
+        return READ_S
+    return min(max(READ_SIMULATED_S, protocol.shortest_s / 300.0), READ_SIMULATED_MOST_S)
+
+
+@contextmanager
+def _instruments(
+    rig: Rig, protocol: Protocol, folder: Path, clock: Clock, noise: np.random.Generator, report: Report | None
+) -> Iterator[tuple[Stage, EmitterBoard | Daq, dict[str, Any]]]:
+    """Stage and sampler of a rig, closed in the end, and what a header states of simulated ones."""
+    stage: Stage
+    drawn: dict[str, Any] = {}
+    if rig.simulated:
+        from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
+
+        stage, sampler, sensors = simulated_instruments(rig, protocol, folder, clock, noise, report)
+        drawn = {"sensors": sensors}
+    else:
+        stage, sampler = open_instruments(rig, clock)
+    try:
+        yield stage, sampler, drawn
+    finally:
+        for instrument in (sampler, stage):
+            # how the run ended matters more, and what could not be stopped is in its journal
+            with suppress(SolenError):
+                instrument.close()

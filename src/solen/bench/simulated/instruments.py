@@ -1,0 +1,63 @@
+"""Stage and sampler of a simulated rig, made as a whole: the sampler needs to know where the stage is."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.bench.clock import Clock
+from solen.bench.frames import Layout
+from solen.bench.protocol import Protocol
+from solen.bench.rig import Rig, sensor_angle_deg
+from solen.bench.roles import Daq, EmitterBoard
+from solen.bench.simulated.board import SimulatedBoard
+from solen.bench.simulated.daq import SimulatedDaq
+from solen.bench.simulated.sensors import simulated_sensors
+from solen.bench.simulated.stage import SimulatedStage
+
+
+def simulated_instruments(
+    rig: Rig,
+    protocol: Protocol,
+    folder: Path,
+    clock: Clock,
+    noise: np.random.Generator,
+    report: Callable[[str], None] | None = None,
+) -> tuple[SimulatedStage, EmitterBoard | Daq, list[dict[str, Any]]]:
+    """Stage and sampler of a simulated rig, and its sensors with what was drawn for each, for a journal's header.
+
+    Parameters
+    ----------
+    rig, protocol
+        The sensors are traced as far as the protocol goes.
+    folder
+        Where the rig names its designs.
+    clock, noise
+        Of the run. Sensors are drawn apart from noise: a resumed run has the same sensors and other noise.
+    report
+        Called with what is under way.
+
+    Raises
+    ------
+    BenchError, SpecError, DataError, DesignError
+        Where a design cannot be read, built, or vary as the rig states.
+    """
+    zero, lever_mm = rig.stage.zero, rig.stage.lever_mm
+    ends = np.array([-protocol.reach, protocol.reach]) + zero
+    reach_deg = float(np.abs(sensor_angle_deg(ends, zero, lever_mm)).max())
+    sensors = simulated_sensors(rig, folder, reach_deg, np.random.default_rng([rig.seed, 0]), report)
+    stage = SimulatedStage(clock, protocol.unit)
+
+    def angles(time_s: FloatArray) -> FloatArray:
+        return sensor_angle_deg(stage.axis.positions(time_s), zero, lever_mm)
+
+    sampler: EmitterBoard | Daq
+    if (setup := rig.setup) is not None:
+        sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, setup, noise)
+    else:
+        layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
+        sampler = SimulatedBoard(clock, sensors, angles, rig.ambient, layout, period_s, noise)
+    drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
+    return stage, sampler, drawn

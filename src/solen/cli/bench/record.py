@@ -1,0 +1,123 @@
+"""The commands of the bench: files to start from, a run, a run that was left, and what was recorded."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from solen.bench.catalogue import RecordingList
+from solen.bench.netcdf import RecordedRun
+from solen.bench.record import RecordOptions
+from solen.bench.run import Tick
+from solen.cli.app import FLAT, SHOWN, lines
+from solen.pipeline.bench import record as pipeline
+from solen.results import Outcome
+
+
+def new(folder: Path, /) -> Outcome[pipeline.BenchFolder]:
+    """Write protocols and simulated rigs with their designs into a folder.
+
+    Parameters
+    ----------
+    folder
+        Where rotation.toml, bending.toml, rig.toml (with a board), rig-daq.toml (with a data acquisition) and
+        sensor.toml go.
+    """
+    return pipeline.new(folder)
+
+
+def run(
+    protocol: Path, /, *, rig: Path, out: Path, options: Annotated[RecordOptions, FLAT] = RecordOptions()
+) -> Outcome[RecordedRun]:
+    """Run a protocol and leave a recording; Ctrl-C switches the emitters off and stops the stage.
+
+    Parameters
+    ----------
+    protocol
+        What the stage does.
+    rig
+        The instruments, and which sensors are wired to them.
+    out
+        Folder of the recording.
+    """
+    with _live() as (watch, report):
+        return pipeline.run(protocol, rig, out, options, watch=watch, report=report)
+
+
+def recover(journal: Path, /) -> Outcome[RecordedRun]:
+    """Close the journal of a run that was stopped or killed into a recording.
+
+    Parameters
+    ----------
+    journal
+        The .journal file that it left.
+    """
+    return pipeline.recover(journal)
+
+
+def recordings(folder: Path = Path(), /, *, look: bool = False) -> Outcome[RecordingList]:
+    """List the recordings of a folder.
+
+    Parameters
+    ----------
+    folder
+        The folder; by default this one.
+    look
+        Look for recordings that were put there by hand.
+    """
+    return pipeline.recordings(folder, look=look)
+
+
+@lines.register
+def _(result: pipeline.BenchFolder) -> Iterator[str]:
+    yield f"next: solen bench run rotation.toml --rig rig.toml --out recordings, in {result.folder}"
+
+
+@lines.register
+def _(recorded: RecordedRun) -> Iterator[str]:
+    simulated = " (simulated)" if recorded.simulated else ""
+    counts = f"{recorded.cycles} cycles, {recorded.duration_s:.1f} s, {recorded.periods} periods"
+    yield f"{recorded.outcome}: {counts}{simulated}"
+    yield from (f"  {name:12} {readings} readings" for name, readings in recorded.sensors.items())
+
+
+@lines.register
+def _(found: RecordingList) -> Iterator[str]:
+    for entry in found.recordings:
+        flags = f"{', simulated' if entry.simulated else ''}{'' if entry.there else ', MISSING'}"
+        size = f"{entry.duration_s:.0f} s, {len(entry.sensors)} sensors"
+        yield f"{entry.date}  {entry.file:24} {entry.protocol}, {size}, {entry.outcome}{flags}"
+    yield from (f"not closed: {name}; solen bench recover, or solen bench run --resume" for name in found.journals)
+    if not (found.recordings or found.journals or found.strangers):
+        yield f"no recordings in {found.folder}"
+
+
+@contextmanager
+def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None]]]:
+    """A line on stderr that follows the run, where that is a terminal."""
+    if SHOWN.quiet or not sys.stderr.isatty():
+        yield None, lambda _: None
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    def shown(text: str) -> Text:
+        return Text(text, no_wrap=True, overflow="ellipsis")
+
+    with Live(shown("beginning"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
+        yield (lambda tick: live.update(shown(_line(tick)))), (lambda text: live.update(shown(text)))
+
+
+def _line(tick: Tick) -> str:
+    """One line: where the run is, and how bright each input is while its emitters are on."""
+    levels = ""
+    if tick.counts is not None:
+        on = tick.counts[:, 0, :].min(axis=0)
+        off = tick.counts[:, 1, :].max(axis=0)
+        share = (off.astype(float) - on) / max(float(off.max()), 1.0)
+        levels = " ".join(
+            f"{number}:{'▁▂▃▄▅▆▇█'[min(7, int(8 * max(0.0, level)))]}" for number, level in enumerate(share, 1)
+        )
+    return f"cycle {tick.cycle}/{tick.cycles}  {tick.t_s:7.1f} s  at {tick.position:+7.3f}  {levels}"

@@ -1,0 +1,57 @@
+"""What the commands of the bench do: files to start from, a run from protocol to recording, journals that were left."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from solen import files
+from solen.bench import catalogue
+from solen.bench import record as bench
+from solen.bench.netcdf import RecordedRun
+from solen.bench.run import Watch
+from solen.bench.starter import starter_files
+from solen.errors import OutputError
+from solen.results import Outcome, Result
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BenchFolder(Result):
+    """A folder with files to start from."""
+
+    folder: Path
+
+
+def new(folder: Path) -> Outcome[BenchFolder]:
+    """Write protocols, simulated rigs and their designs into a folder; existing files are never overwritten."""
+    texts = starter_files()
+    targets = {name: folder / f"{name}.toml" for name in texts}
+    with files.output_folder(folder):
+        for target in targets.values():
+            if target.exists():
+                raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
+        files.write_all({targets[name]: text.encode() for name, text in texts.items()})
+    return Outcome(BenchFolder(folder), targets)
+
+
+def run(
+    protocol: Path,
+    rig: Path,
+    out: Path,
+    options: bench.RecordOptions = bench.RecordOptions(),
+    *,
+    watch: Watch | None = None,
+    report: bench.Report | None = None,
+) -> Outcome[RecordedRun]:
+    """Run a protocol on a rig and close what was recorded."""
+    recorded = bench.record(protocol, rig, out, options, watch=watch, report=report)
+    return Outcome(recorded, {"recording": recorded.path})
+
+
+def recover(journal: Path) -> Outcome[RecordedRun]:
+    """Close a journal that was left by a run that was killed, stopped or failed."""
+    recorded = bench.recover(journal)
+    return Outcome(recorded, {"recording": recorded.path})
+
+
+def recordings(folder: Path, *, look: bool = False) -> Outcome[catalogue.RecordingList]:
+    """Recordings of a folder, and journals in it that were left."""
+    return Outcome(catalogue.list_recordings(folder, look=look))
