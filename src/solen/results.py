@@ -307,4 +307,5 @@ def _short(value: Any) -> str:
     if isinstance(value, Sequence | Set):
         texts = [_short(one) for one in list(value)[:_SHOWN_ENTRIES]]
         return ", ".join(texts)[:100] + (f", ... ({len(value)})" if len(value) > _SHOWN_ENTRIES else "")
-    return type(value).__name__
+    name = getattr(value, "name", None)
+    return name if isinstance(name, str) and name else type(value).__name__

@@ -20,8 +20,8 @@ from solen.results import Result, reported
 from solen.units import factor
 
 
-@dataclass(frozen=True, eq=False)
-class Channel:
+@dataclass(frozen=True, eq=False, repr=False)
+class Channel(Result):
     """Numbers of one quantity, along one axis.
 
     Attributes
@@ -112,8 +112,8 @@ class Measured(Result):
         return any(source.simulated for source in self.sources)
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Result):
     """Channels that were recorded together, in the order of the file, and their provenance.
 
     Attributes
