@@ -114,6 +114,32 @@ def test_what_leaks_through_top_and_bottom_of_a_weak_body() -> None:
     agrees(found, trace(scene, "power", sampling="sobol"))
 
 
+@pytest.mark.parametrize(
+    ("scene", "index", "absorption_per_mm", "extrusion"),
+    [
+        (bar(chip(height_mm=2.0, cone_deg=60.0), height_mm=(-0.2, 0.2)), (1.0, 1.5), (0.0, 0.1), Extrusion(3.0)),
+        (bar(chip(cone_deg=100.0)), (1.0, 1.2), (0.0, 0.1), Extrusion(3.0)),
+        (bar(chip(y_mm=0.2)), (1.0, 1.5), (0.0, 0.3), Extrusion(1.0, 1.3, 1.5)),
+        (bar(chip()), (1.0, 1.5), (0.1, 0.1), Extrusion(3.0)),
+        (bar(chip()), (1.33, 1.5), (0.0, 0.0), Extrusion(3.0, 1.0, 1.5)),
+    ],
+    ids=["past a receiver on both sides", "leaky", "leaky to one side", "in a dark medium", "matched below"],
+)
+def test_what_becomes_of_light_that_is_not_detected(
+    scene: Scene, index: tuple[float, float], absorption_per_mm: tuple[float, float], extrusion: Extrusion
+) -> None:
+    """Light that leaves at top and bottom was absorbed up to there and no further."""
+    air, body = (Region(*one) for one in zip(("air", "bar"), index, absorption_per_mm, strict=True))
+    scene = replace(scene, regions=(air, body), extrusion=extrusion)
+    found, sampled = integrate(scene, tolerance=5e-4), trace(scene, "power", sampling="sobol")
+    assert found.reached
+    agrees(found, sampled)
+    for name in ("escaped", "absorbed"):
+        assert getattr(found.ledger, name) == pytest.approx(getattr(sampled.ledger, name), abs=2e-3)
+    assert found.missed == pytest.approx(sampled.missed, abs=2e-3)
+    assert found.leaked == pytest.approx(sampled.leaked, abs=2e-3)
+
+
 def test_counting_in_space() -> None:
     scene = bar(chip())
     found = integrate(scene, "count", 1e-3)

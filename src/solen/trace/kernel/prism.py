@@ -90,6 +90,13 @@ def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Ve
     w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
 
 
+@compiled
+def mean_kept(loss: float, nearest_mm: float, farthest_mm: float) -> float:
+    """Mean share that a medium leaves of light over ways that are spread evenly between two lengths."""
+    spread = loss * (farthest_mm - nearest_mm)
+    return math.exp(-loss * nearest_mm) * (-math.expm1(-spread) / spread if spread > 1e-12 else 1.0)
+
+
 @called
 def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     k: Precision,
@@ -182,7 +189,6 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         n1, way = tables.refractive_index[colour, here], length / flat
         rise = way * d.y
         ended, bounces = stray, 0
-        d0, e0, light0, hits0, low0 = d, e, light, hits, ya
         if rise != 0.0 and not stray:
             n2 = family.above if rise > 0.0 else family.below
             upwards = 1.0 if rise > 0.0 else -1.0
@@ -196,8 +202,13 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     inside = abs(ya + rise) <= half
                     share, low, high = 1.0 if inside else 0.0, ya, yb
                 if share < 1.0:
-                    value[receivers] += (1.0 - share) * power
-                    value[missed] += (1.0 - share) * power
+                    first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
+                    farthest = min((half - first_low) / abs(d.y), way)
+                    passing = (1.0 - share) * power
+                    leaves = passing * mean_kept(loss, max((half - first_high) / abs(d.y), 0.0), farthest)
+                    value[receivers] += leaves
+                    value[missed] += leaves
+                    value[receivers + 1] += passing - leaves
                     light = scaled(light, share)
                     mark = np.uint64(2 if inside else 1)
                 ya, yb = low + rise, high + rise
@@ -229,29 +240,33 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                             w[SILENT] = 1.0
                         waiting += 1
                         light = scaled(light, 1.0 - share)
-                light0, low0 = light, ya
+                power, gone, kept = light.i1 + light.i2, 0.0, 1.0
                 if loss > 0.0:
-                    kept = math.exp(-loss * way)
-                    value[receivers + 1] += (1.0 - kept) * (light.i1 + light.i2)
-                    light = scaled(light, kept)
-                    loss = 0.0
+                    first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
+                    kept = mean_kept(loss, (half - first_high) / abs(d.y), (half - first_low) / abs(d.y))
                 for _ in range(bounces):
                     top = 1.0 if d.y > 0.0 else -1.0
                     n2 = family.above if d.y > 0.0 else family.below
                     parts = divided(d, e, Vector(0.0, -top, 0.0), light, n1, n2, bare(n1, n2, n1 * abs(d.y)))
                     leaves = parts.on_light.i1 + parts.on_light.i2
-                    if rules.splitting == COUNT and leaves > 0.0:
-                        value[receivers] += light.i1 + light.i2
-                        value[leaked] += light.i1 + light.i2
-                        ended = True
-                        break
+                    all_leaves = n1 == n2 or (rules.splitting == COUNT and leaves > 0.0)
+                    leaves = kept * (light.i1 + light.i2 if all_leaves else leaves)
+                    gone += leaves
                     value[receivers] += leaves
-                    value[leaked] += leaves
+                    value[missed if n1 == n2 else leaked] += leaves
+                    if all_leaves:
+                        light, ended = scaled(light, 0.0), True
+                        break
                     d, e, light = parts.back, parts.s, parts.back_light
                     hits += 1
-                    if light.i1 + light.i2 < least or hits + 1 >= rules.max_hits:
+                    if kept * (light.i1 + light.i2) < least or hits + 1 >= rules.max_hits:
                         ended = True
                         break
+                    kept *= math.exp(-loss * 2.0 * half / abs(d.y))
+                if loss > 0.0:
+                    light = scaled(light, kept if ended else math.exp(-loss * way))
+                    value[receivers + 1] += max(power - gone - light.i1 - light.i2, 0.0)
+                    loss = 0.0
                 za, zb = ya + rise, yb + rise
                 if bounces > 0:
                     # unfold: reflect at the face that was met
@@ -273,7 +288,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         behaviour = tables.behaviour[c]
         acts = acting(tables, c, colour) if behaviour >= TREATED else behaviour
         worn_out = hits + 1 >= rules.max_hits or power < least
-        lower, upper = -math.inf, math.inf
+        lower, upper, above, above_low, above_high = -math.inf, math.inf, 0.0, 0.0, 0.0
         if acts == RECEIVER and not ended:
             lower, upper = tables.height[c, 0], tables.height[c, 1]
             if wide:
@@ -291,18 +306,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if share > 0.0:
                     outer, inner_part = max(yb - upper, 0.0), max(lower - ya, 0.0)
                     if outer > 0.0 and inner_part > 0.0:
-                        # two parts go past the receiver: the upper one waits at the start of this leg
-                        part = outer / (outer + inner_part)
-                        w = stack[waiting]
-                        kept_light = scaled(light0, outer / (yb - ya))
-                        if bounces % 2 == 0:
-                            put(w, x, z, low0 + (upper - ya), low0 + (yb - ya), d0, e0, kept_light)
-                        else:
-                            put(w, x, z, low0, low0 + (yb - upper), d0, e0, kept_light)
-                        w[REGION], w[LAST], w[HIT], w[AT] = region, last, hits0, at
-                        w[SILENT] = 1.0 if silent else 0.0
-                        waiting += 1
-                        light = scaled(light, 1.0 - part)
+                        # two parts go past the receiver: the upper one waits behind the wall and before it
+                        above, above_low, above_high = outer / inner_part, upper, yb
+                        light = scaled(light, inner_part / (outer + inner_part))
                         power = light.i1 + light.i2
                         yb = lower
                     elif outer > 0.0:
@@ -337,7 +343,17 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
         on = parts.on_light.i1 + parts.on_light.i2
         back = parts.back_light.i1 + parts.back_light.i2
         if behaviour >= TREATED:
-            value[receivers + 1] += max(power - on - back, 0.0)
+            value[receivers + 1] += (1.0 + above) * max(power - on - back, 0.0)
+        for goes_on in (True, False):
+            if above > 0.0 and above * (on if goes_on else back) >= least:
+                w = stack[waiting]
+                if goes_on:
+                    put(w, px, pz, above_low, above_high, parts.on, on_e, scaled(parts.on_light, above))
+                else:
+                    put(w, px, pz, above_low, above_high, parts.back, back_e, scaled(parts.back_light, above))
+                w[REGION], w[LAST], w[HIT], w[AT] = there if goes_on else here, c, hits + 1, place
+                w[SILENT] = 1.0 if silent else 0.0
+                waiting += 1
         both = on >= least and back >= least
         if not silent and behaviour == REFRACTING and on > 0.0 and not both:
             tree = scrambled(tree ^ np.uint64(34))
