@@ -35,14 +35,14 @@ napoleon_use_rtype = False
 # Every cross-reference must resolve. Those to other projects cannot: their inventories would have to be downloaded.
 nitpicky = True
 OTHERS = "abc annotated_types collections enum matplotlib numpy np npt os pathlib pydantic pydantic_core shapely typing"
-OTHERS += " datetime decimal importlib tifffile types xarray xr"
+OTHERS += " datetime decimal functools importlib tifffile types xarray xr"
 nitpick_ignore_regex = [
     (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
     (r"py:.*", r"(solen\..*\.)?[LPRT]"),  # type variables
     (r"py:.*", r"solen\..*\._\w+"),
     (r"py:.*", r"solen\.(trace\.kernel|scene\.rayoptics\.fields)\..*"),
-    (r"py:.*", r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|inf|-?[\d.]+(e[-+]?\d+)?"),  # limits of a field
+    (r"py:.*", r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|PydanticUndefined|inf|-?[\d.]+(e[-+]?\d+)?"),  # limits and defaults of a field
 ]
 
 suppress_warnings = ["ref.python"]  # two classes of one name, in rooms apart

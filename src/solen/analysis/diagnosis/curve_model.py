@@ -216,4 +216,4 @@ class Model:
         return values
 
 
-__all__ = ["INDEX", "LOSS", "OFFSET", "SPREAD", "ZERO", "Model", "Parameter"]
+__all__ = ["INDEX", "LOSS", "OFFSET", "SPREAD", "ZERO", "Bend", "Model", "Parameter"]

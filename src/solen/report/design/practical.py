@@ -158,10 +158,11 @@ def space_words(study: Study) -> str:
     if any(one is None or other is None for _, one, other in pairs):
         return ""
     told = [f"{signed(one)} and {signed(other)} at {angle:+g}°" for angle, one, other in pairs]
+    sampled = "" if all(trace.method == "adaptive" for trace in same.traces) else ", sampled"
     plane, space, angles = found.plane.received_share, same.received_share, len(found.plane.angle_deg)
     text = (
         f"{_emitter(found)} gives, by rays in the plane and by rays in space in a body {found.thickness_mm:g} mm "
-        f"thick, a contrast of {_listed(told)} (± {same.largest_u_contrast:.1g}, sampled). Of its light "
+        f"thick, a contrast of {_listed(told)} (± {same.largest_u_contrast:.1g}{sampled}). Of its light "
         f"{plane:.1%} and {space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
     )
     weaker = all(abs(one or 0.0) - abs(other or 0.0) > STRONGER for _, one, other in pairs)
