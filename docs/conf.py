@@ -42,7 +42,10 @@ nitpick_ignore_regex = [
     (r"py:.*", r"(solen\..*\.)?[LPRT]"),  # type variables
     (r"py:.*", r"solen\..*\._\w+"),
     (r"py:.*", r"solen\.(trace\.kernel|scene\.rayoptics\.fields)\..*"),
-    (r"py:.*", r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|PydanticUndefined|inf|-?[\d.]+(e[-+]?\d+)?"),  # limits and defaults of a field
+    (
+        r"py:.*",
+        r"FieldInfo|NoneType|[GL][te]|(Min|Max)Len|AllowInfNan|PydanticUndefined|inf|-?[\d.]+(e[-+]?\d+)?",
+    ),  # limits and defaults of a field
 ]
 
 suppress_warnings = ["ref.python"]  # two classes of one name, in rooms apart
