@@ -17,11 +17,6 @@ class Fresnel(NamedTuple):
     p: float
 
 
-def critical_angle_deg(n1: float, n2: float) -> float:
-    """Angle of incidence from which on a ray in n1 is totally reflected; 90 where n1 <= n2 (there is none)."""
-    return math.degrees(math.asin(min(n2 / n1, 1.0)))
-
-
 def cos_refracted(cos_incident: float, n1: float, n2: float) -> float | None:
     """Cosine of the refracted ray to the normal by Snell's law; None under total reflection."""
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_incident) ** 2  # times n2²; exact also where the indices match

@@ -32,8 +32,8 @@ def test_the_formulas_are_those_of_schottky_and_johnson() -> None:
     assert found.shot_V[0] == pytest.approx(2000 * math.sqrt(2 * 1.602177e-19 * amps * 301 * hz), rel=1e-5)
     assert found.thermal_V[0] == pytest.approx(math.sqrt(4 * 1.380649e-23 * 298.15 * 2000 * hz), rel=1e-6)
     assert found.quantisation_V[0] == pytest.approx(20 / 2**24 / math.sqrt(12))
-    parts = (found.shot_V, found.thermal_V, found.converter_V, found.quantisation_V)
-    assert found.sample_V == pytest.approx(np.sqrt(sum(part**2 for part in parts)))
+    parts = (found.shot_V, found.thermal_V, found.converter_V)
+    assert found.before_V == pytest.approx(np.sqrt(sum(part**2 for part in parts)))
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,8 @@ def test_the_formulas_are_those_of_schottky_and_johnson() -> None:
 )
 def test_samples_have_the_noise_of_the_formula(adc: Adc, what: str) -> None:
     circuit = plain_circuit(adc=adc)
-    found, expected = drawn(circuit), np.asarray(noise(circuit, HALF[0]).sample_V)
+    found, one = drawn(circuit), noise(circuit, HALF[0])
+    expected = np.hypot(one.before_V, one.quantisation_V)
     assert found.std(axis=0) == pytest.approx(expected, rel=OF_AN_SD + 1e-3), what
     assert found.mean(axis=0) == pytest.approx(
         volts(HALF[0], circuit), abs=5 * float(expected.max()) / math.sqrt(DRAWS) + 1e-6

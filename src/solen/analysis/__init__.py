@@ -7,28 +7,20 @@ light first.
 """
 
 from solen.analysis.figures_of_merit import ReceiverResponse
-from solen.analysis.motion import Cycle, Motion, Ramp, find_motion
-from solen.analysis.response import Curve, Passes
-from solen.analysis.sensor_response import AnalysisOptions, Run, SensorGroup, SensorResponse, group_of, sensor_response
+from solen.analysis.motion import find_motion
+from solen.analysis.sensor_response import AnalysisOptions, Run, SensorResponse, group_of, sensor_response
 from solen.analysis.signals import SignalOptions, Signals, Waveforms, waveforms
 from solen.analysis.study import Study, study
-from solen.analysis.timebase import TimeBase, time_base
+from solen.analysis.timebase import time_base
 
 __all__ = [
     "AnalysisOptions",
-    "Curve",
-    "Cycle",
-    "Motion",
-    "Passes",
-    "Ramp",
     "ReceiverResponse",
     "Run",
-    "SensorGroup",
     "SensorResponse",
     "SignalOptions",
     "Signals",
     "Study",
-    "TimeBase",
     "Waveforms",
     "find_motion",
     "group_of",

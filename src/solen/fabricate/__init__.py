@@ -8,16 +8,15 @@ of a mesh, `as_step` of a part, `as_dxf`, `as_svg` and `as_comsol` of a body; `F
 
 from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.comsol import as_comsol
-from solen.fabricate.dxf import as_dxf, check_writer
-from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, MeshSize, exported_solid
+from solen.fabricate.dxf import as_dxf
+from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, exported_solid
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.measures import area_mm2, perimeter_mm
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS, as_glb, as_stl, as_threemf
-from solen.fabricate.part import Cut, Part, Prism, sensor_prism
-from solen.fabricate.raster import coverage, coverage_bytes, rings_of
+from solen.fabricate.part import Part, Prism
 from solen.fabricate.seats import sensor_part
-from solen.fabricate.step import as_step, check_kernel
+from solen.fabricate.step import as_step
 from solen.fabricate.svg import as_svg
 
 __all__ = [
@@ -25,12 +24,10 @@ __all__ = [
     "MESH_WRITERS",
     "USUAL",
     "Bspline",
-    "Cut",
     "Export",
     "ExportedSolid",
     "Label",
     "Mesh",
-    "MeshSize",
     "Part",
     "Prism",
     "area_mm2",
@@ -41,16 +38,10 @@ __all__ = [
     "as_stl",
     "as_svg",
     "as_threemf",
-    "check_kernel",
-    "check_writer",
-    "coverage",
-    "coverage_bytes",
     "exported_solid",
     "label_of",
     "mesh_of",
     "perimeter_mm",
     "primitives",
-    "rings_of",
     "sensor_part",
-    "sensor_prism",
 ]

@@ -1,15 +1,13 @@
 """From a lens and a guide, or a drawing, to closed outlines of named exact curves, in any state of their motion."""
 
-from solen.geometry.bend import BEND_TOLERANCE_MM, Bend, bend_of, bent
+from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import Body, Face, Pose, material
 from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
 from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
 __all__ = [
-    "BEND_TOLERANCE_MM",
     "BODY_KINDS",
-    "Bend",
     "Body",
     "BodyKind",
     "Face",

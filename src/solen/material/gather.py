@@ -153,21 +153,19 @@ class IndexResult(_Result):
         )
 
 
-def thinned(
-    rows: list[tuple[float, float, float | None]], most: int = MOST_ROWS
-) -> list[tuple[float, float, float | None]]:
+def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
     """Means of the wavelength, the index and its uncertainty over equal parts of the range; one row each.
 
     Noise averages out; an uncertainty does not, as what a whole spectrum shares would be lost. The first and the last
     wavelength stay. A part without an uncertainty has none.
     """
-    if len(rows) <= most:
+    if len(rows) <= MOST_ROWS:
         return _unique(rows)
     first, last = rows[0][0], rows[-1][0]
-    width = (last - first) / (most - 2)
+    width = (last - first) / (MOST_ROWS - 2)
     parts: dict[int, list[tuple[float, float, float | None]]] = {}
     for row in rows[1:-1]:
-        parts.setdefault(min(int((row[0] - first) / width), most - 3), []).append(row)
+        parts.setdefault(min(int((row[0] - first) / width), MOST_ROWS - 3), []).append(row)
     return _unique([rows[0], *(_mean(part) for _, part in sorted(parts.items())), rows[-1]])
 
 

@@ -129,10 +129,10 @@ class LinearFit:
         c = np.asarray(contrast, float)
         return math.sqrt(max(float(c @ self.covariance @ c), 0.0))
 
-    def interval(self, contrast: ArrayLike, level: float = 0.95) -> tuple[float, float]:
-        """Interval of c·β that covers it at that level."""
+    def interval(self, contrast: ArrayLike) -> tuple[float, float]:
+        """Interval of c·β that covers it in 95 %."""
         middle = float(np.asarray(contrast, float) @ self.parameters)
-        half = t_quantile(level, self.df(contrast)) * self.u(contrast)
+        half = t_quantile(0.95, self.df(contrast)) * self.u(contrast)
         return middle - half, middle + half
 
 
@@ -194,9 +194,7 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
     return same if of is None else np.asarray(same * np.multiply.outer(np.asarray(of, float), np.asarray(of, float)))
 
 
-def bad_points(
-    fit: Callable[[BoolArray], LinearFit], points: int, most: int, false_alarms: float = FALSE_ALARMS
-) -> dict[int, float]:
+def bad_points(fit: Callable[[BoolArray], LinearFit], points: int, most: int) -> dict[int, float]:
     """Points that do not belong to the rest, each with its deletion residual t, the worst first.
 
     The worst point is taken away ``most`` times over; the last of these whose t is beyond its Bonferroni quantile
@@ -208,8 +206,6 @@ def bad_points(
         Fit of the points where a mask of shape (n,) is true.
     points, most
         Number of points, and of those that may be named.
-    false_alarms
-        How often any is named where all belong.
     """
     keep = np.ones(points, bool)
     found: list[tuple[int, float]] = []
@@ -221,7 +217,7 @@ def bad_points(
         t, df = float(here.deletion_t[worst]), here.error_df - 1
         index = int(np.flatnonzero(keep)[worst])
         found.append((index, t))
-        if df >= 1 and abs(t) > t_quantile(1.0 - false_alarms / left, df):
+        if df >= 1 and abs(t) > t_quantile(1.0 - FALSE_ALARMS / left, df):
             bad = len(found)
         keep[index] = False
     return dict(found[:bad])

@@ -18,21 +18,12 @@ from scipy import ndimage
 from solen.arrays import BoolArray, FloatArray
 from solen.metrology.step_fit import MOST_BLUR_PX, Steps, Usual, fit_steps
 
-REASONS = (
-    "outside the picture",
-    "saturated",
-    "low contrast",
-    "no fit",
-    "odd blur",
-    "odd shape",
-    "off its neighbours",
-    "alone",
-)
-"""Why a place on a contour has no edge, in the order of the tests."""
 LINES = 5
 """Neighbouring lines, one pixel apart, whose grey values are averaged."""
 BLURS = 5.0
 """Half the length of a fitted line, in blurs."""
+USUAL_BLUR_PX = 2.0
+"""First guess of a blur; the picture's own is found from it."""
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
 """The blur is found from so many places; lines are long enough where it grows by less than this factor."""
@@ -83,7 +74,7 @@ class Edge:
     kept
         Shape (N,): whether the place is an edge.
     rejected
-        How many places were rejected, by reason (`REASONS`).
+        How many places were rejected, by reason, in the order of the tests.
     """
 
     points_px: FloatArray
@@ -175,7 +166,6 @@ def fit_edge(
     contour_px: FloatArray,
     normals: FloatArray,
     *,
-    blur_px: float = 2.0,
     half_px: float = float("inf"),
     ceiling: float = float("inf"),
     rising: bool | None = None,
@@ -190,8 +180,6 @@ def fit_edge(
         Shape (rows, columns).
     contour_px, normals
         Shape (N, 2): a contour within about two blurs of the edge, and unit vectors across it.
-    blur_px
-        First guess of the blur; the picture's own is found from it.
     half_px
         How far to look at most on each side, where another edge is near.
     ceiling
@@ -205,7 +193,7 @@ def fit_edge(
     """
     at = np.zeros((len(contour_px), 1))
     view = _View(grey, contour_px, normals, half_px, ceiling, lines, closed)
-    steps, inside, saturated = view.fitted(at, view.blur(at, blur_px))
+    steps, inside, saturated = view.fitted(at, view.blur(at, USUAL_BLUR_PX))
     return view.judged(steps, 0, rising, inside, saturated)
 
 
@@ -215,7 +203,7 @@ def fit_two_edges(
     normals: FloatArray,
     at_px: FloatArray,
     *,
-    blur_px: float = 2.0,
+    blur_px: float = USUAL_BLUR_PX,
     ceiling: float = float("inf"),
 ) -> tuple[Edge, Edge]:
     """Two edges that lie so near each other that their blurs overlap, fitted together.

@@ -11,22 +11,18 @@ line, `solen.readout.adc` the converter, `solen.readout.emitter` the power of th
 """
 
 from solen.readout.adc import Adc
-from solen.readout.advice import Advice, Setting, advise
-from solen.readout.circuit import CASES, Case, Circuit, circuit_of, face_areas_mm2, spread
+from solen.readout.advice import Setting, advise
+from solen.readout.circuit import Circuit, circuit_of, face_areas_mm2, spread
 from solen.readout.emitter import Drive
-from solen.readout.noise import Noise, noise
+from solen.readout.noise import noise
 from solen.readout.readings import Readings, readings_of
 from solen.readout.samples import noisy, settled, volts
 from solen.readout.transistor import Phototransistor
 
 __all__ = [
-    "CASES",
     "Adc",
-    "Advice",
-    "Case",
     "Circuit",
     "Drive",
-    "Noise",
     "Phototransistor",
     "Readings",
     "Setting",

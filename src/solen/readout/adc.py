@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import FloatArray
 from solen.errors import SpecError
 from solen.parts import AdcPart, AdcRange
 from solen.results import reported
@@ -65,11 +65,6 @@ class Adc:
         """Volts (...) as it reads them: rounded to its steps and cut at the ends of its range."""
         numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
         return np.asarray(self.low_V + self.step_V * numbers)
-
-    def is_clipped(self, volts: FloatArray) -> BoolArray:
-        """Whether what it read (...) stands at an end of its range."""
-        half = 0.5 * self.step_V
-        return np.asarray((volts <= self.low_V + half) | (volts >= self.top_V - half))
 
 
 def _smallest(part: AdcPart, supply_V: float) -> AdcRange:

@@ -11,7 +11,7 @@ The interface: `circuit_of`, `spread`, `face_areas_mm2`; `Circuit.current_mA` of
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar, get_args
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -29,7 +29,6 @@ from solen.spec import Design
 Floats = float | FloatArray
 
 Case = Literal["dimmest", "typical", "brightest"]
-CASES: tuple[Case, ...] = get_args(Case)
 MM2_PER_CM2 = 100.0
 NOISE_OF_3DB = 0.5 * np.pi
 """Noise bandwidth of a first order over its 3 dB frequency."""

@@ -42,11 +42,6 @@ class Noise(Result):
         """What stands at the converter's steps: all but the rounding to them."""
         return np.asarray(np.sqrt(self.shot_V**2 + self.thermal_V**2 + self.converter_V**2))
 
-    @property
-    def sample_V(self) -> FloatArray:
-        """Of one sample."""
-        return np.asarray(np.hypot(self.before_V, self.quantisation_V))
-
     @reported
     def reading_V(self) -> FloatArray:
         """Of the mean of the samples.

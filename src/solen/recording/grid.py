@@ -24,7 +24,6 @@ _THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
 _EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line that states the separator to Excel
 _SHOWN = 40  # letters of a bad cell
 _SAMPLE = 400  # lines by which the separator is chosen
-_NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", " ": "spaces"}
 
 
 @dataclass(frozen=True)

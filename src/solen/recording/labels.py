@@ -8,7 +8,6 @@ from pathlib import Path
 
 from solen.errors import DataError, SpecError
 
-FIELDS = ("sensor", "lens", "run")
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _WITH = {"lens", "with", "withlens", "yes", "y", "1", "true", "on", "linse", "mit"}
 _WITHOUT = {

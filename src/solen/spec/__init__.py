@@ -6,27 +6,20 @@ designs in `solen.spec.template`; `solen.spec.strict` is what every TOML file of
 
 from solen.spec.body import Body, Lens, Material, Receivers
 from solen.spec.design import Design, Trace
-from solen.spec.fabricate import Fabricate
-from solen.spec.light import Ambient, Emitter
-from solen.spec.motion import MAX_STEPS, Motion
-from solen.spec.readout import Readout
+from solen.spec.light import Emitter
+from solen.spec.motion import Motion
 from solen.spec.template import NewDesign, template, template_names
-from solen.spec.toml import SCHEMA, dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
+from solen.spec.toml import dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 from solen.spec.wall import Wall
 
 __all__ = [
-    "MAX_STEPS",
-    "SCHEMA",
-    "Ambient",
     "Body",
     "Design",
     "Emitter",
-    "Fabricate",
     "Lens",
     "Material",
     "Motion",
     "NewDesign",
-    "Readout",
     "Receivers",
     "Trace",
     "Wall",

@@ -12,12 +12,12 @@ The interface: `calibrated_sensors` of a `Study`; its steps `training_of` a `Sen
 
 from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
-from solen.analysis.calibration.decoder import Decoded, Decoder
+from solen.analysis.calibration.decoder import Decoder
 from solen.analysis.calibration.decoding import DecodeOptions, Decoding, StreamDecoder
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import CalibrationFile
-from solen.analysis.calibration.heading import Headings, Tracker
-from solen.analysis.calibration.training import Samples, Training, training_of
+from solen.analysis.calibration.heading import Tracker
+from solen.analysis.calibration.training import Training, training_of
 
 __all__ = [
     "Calibration",
@@ -25,11 +25,8 @@ __all__ = [
     "CalibrationOptions",
     "Check",
     "DecodeOptions",
-    "Decoded",
     "Decoder",
     "Decoding",
-    "Headings",
-    "Samples",
     "SensorCalibrations",
     "StreamDecoder",
     "Tracker",

@@ -13,22 +13,19 @@ from solen.analysis.demodulation.average import averaged, readings_per_mains
 from solen.analysis.demodulation.clock import Clock, find_clock
 from solen.analysis.demodulation.demodulate import Demodulation, demodulated, readings_csv
 from solen.analysis.demodulation.rejection import Kernel, gain, rejection_dB
-from solen.analysis.demodulation.samples import DEFAULT_SETTLE_US, DemodulationOptions, Samples
-from solen.analysis.demodulation.slots import DROPPED, OFF, Slots, slots_of
-from solen.analysis.demodulation.subtract import Counts, Demodulated, subtract
+from solen.analysis.demodulation.samples import DEFAULT_SETTLE_US, DemodulationOptions
+from solen.analysis.demodulation.slots import DROPPED, OFF, slots_of
+from solen.analysis.demodulation.subtract import Demodulated, subtract
 
 __all__ = [
     "DEFAULT_SETTLE_US",
     "DROPPED",
     "OFF",
     "Clock",
-    "Counts",
     "Demodulated",
     "Demodulation",
     "DemodulationOptions",
     "Kernel",
-    "Samples",
-    "Slots",
     "averaged",
     "demodulated",
     "find_clock",

@@ -38,11 +38,11 @@ def advice(found: Diagnosis) -> list[str]:
     return [*_shift(found), *_trim(found), *_record(found)]
 
 
-def pm(one: ParameterEstimate, unit: str | None = None) -> str:
+def pm(one: ParameterEstimate) -> str:
     """A number with half of its interval of 95 %, both to the place that the latter is worth telling to."""
     if one.value is None or one.low is None or one.high is None:
         return "not determined"
-    return _pm(one.value, 0.5 * (one.high - one.low), one.unit if unit is None else unit)
+    return _pm(one.value, 0.5 * (one.high - one.low), one.unit)
 
 
 def _pm(value: float, half: float, unit: str) -> str:

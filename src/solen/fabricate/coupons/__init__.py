@@ -3,20 +3,11 @@
 from solen.fabricate.coupons.job import as_job, cautions, read_job
 from solen.fabricate.coupons.plan import as_plan
 from solen.fabricate.coupons.solid import coupon_parts
-from solen.fabricate.coupons.written import (
-    CouponOutput,
-    CouponPart,
-    CouponSet,
-    CouponSummary,
-    coupon_set,
-    written_coupons,
-)
+from solen.fabricate.coupons.written import CouponOutput, CouponSet, coupon_set, written_coupons
 
 __all__ = [
     "CouponOutput",
-    "CouponPart",
     "CouponSet",
-    "CouponSummary",
     "as_job",
     "as_plan",
     "cautions",

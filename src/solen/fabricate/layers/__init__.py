@@ -15,19 +15,17 @@ from solen.fabricate.layers.archive import Stack, as_png, write_archive
 from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.layered import LayeredPrint, layered_print
 from solen.fabricate.layers.orientation import orientation, turned
-from solen.fabricate.layers.printable import MESH_READERS, Printable, printable_design, printable_mesh
-from solen.fabricate.layers.sheet import PrintSettings, as_sheet, print_settings
+from solen.fabricate.layers.printable import Printable, printable_design, printable_mesh
+from solen.fabricate.layers.sheet import as_sheet
 from solen.fabricate.layers.slicing import Orientation, Slicing
 from solen.fabricate.layers.solid import Plan, Slices, Solid, mesh_solid, solid_of
 
 __all__ = [
-    "MESH_READERS",
     "Job",
     "Layer",
     "LayeredPrint",
     "Orientation",
     "Plan",
-    "PrintSettings",
     "Printable",
     "Slices",
     "Slicing",
@@ -38,7 +36,6 @@ __all__ = [
     "layered_print",
     "mesh_solid",
     "orientation",
-    "print_settings",
     "printable_design",
     "printable_mesh",
     "solid_of",

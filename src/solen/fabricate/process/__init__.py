@@ -8,16 +8,16 @@ uncertainty, `solen.fabricate.process.compensate` draws so that it prints as wan
 process's numbers from measured coupons.
 """
 
-from solen.fabricate.process.calibrate import CalibratedNumber, FittedFeature, PrinterCalibration, calibrated
-from solen.fabricate.process.compensate import Compensation, compensated
+from solen.fabricate.process.calibrate import FittedFeature, PrinterCalibration, calibrated
+from solen.fabricate.process.compensate import compensated
 from solen.fabricate.process.compensation_files import compensation_files
-from solen.fabricate.process.drawing import DrawnFace, as_designed, curve_of, lens_face, redrawn, rings_of
+from solen.fabricate.process.drawing import as_designed, curve_of, lens_face, redrawn, rings_of
 from solen.fabricate.process.features import MeasuredFeature, printed_mm, read_features
-from solen.fabricate.process.field import DoseMap, FlatImage, dose_map
+from solen.fabricate.process.field import FlatImage, dose_map
 from solen.fabricate.process.flat import FlatPrint, walls_um
-from solen.fabricate.process.growth import growth_um, straight_edge_um, with_growth
-from solen.fabricate.process.predict import Orientation, Prediction, points_for, predicted
-from solen.fabricate.process.print_design import PrintedDesign, PrintedPart, print_design, profile_of_print
+from solen.fabricate.process.growth import straight_edge_um
+from solen.fabricate.process.predict import Orientation, predicted
+from solen.fabricate.process.print_design import PrintedDesign, print_design
 from solen.fabricate.process.settings import (
     Calibration,
     Process,
@@ -27,35 +27,27 @@ from solen.fabricate.process.settings import (
     process_text,
     read_process,
 )
-from solen.fabricate.process.solid import Slab, printed_solid
-from solen.fabricate.process.source import PrintOptions, process_of, with_printer, with_resin
+from solen.fabricate.process.solid import printed_solid
+from solen.fabricate.process.source import PrintOptions, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um
-from solen.fabricate.process.terms import Terms, terms_at
+from solen.fabricate.process.terms import terms_at
 from solen.fabricate.process.upright import SidePrint
 
 __all__ = [
-    "CalibratedNumber",
     "Calibration",
-    "Compensation",
     "Deviation",
-    "DoseMap",
-    "DrawnFace",
     "FittedFeature",
     "FlatImage",
     "FlatPrint",
     "MeasuredFeature",
     "Orientation",
-    "Prediction",
     "PrintOptions",
     "PrintedDesign",
-    "PrintedPart",
     "PrinterCalibration",
     "Process",
     "Settings",
     "SidePrint",
-    "Slab",
     "Target",
-    "Terms",
     "as_designed",
     "calibrated",
     "compensated",
@@ -64,17 +56,14 @@ __all__ = [
     "default_process",
     "dose_map",
     "exits_um",
-    "growth_um",
     "lens_face",
     "parsed_process",
-    "points_for",
     "predicted",
     "print_design",
     "printed_mm",
     "printed_solid",
     "process_of",
     "process_text",
-    "profile_of_print",
     "read_features",
     "read_process",
     "redrawn",
@@ -82,7 +71,5 @@ __all__ = [
     "straight_edge_um",
     "terms_at",
     "walls_um",
-    "with_growth",
-    "with_printer",
     "with_resin",
 ]

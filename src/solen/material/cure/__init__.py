@@ -5,41 +5,20 @@ adds up the doses in a print, `penetration` computes the penetration depth from 
 of the kind "200 µm at 39 mJ/cm²" into bounds, `exposures` compares the optics of layers by their exposure.
 """
 
-from solen.material.cure.curve import Disc, LackOfFit, LeftOut, WorkingCurve, working_curve
+from solen.material.cure.curve import WorkingCurve, working_curve
 from solen.material.cure.discs import CureOptions, MeasuredCurve, curve_of_discs
-from solen.material.cure.exposures import Sample, Trend, trend
-from solen.material.cure.layers import (
-    StackDose,
-    cure_depth_um,
-    dose_below,
-    stack_dose,
-    stack_print_through_um,
-)
-from solen.material.cure.penetration import Attenuation, attenuation, penetration_depth_um
-from solen.material.cure.stated import PAPER, Statement, binding, largest_Ec
+from solen.material.cure.layers import cure_depth_um, dose_below, stack_dose, stack_print_through_um
+from solen.material.cure.stated import largest_Ec
 
 __all__ = [
-    "PAPER",
-    "Attenuation",
     "CureOptions",
-    "Disc",
-    "LackOfFit",
-    "LeftOut",
     "MeasuredCurve",
-    "Sample",
-    "StackDose",
-    "Statement",
-    "Trend",
     "WorkingCurve",
-    "attenuation",
-    "binding",
     "cure_depth_um",
     "curve_of_discs",
     "dose_below",
     "largest_Ec",
-    "penetration_depth_um",
     "stack_dose",
     "stack_print_through_um",
-    "trend",
     "working_curve",
 ]

@@ -11,24 +11,20 @@ known of its errors, `solen.material.index.routes` the ways to an `IndexSpectrum
 reasons why a value is masked.
 """
 
-from solen.material.index.inversion import Inverted, invert, invert_many, slopes
-from solen.material.index.reading import Length, Reading, reading
-from solen.material.index.routes import absorptance, as_published, is_absorbance, lossless, measured
-from solen.material.index.spectrum import Estimate, IndexSpectrum
+from solen.material.index.inversion import invert, invert_many, slopes
+from solen.material.index.reading import Length, reading
+from solen.material.index.routes import absorptance, as_published, lossless, measured
+from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import forward
 
 __all__ = [
-    "Estimate",
     "IndexSpectrum",
-    "Inverted",
     "Length",
-    "Reading",
     "absorptance",
     "as_published",
     "forward",
     "invert",
     "invert_many",
-    "is_absorbance",
     "lossless",
     "measured",
     "reading",

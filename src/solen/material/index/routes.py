@@ -36,7 +36,6 @@ from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, not
 from solen.material.index.stack import Setup
 from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
 
-MODES = ("measured", "absorptance", "as-published", "lossless")
 AS_PUBLISHED = (
     "as published, refused as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
     "says nothing of the reflectance; so read, a clear layer of n = 1.50 gives 1.351"

@@ -3,7 +3,7 @@
 `readings` finds the columns of a table, `levels` converts readings to dB, `cutback` fits the loss.
 """
 
-from solen.material.loss.cutback import GuideLoss, Line, Outlier, cut_back
+from solen.material.loss.cutback import GuideLoss, Line, cut_back
 from solen.material.loss.levels import absorption_per_mm, full_level_dB, levels_dB, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece
 from solen.material.loss.readings import CutbackOptions, guide_loss
@@ -12,7 +12,6 @@ __all__ = [
     "CutbackOptions",
     "GuideLoss",
     "Line",
-    "Outlier",
     "Piece",
     "absorption_per_mm",
     "cut_back",

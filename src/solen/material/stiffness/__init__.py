@@ -11,25 +11,17 @@ and `choose` find a model, `cautions` what it cannot say.
 
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
-from solen.material.stiffness.cycles import (
-    Cycle,
-    Softening,
-    cycles_of,
-    loading_branch,
-    loading_curve,
-    rereferenced,
-    softening,
-)
-from solen.material.stiffness.evaluation import Evaluated, MeanModulus, Secant, StiffnessOptions, evaluate, mean_modulus
+from solen.material.stiffness.cycles import cycles_of, loading_branch, loading_curve, rereferenced, softening
+from solen.material.stiffness.evaluation import Evaluated, StiffnessOptions, evaluate, mean_modulus
 from solen.material.stiffness.hyperelastic import Curve, Fit, choose, fit
 from solen.material.stiffness.material import MaterialStiffness, MeasuredStiffness, MechanicalTest, stiffness_of
-from solen.material.stiffness.models import KINDS, Model, Ogden, Polynomial, model
+from solen.material.stiffness.models import KINDS, model
 from solen.material.stiffness.modes import EQUIBIAXIAL, MODES, PLANAR, UNIAXIAL, Mode
-from solen.material.stiffness.modulus import Extremes, Young, default_range, extremes, ideal_ratio, secant, young
-from solen.material.stiffness.specimen import Dimensions, Specimen, held_ends, specimen_of
+from solen.material.stiffness.modulus import default_range, extremes, ideal_ratio, secant, young
+from solen.material.stiffness.specimen import Dimensions, held_ends, specimen_of
 from solen.material.stiffness.stability import StableRange, margin, stable_range
 from solen.material.stiffness.stress_strain import StressStrain, as_test
-from solen.material.stiffness.toe import Toe, find_toe
+from solen.material.stiffness.toe import find_toe
 
 __all__ = [
     "EQUIBIAXIAL",
@@ -38,27 +30,16 @@ __all__ = [
     "PLANAR",
     "UNIAXIAL",
     "Curve",
-    "Cycle",
     "Dimensions",
     "Evaluated",
-    "Extremes",
     "Fit",
     "MaterialStiffness",
-    "MeanModulus",
     "MeasuredStiffness",
     "MechanicalTest",
     "Mode",
-    "Model",
-    "Ogden",
-    "Polynomial",
-    "Secant",
-    "Softening",
-    "Specimen",
     "StableRange",
     "StiffnessOptions",
     "StressStrain",
-    "Toe",
-    "Young",
     "as_test",
     "cautions",
     "choose",

@@ -4,8 +4,8 @@
 measure, `height_of` and `steps_of` read a z map, `limits` defines the smallest resolved features.
 """
 
-from solen.metrology.coupons.disc import Disc, fit_disc
+from solen.metrology.coupons.disc import fit_disc
 from solen.metrology.coupons.limits import Limit, MeasuredSize, limits_of
 from solen.metrology.coupons.measurement import CouponMeasurement, measure_coupon
 
-__all__ = ["CouponMeasurement", "Disc", "Limit", "MeasuredSize", "fit_disc", "limits_of", "measure_coupon"]
+__all__ = ["CouponMeasurement", "Limit", "MeasuredSize", "fit_disc", "limits_of", "measure_coupon"]

@@ -10,6 +10,6 @@ curves and modules are read by `solen.scene.rayoptics.formula`, which executes n
 
 from solen.scene.rayoptics.facets import Facets
 from solen.scene.rayoptics.fields import NotUnderstood
-from solen.scene.rayoptics.importer import Detector, Imported, Reading, load, loads, recognised
+from solen.scene.rayoptics.importer import Imported, load, loads, recognised
 
-__all__ = ["Detector", "Facets", "Imported", "NotUnderstood", "Reading", "load", "loads", "recognised"]
+__all__ = ["Facets", "Imported", "NotUnderstood", "load", "loads", "recognised"]

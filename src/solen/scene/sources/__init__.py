@@ -4,10 +4,10 @@ Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees 
 """
 
 from solen.scene.sources.ambient import Ambient
-from solen.scene.sources.base import Emission, Launch, Line, Placed, PlacedInSpace, Source
+from solen.scene.sources.base import Emission, Launch, Line, Placed, Source
 from solen.scene.sources.emitter import Emitter
 from solen.scene.sources.fans import Beam, Chip, Fan, Rays
-from solen.scene.sources.pattern import CosinePower, Isotropic, Pattern, PatternTable, Stretch
+from solen.scene.sources.pattern import CosinePower, Isotropic, Pattern, PatternTable
 from solen.scene.sources.ray_file import RayFile
 
 __all__ = [
@@ -24,9 +24,7 @@ __all__ = [
     "Pattern",
     "PatternTable",
     "Placed",
-    "PlacedInSpace",
     "RayFile",
     "Rays",
     "Source",
-    "Stretch",
 ]
