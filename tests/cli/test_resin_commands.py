@@ -168,9 +168,9 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
             holding(b"[1, 2]", "cure"),
             "bad.json: kind; missing: this is no result of solen; write it with solen resin cure",
         ),
-        (holding(b'{"kind": "index", '), "bad.json: JSON; cannot be read: Expecting property name"),
-        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; cannot be read: NaN is not a number in JSON"),
-        (holding(b"[" * 100_000), "bad.json: JSON; is nested too deeply"),
+        (holding(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
+        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a number"),
+        (holding(b"[" * 100_000), "bad.json: JSON; not JSON: "),
         (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
         (
             holding(b'{"kind": "cure"}', "cure"),
@@ -324,8 +324,8 @@ def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> No
     assert material["mode"] == "measured"
     assert 0.002 < material["u_index"] < 0.01
     assert abs(material["index"] - (1.48 + 0.005 / 0.86**2)) < 2 * material["u_index"]
-    low, same, high = found["lens"]["focus_by_index"]
-    assert low["index"] == pytest.approx(material["index"] - material["u_index"])
+    low, same, high = found["foci"]
+    assert low["material_index"] == pytest.approx(material["index"] - material["u_index"])
     assert low["best_focus_mm"] > same["best_focus_mm"] > high["best_focus_mm"]
 
 

@@ -415,7 +415,7 @@ def test_the_lens_as_printed_focuses_where_snell_s_law_puts_it() -> None:
     assert 0.0 < u < 0.2
     assert found.lens.best_focus_mm(1.44) == pytest.approx(best, abs=2.0 * u)
     assert found.lens.fit.deviation.rms_um == pytest.approx(20.0, abs=0.2)
-    assert found.response.null_shift_deg > 10.0 * found.response.u_null_deg
+    assert found.response.null_shift_deg > 10.0 * found.response.u_null_shift_deg
 
 
 def test_half_of_the_steps_below_a_layer_are_none() -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solen.analysis.motion import Motion, Ramp
+from solen.analysis.motion import Motion
 from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 from solen.results import Result
@@ -108,10 +108,6 @@ def grid_deg(low: float, high: float, step: float) -> FloatArray:
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
 
 
-def _within(ramp: Ramp, start: int, stop: int) -> IndexArray:
-    return np.arange(max(ramp.start, start), min(ramp.stop, stop), dtype=np.intp)
-
-
 def passes(
     angle_deg: FloatArray,
     volts: FloatArray,
@@ -164,7 +160,7 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray
         ways: list[list[IndexArray]] = [[], []]
         for place in near:
             ramp = motion.ramps[place]
-            part = _within(ramp, cycle.start, cycle.stop)
+            part = np.arange(max(ramp.start, cycle.start), min(ramp.stop, cycle.stop), dtype=np.intp)
             if part.size > 1:
                 ways[0 if ramp.direction > 0 else 1].append(part)
         found.append([np.concatenate(way) if way else np.zeros(0, dtype=np.intp) for way in ways])

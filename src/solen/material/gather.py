@@ -8,7 +8,6 @@ The interface: `gather` makes a `Resin` of files by `BuildOptions`. `READERS` by
 the resin, `as_table`, and the files it was measured from, `found_from`.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from itertools import pairwise
@@ -22,6 +21,7 @@ from solen.files import read_text
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
+from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused, told_of
 
 MOST_ROWS = 64
@@ -413,12 +413,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
 
 def result_of(text: str, option: str) -> Reader:
     """Result of a command from the text of its file, of a kind that an option takes."""
-    try:
-        data = json.loads(text, parse_constant=_no_number)
-    except ValueError as bad:
-        raise DataError("JSON", limit=f"cannot be read: {bad}", remedy="write it with --out") from None
-    except RecursionError:
-        raise DataError("JSON", limit="is nested too deeply", remedy="write it with --out") from None
+    data = parsed(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"
         raise DataError("kind", limit="missing: this is no result of solen", remedy=remedy)
@@ -428,7 +423,3 @@ def result_of(text: str, option: str) -> Reader:
         remedy = f"it is for --{right}" if right else ""
         raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
     return reader(**data)
-
-
-def _no_number(constant: str) -> float:
-    raise ValueError(f"{constant} is not a number in JSON")

@@ -30,7 +30,8 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
     points, normals = nominal.at(arc)
     ways = pose.direction_px(normals)
     ordered = sorted(traced, key=lambda edge: -float(np.median(edge.offset_mm)))
-    offset = np.stack([_smooth(np.interp(arc, band.arc_mm, edge.offset_mm)) for edge in ordered])
+    offset = np.stack([np.interp(arc, band.arc_mm, edge.offset_mm) for edge in ordered])
+    offset = np.asarray(ndimage.gaussian_filter1d(offset, 3.0, mode="nearest"))
     strongest = int(np.argmax([edge.strength for edge in ordered]))
     spaces = _spaces(offset, pose.px_per_mm)
 
@@ -49,10 +50,6 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
             at = ((offset - middle) * pose.px_per_mm).T
             return list(fit_two_edges(image.grey, contour, ways, at, blur_px=blur, ceiling=image.ceiling))
     return [single(index) for index in range(len(ordered))]
-
-
-def _smooth(offset: FloatArray) -> FloatArray:
-    return np.asarray(ndimage.gaussian_filter1d(offset, 3.0, mode="nearest"))
 
 
 def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:

@@ -27,7 +27,7 @@ CURVES: dict[str, type[Curve]] = {
 T = TypeVar("T")
 
 
-def parsed(text: str, where: str) -> Any:
+def parsed(text: str, where: str, remedy: str = "") -> Any:
     """What a JSON text holds; `DataError` where it is not JSON, which knows no NaN."""
 
     def refuse(constant: str) -> None:
@@ -36,7 +36,7 @@ def parsed(text: str, where: str) -> Any:
     try:
         return json.loads(text, parse_constant=refuse)
     except (ValueError, RecursionError) as bad:
-        raise DataError(where, limit=f"not JSON: {bad}") from None
+        raise DataError(where, limit=f"not JSON: {str(bad)[:100]}", remedy=remedy) from None
 
 
 def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
@@ -60,7 +60,9 @@ def value_of(hint: Any, value: Any, where: str) -> Any:
     """A value checked against a type; what is made already is passed on."""
     if isinstance(value, Curve | BaseModel):
         return value
-    inner = [part for part in (hint, *typing.get_args(hint)) if isinstance(part, type) and _holds_fields(part)]
+    inner = [
+        part for part in (hint, *typing.get_args(hint)) if isinstance(part, type) and dataclasses.is_dataclass(part)
+    ]
     if typing.get_origin(hint) is tuple and inner and isinstance(value, list):
         return tuple(value_of(inner[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if inner and isinstance(value, dict):
@@ -73,10 +75,6 @@ def value_of(hint: Any, value: Any, where: str) -> Any:
         return adapter.validate_json(json.dumps(value))
     except ValidationError as bad:
         raise DataError(where, value=value, limit=bad.errors()[0]["msg"].lower()) from None
-
-
-def _holds_fields(cls: type[Any]) -> bool:
-    return dataclasses.is_dataclass(cls)
 
 
 def check_keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:

@@ -16,6 +16,7 @@ from solen.analysis.calibration.estimate import Calibration
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
+from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Strict, Text, migrated, refused, told_of
 
 SCHEMA = 1
@@ -192,11 +193,7 @@ def text_of(one: CalibrationFile) -> str:
 
 def load(path: Path) -> CalibrationFile:
     """Calibration of a file; `DataError` in one line where it cannot be read or is not one."""
-    try:
-        data = json.loads(read_text(path, DataError), parse_constant=_no_number)
-    except (ValueError, RecursionError) as bad:
-        remedy = "make it again with solen bench calibrate"
-        raise DataError(str(path), limit=f"is not JSON: {str(bad)[:100]}", remedy=remedy) from None
+    data = parsed(read_text(path, DataError), str(path), remedy="make it again with solen bench calibrate")
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
         raise DataError(
@@ -208,10 +205,6 @@ def load(path: Path) -> CalibrationFile:
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with told_of(str(path)):
         return CalibrationFile(**_tuples(data))
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is not a number")
 
 
 def _tuples(value: Any) -> Any:

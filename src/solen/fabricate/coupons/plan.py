@@ -3,7 +3,7 @@
 from xml.sax.saxutils import escape, quoteattr
 
 from solen.fabricate.label import Label
-from solen.geometry.coupons import Coupon, Feature, Slab
+from solen.geometry.coupons import Coupon, Feature
 
 MARGIN_MM, LINE_MM, TEXT_MM = 2.0, 0.05, 0.35
 STAGE_APART_MM = 4.0
@@ -26,7 +26,8 @@ def as_plan(coupon: Coupon, label: Label) -> bytes:
     for number, stage in enumerate(coupon.stages):
         down = number * (depth + STAGE_APART_MM)
         if coupon.slab is not None and number == 0:
-            lines.append(_slab(coupon.slab, down))
+            slab = coupon.slab
+            lines.append(_rectangle("slab", 0.0, down, slab.width_mm, slab.depth_mm, slab.bevel_mm))
         lines += [_shape(feature, down) for feature in coupon.features if feature.stage == stage.name]
     lines += ["</g>", f'<g font-family="sans-serif" font-size="{TEXT_MM:g}" text-anchor="middle">']
     for number, stage in enumerate(coupon.stages):
@@ -34,10 +35,6 @@ def as_plan(coupon: Coupon, label: Label) -> bytes:
         features = [feature for feature in coupon.features if feature.stage == stage.name]
         lines += [_words(feature, down, index) for index, feature in enumerate(features)]
     return "\n".join([*lines, "</g>", "</svg>\n"]).encode()
-
-
-def _slab(slab: Slab, down: float) -> str:
-    return _rectangle("slab", 0.0, down, slab.width_mm, slab.depth_mm, slab.bevel_mm)
 
 
 def _shape(feature: Feature, down: float) -> str:

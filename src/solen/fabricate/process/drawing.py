@@ -59,13 +59,13 @@ def redrawn(
     DesignError
         Where a wall is shorter than what it would lose.
     """
-    outlines = []
+    outlines, middle = [], np.asarray(centre)
     for outline in body.outlines:
         moved = [
             DrawnFace(face.name, lens if face.part == "lens" else _moved(face.curve.flattened(FLAT_MM), wall_um * 1e-3))
             for face in outline
         ]
-        outlines.append([replace(face, points=_scaled(face.points, scale, centre)) for face in _joined(moved)])
+        outlines.append([replace(face, points=middle + scale * (face.points - middle)) for face in _joined(moved)])
     return outlines
 
 
@@ -80,10 +80,6 @@ def curve_of(face: DrawnFace) -> Curve:
         (a, b) = ((float(x), float(z)) for x, z in face.points)
         return Segment(a, b)
     return Spline.through(face.points)
-
-
-def _scaled(points: FloatArray, scale: float, centre: Point) -> FloatArray:
-    return np.asarray(np.asarray(centre) + scale * (points - np.asarray(centre)))
 
 
 def _moved(points: FloatArray, by_mm: float) -> FloatArray:

@@ -88,7 +88,9 @@ def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
     pitch = side + (width - 3 * side) / 4
     heights = REFERENCE_MM[options.reference_reading]
     pillars = tuple(
-        _block(f"h-{height:.3f}", (number - 1) * pitch, side, BASE_MM, BASE_MM + height)
+        Feature(
+            f"h-{height:.3f}", "pillar", (number - 1) * pitch, 0.0, side, side, BASE_MM, BASE_MM + height, round=False
+        )
         for number, height in enumerate(heights)
     )
     first, second, third = (pillar.name for pillar in pillars)
@@ -126,17 +128,10 @@ def _row(sizes: Sequence[tuple[str, float, float]], gaps: Sequence[float], y_mm:
     """Cylinders (name, diameter, height) along x from 0 on, with the gaps between them."""
     row, edge = [], 0.0
     for (name, diameter, height), gap in zip(sizes, [*gaps, 0.0], strict=True):
-        row.append(_cylinder(name, edge + 0.5 * diameter, y_mm, diameter, height))
+        x_mm = edge + 0.5 * diameter
+        row.append(Feature(name, "pillar", x_mm, y_mm, diameter, diameter, BASE_MM, BASE_MM + height))
         edge += diameter + gap
     return row
-
-
-def _cylinder(name: str, x: float, y: float, diameter: float, height: float) -> Feature:
-    return Feature(name, "pillar", x, y, diameter, diameter, BASE_MM, BASE_MM + height)
-
-
-def _block(name: str, x: float, side: float, low: float, high: float) -> Feature:
-    return Feature(name, "pillar", x, 0.0, side, side, low, high, round=False)
 
 
 def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:

@@ -129,7 +129,8 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
         if not np.all(np.abs(points) <= LARGEST):
             raise DataError(what, value=f"no value near {low:g}", limit="must have one everywhere in its range")
         if high - low <= NARROWEST * (end - start):
-            found += _bridge(_point(points[0]), _point(points[-1]))
+            first, last = _point(points[0]), _point(points[-1])
+            found += [] if first == last else [Segment(first, last)]
             continue
         control = _cubic(points)
         if _off_cubic(points, control) <= TOLERANCE * size and _moves(control):
@@ -148,10 +149,6 @@ def _moves(control: Control) -> bool:
     except DesignError:
         return False
     return True
-
-
-def _bridge(a: Point, b: Point) -> list[Curve]:
-    return [] if a == b else [Segment(a, b)]
 
 
 def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
