@@ -10,9 +10,9 @@ from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.link import open_link
 from solen.bench.roles import EmitterBoard
-from solen.bench.simulated.controller import BoardController
-from solen.bench.simulated.wire import Served, Wire
 from solen.errors import BenchError
+from tests.bench.board_controller_support import BoardController
+from tests.bench.wire_support import Served, Wire
 
 LAYOUT, PERIOD_S = Layout(2, 4), 0.005
 

@@ -8,11 +8,11 @@ import pytest
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.gcs2 import Gcs2Stage
 from solen.bench.link import open_link
-from solen.bench.roles import LinearStage, RotationStage
-from solen.bench.simulated.gcs2 import Gcs2Controller
+from solen.bench.roles import Stage
 from solen.bench.simulated.stage import Axis, Move
-from solen.bench.simulated.wire import Faults, Served, Wire
 from solen.errors import BenchError
+from tests.bench.gcs2_controller_support import Gcs2Controller
+from tests.bench.wire_support import Faults, Served, Wire
 
 HELLO = [
     (b"ERR?\n", b"0\n"),
@@ -126,11 +126,11 @@ def test_a_stage_is_referenced_moved_and_stopped() -> None:
 
 def test_roles_are_played() -> None:
     stage, _, _, _ = driven()
-    turning: RotationStage = stage  # type: ignore[assignment]  # the unit is told at run time
+    turning: Stage = stage
     assert turning.unit == "deg"
     clock = SimulatedClock()
     linear = Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-111.1DG")
-    shifting: LinearStage = linear  # type: ignore[assignment]
+    shifting: Stage = linear
     assert shifting.unit == "mm"
 
 
@@ -155,7 +155,7 @@ def test_another_stage_another_instrument_and_an_unknown_one() -> None:
     with pytest.raises(BenchError, match=r"^stage = 'M-1'; must be one of M-060.DG, M-111.1DG$"):
         Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
     link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
-    with pytest.raises(BenchError, match="answered 'ACME, 1, 2' as its name; this is no controller of PI"):
+    with pytest.raises(BenchError, match="answered 'ACME, 1, 2' as its name; it is not a controller of PI"):
         Gcs2Stage(link, SimulatedClock(), stage="M-060.DG")
 
 

@@ -149,7 +149,7 @@ def test_what_was_overwritten_is_counted_and_sampling_begun_anew(library: Librar
     after = sampling.read()
     assert (after.rows["stretch"].tolist(), after.rows["number"].tolist()) == ([1, 1], [0, 50])
     assert after.rows["counts"].min() == 1  # none of the 20 from before the gap
-    assert daq.losses.as_dict() == {"samples": 119_930, "overruns": 1}
+    assert vars(daq.losses) == {"samples": 119_930, "overruns": 1}
     daq.close()
 
 
@@ -206,7 +206,7 @@ def test_a_line_that_cannot_be_set_low_is_told(library: Library) -> None:
 
 
 def test_a_device_that_is_not_there_or_another_is_told(library: Library) -> None:
-    with pytest.raises(BenchError, match="device Dev9; is no device that NI-DAQmx knows; there are Dev1, Dev2"):
+    with pytest.raises(BenchError, match="device Dev9; is not a device that NI-DAQmx knows; there are Dev1, Dev2"):
         NiDaq(SimulatedClock(), "Dev9", setup())
     with pytest.raises(BenchError, match="device Dev2; is a USB-6009, not a USB-6218"):
         NiDaq(SimulatedClock(), "Dev2", setup())
@@ -241,8 +241,11 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
             lambda: setup(rate_hz=800.0),
             r"leaves 1\.8 samples of a phase of 2500 µs after 300 µs of settling; 2 are needed",
         ),
-        (lambda: setup(channels=("ai0", "ai8"), terminal="differential"), "channels = 'ai8'; is no differential input"),
-        (lambda: setup(channels=("ai0", "ai32")), "'ai32'; is no rse input of USB-6218: ai0 to ai31"),
+        (
+            lambda: setup(channels=("ai0", "ai8"), terminal="differential"),
+            "channels = 'ai8'; is not among the differential",
+        ),
+        (lambda: setup(channels=("ai0", "ai32")), "'ai32'; is not among the rse inputs of USB-6218: ai0 to ai31"),
         (lambda: setup(channels=("ai0", "ai0")), "name an input twice"),
         (lambda: setup(range_v=3.0), r"range_v = 3\.0; USB-6218 has ±0\.2, 1, 5, 10 V"),
         (lambda: setup(emitters=3), "take turns; USB-6218 has 2 counters, and its other outputs are not timed"),

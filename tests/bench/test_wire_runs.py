@@ -24,11 +24,11 @@ from solen.bench.record import RecordOptions, record, recover
 from solen.bench.rig import load_rig
 from solen.bench.run import Tick
 from solen.bench.simulated.board import SimulatedBoard
-from solen.bench.simulated.controller import BoardController
-from solen.bench.simulated.gcs2 import Gcs2Controller
 from solen.bench.simulated.sensors import simulated_sensors
-from solen.bench.simulated.wire import Served
 from solen.errors import BenchError
+from tests.bench.board_controller_support import BoardController
+from tests.bench.gcs2_controller_support import Gcs2Controller
+from tests.bench.wire_support import Served
 
 CYCLES = 2
 
@@ -160,7 +160,7 @@ FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {
     "stage unplugged": ("the line is gone", lambda on: setattr(on.to_stage.faults, "gone", True), 0.0),
     "stage blocked": ("error 1024, motion error", lambda on: on.stage.stall(), 0.0),
     "garbage from the stage": (
-        "which is no text",
+        "which is not text",
         lambda on: setattr(on.to_stage.faults, "garbage", b"\xff\xfe\n\xfd\n"),
         0.0,
     ),

@@ -374,7 +374,7 @@ def test_a_run_is_calibrated_and_its_journal_followed(tmp_path: Path, capfd: pyt
     assert fresh.volts[:, 0] == pytest.approx(closed.channel("left").values, abs=1e-12)
     assert fresh.volts[:, 1] == pytest.approx(closed.channel("right").values, abs=1e-12)
     (tmp_path / "no.journal").write_bytes(b"something else")
-    assert "is no journal of solen" in refused(
+    assert "is not a journal of solen" in refused(
         capfd, "bench", "decode", next(iter(found["files"].values())), str(tmp_path / "no.journal")
     )
 

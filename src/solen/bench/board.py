@@ -1,9 +1,9 @@
 """The emitter board over a serial line: commands out, frames in.
 
-The idea: the board is told how many emitters and inputs take part and how often, started and stopped; each command is a
-frame (`solen.bench.frames`) and is answered by one, which carries the command's kind, a status and words. Between,
-periods come by themselves. When the line is closed, or nothing was heard from the host for as long as `WATCHDOG_S`,
-the board is to switch its emitters off by itself.
+The idea: the host configures how many emitters and inputs take part and how often, and starts and stops; each command
+is a frame (`solen.bench.frames`) and is answered by one, which carries the command's kind, a status and words. Between
+answers, periods come unasked. When the line is closed, or the host was silent for `WATCHDOG_S`, the board is to switch
+its emitters off by itself.
 
 ====== ========= ==============================================================
 kind   name      payload
@@ -40,7 +40,7 @@ class SerialBoard:
     Parameters
     ----------
     link, clock
-        Line to it, and what waiting is told by.
+        Line to the board, and the clock that time-outs follow.
     layout, period_s
         Emitters and inputs that take part, and how often.
     volts_per_count
@@ -111,7 +111,7 @@ class SerialBoard:
             self._link.close()
 
     def _renew(self) -> None:
-        """Forget what is on its way, and count losses from here."""
+        """Drop what is in transit, and count losses from here."""
         while self._link.read(65_536, 0.0):
             pass
         self._reader, self._waiting = FrameReader(self.layout), []

@@ -1,7 +1,7 @@
 """The catalogue of a folder of recordings: one row for each closed run, in an SQLite file beside them.
 
-The idea: the files are the truth, the catalogue only finds them. A row is what the file says of itself; a file that was
-moved away is listed as missing, one that the catalogue does not know is taken in when it is asked to look again.
+The idea: the files are the truth, the catalogue only finds them. A row is what the file states; a file that was moved
+away is listed as missing, and a new one is entered at the next look.
 
 The interface: `Catalogue`; `CatalogueEntry`.
 """
@@ -98,7 +98,7 @@ class Catalogue:
         self.folder = folder
 
     def add(self, path: Path) -> CatalogueEntry:
-        """Take a closed run in, or take it in anew."""
+        """Enter a recording, or replace its entry."""
         row = entry_of(path)
         with self._open() as table:
             values = asdict(row) | {"sensors": json.dumps(row.sensors)}
@@ -116,7 +116,7 @@ class Catalogue:
             return tuple(self._row(dict(zip(names, values, strict=True))) for values in found)
 
     def look(self) -> tuple[str, ...]:
-        """Take in what lies in the folder and is not known, and what changed; names of files that are no recordings."""
+        """Enter files that are new or changed; returns the names of those that are not recordings."""
         known, strange = {row.file: row.sha256 for row in self.entries()}, []
         for path in sorted(self.folder.glob(f"*{SUFFIX}")):
             if known.get(path.name) != _sha256(path):
@@ -139,12 +139,12 @@ class Catalogue:
                 table.execute(_TABLE)
                 yield table
         except sqlite3.DatabaseError as bad:
-            remedy = "remove it; solen bench recordings --look makes it anew"
+            remedy = "remove it; solen bench recordings --look makes a new one"
             raise OutputError(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 
 def header_of(path: Path) -> dict[str, Any]:
-    """Header of a closed run: what its journal began with; `DataError` where a file is none."""
+    """Header of a recording, as its journal began with it; `DataError` where a file is not one."""
     with _reading(path) as file:
         return dict(json.loads(file.attrs["header"]))
 
@@ -158,11 +158,11 @@ def _reading(path: Path) -> Iterator[Any]:
             yield file
     except (OSError, KeyError, ValueError) as bad:
         reason = " ".join(str(bad).split())
-        raise DataError(str(path), limit=f"is no recording of solen bench run: {reason}") from None
+        raise DataError(str(path), limit=f"is not a recording of solen bench run: {reason}") from None
 
 
 def entry_of(path: Path) -> CatalogueEntry:
-    """Row of a closed run; `DataError` where a file is none."""
+    """Entry of a recording; `DataError` where a file is not one."""
     with _reading(path) as file:
         header = json.loads(file.attrs["header"])
         times = file.variables["time_s"]

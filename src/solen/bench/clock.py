@@ -1,4 +1,4 @@
-"""The time of a run: the wall's, or one that stands still until somebody waits.
+"""The time of a run: that of the wall, or a simulated one that passes only while something waits.
 
 The idea: nothing on the bench asks the system for the time or sleeps by itself; it is given a clock. With a
 `SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
@@ -38,7 +38,7 @@ class WallClock:
 
 
 class SimulatedClock:
-    """A time that passes only while somebody sleeps."""
+    """A time that passes only in `sleep`, and then at once."""
 
     def __init__(self, at_s: float = 0.0) -> None:
         self._at_s = at_s

@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 LEAST_SPAN_S = 5.0
-"""Below it a rate cannot be told from delays, and the two clocks are taken to run alike."""
+"""Over a shorter span delays hide the rate, and the two clocks are taken to run alike."""
 MOST_PPM = 1000.0
 """No quartz is farther off."""
 USUAL_PPM = 50.0

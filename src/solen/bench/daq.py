@@ -1,17 +1,17 @@
-"""What a data acquisition is told, what it gives, and what it loses, whichever instrument it is.
+"""Setup, samples and losses of a data acquisition, whichever instrument it is.
 
 The idea: it samples the receivers as they are, many times in each phase of the emitters, and knows nothing of phases.
 One converter is switched from input to input, so that a sample of the second input is a little later than that of the
-first. What switches the emitters is told apart from it: something outside, or the instrument's own counters, which run
+first. What switches the emitters is stated separately: something outside, or the instrument's own counters, which run
 by the clock of the samples. When an emitter is on is found afterwards (`solen.bench.phases`).
 
-The interface: `Setup` is what is asked for, refused before the hardware is asked; `Samples` come, `DaqLosses` do not;
-`MODELS` are the instruments whose limits are known.
+The interface: `Setup`, checked before the hardware is touched; `Samples` that came, `DaqLosses` that did not; `MODELS`,
+the instruments whose limits are known.
 """
 
 import re
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,17 +139,13 @@ class Setup:
         """Samples that are kept together: about those of a period of the emitters."""
         return max(1, round(self.rate_hz / self.switch_hz))
 
-    def as_dict(self) -> dict[str, Any]:
-        """The same as plain data."""
-        return asdict(self) | {"channels": list(self.channels)}
-
     def _check_channels(self, model: Model) -> None:
         known = model.differential if self.terminal == "differential" else model.single
         for channel in self.channels:
             found = re.fullmatch(r"ai(\d+)", channel)
             if found is None or int(found[1]) not in known:
-                limit = f"is no {self.terminal} input of {self.model}: ai{known[0]} to ai{known[-1]}"
-                pairs = ", without those that are the other halves of pairs" if self.terminal == "differential" else ""
+                limit = f"is not among the {self.terminal} inputs of {self.model}: ai{known[0]} to ai{known[-1]}"
+                pairs = ", without the second inputs of pairs" if self.terminal == "differential" else ""
                 raise BenchError("daq.channels", value=channel, limit=limit + pairs)
         if len(set(self.channels)) < len(self.channels):
             raise BenchError("daq.channels", value=", ".join(self.channels), limit="name an input twice")
@@ -182,7 +178,7 @@ class Setup:
             raise BenchError("daq.enable", value=self.enable, limit="is the line on which a counter lights an emitter")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Samples:
     """Samples without a gap.
 
@@ -195,7 +191,7 @@ class Samples:
     counts
         Shape (N, channels).
     remarks
-        What happened since the last, in words.
+        What happened since the last samples.
     """
 
     stretch: int
@@ -206,7 +202,7 @@ class Samples:
 
 @dataclass
 class DaqLosses:
-    """What did not come.
+    """Samples that were lost.
 
     Attributes
     ----------
@@ -218,10 +214,6 @@ class DaqLosses:
 
     samples: int = 0
     overruns: int = 0
-
-    def as_dict(self) -> dict[str, int]:
-        """The same as plain data."""
-        return {"samples": self.samples, "overruns": self.overruns}
 
 
 def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,7 +18,6 @@ from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.errors import BenchError
 
 if TYPE_CHECKING:  # the rig's tables name drivers of this module
-    from solen.bench.link import Link
     from solen.bench.rig import Rig
 
 
@@ -42,35 +41,36 @@ class Driver:
 
 
 @contextmanager
-def _line(port: str | None, baud: int) -> "Iterator[Link]":
-    """A line that is closed again where opening what is on it fails."""
-    from solen.bench.link import open_link
-
-    link = open_link(str(port), baud=baud)
+def on_failure(undo: Callable[[], object]) -> Iterator[None]:
+    """Undo what was begun where the body fails."""
     try:
-        yield link
+        yield
     except BaseException:
-        link.close()
+        undo()
         raise
 
 
 def _gcs2(rig: "Rig", clock: Clock) -> Stage:
     from solen.bench.gcs2 import Gcs2Stage
+    from solen.bench.link import open_link
 
-    on = rig.stage
-    with _line(on.port, on.baud) as link:
-        return Gcs2Stage(link, clock, stage=on.model, axis=on.axis, address=on.address)
+    table = rig.stage
+    link = open_link(str(table.port), baud=table.baud)
+    with on_failure(link.close):
+        return Gcs2Stage(link, clock, stage=table.model, axis=table.axis, address=table.address)
 
 
 def _serial(rig: "Rig", clock: Clock) -> EmitterBoard:
     from solen.bench.board import SerialBoard
     from solen.bench.frames import Layout
+    from solen.bench.link import open_link
 
     board = rig.board
     per_count = board.range_v / math.ldexp(1.0, board.bits)
     layout = Layout(rig.emitters, rig.inputs)
-    with _line(board.port, board.baud) as line:
-        return SerialBoard(line, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
+    link = open_link(str(board.port), baud=board.baud)
+    with on_failure(link.close):
+        return SerialBoard(link, clock, layout, period_s=1.0 / board.rate_hz, volts_per_count=per_count)
 
 
 def _nidaqmx(rig: "Rig", clock: Clock) -> Daq:
@@ -96,8 +96,5 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[Stage, EmitterBoard | Daq]:
     """Stage and sampler of a real rig; where the second cannot be opened, the first is closed."""
     stage = cast("Stage", DRIVERS[rig.stage.driver].open(rig, clock))  # the rig has checked the roles
-    try:
+    with on_failure(stage.close):
         return stage, cast("EmitterBoard | Daq", DRIVERS[rig.sampler.driver].open(rig, clock))
-    except BaseException:
-        stage.close()
-        raise

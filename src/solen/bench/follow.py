@@ -1,13 +1,12 @@
 """The journal of a run while it grows: readings of a sensor as soon as their period is written.
 
-The idea: a journal's records are whole or not there, so that whoever reads on from the last whole one misses nothing
-and reads nothing twice. A period is demodulated with the one before it, whose last off phase the first emitter needs.
+The idea: a journal's records are whole or missing, so that reading on from the last whole one misses nothing and
+repeats nothing. A period is demodulated with the one before it, whose last off phase the first emitter needs.
 Times are those of the board from the first period of its part on: the run's own clock is only known when it is over.
 
 The interface: `Following` a journal; `Following.readings` gives what is new.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.journal import END, HEADER, MAGIC, ROWS, Rows, dtypes_of, read_journal, read_on
+from solen.bench.journal import END, ROWS, Rows, dtypes_of, read_journal, read_on
 from solen.bench.netcdf import subtracted
 from solen.errors import DataError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Fresh:
     """Readings that came: times (n,), left and right (n, 2), which of them are clipped."""
 
@@ -37,7 +36,7 @@ class Following:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.ended = False
-        self.header = _header(path)
+        self.header = read_journal(path).header
         self._dtypes = dtypes_of(self.header, path)
         if "board" not in self._dtypes:
             limit = "holds a waveform, whose readings are made when the run is closed"
@@ -77,18 +76,3 @@ class Following:
         found = subtracted(both["counts"], time_s, wires, self.header)
         kept = found.of(wires["emitter"]) & (found.time_s >= time_s[len(before)])
         return Fresh(found.time_s[kept], found.signal[kept][:, ::-1], found.clipped[kept][:, ::-1])
-
-
-def _header(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file:
-            begin = file.read(len(MAGIC))
-        records, _ = read_on(path, 0) if begin == MAGIC else ([], 0)
-    except OSError as bad:
-        raise DataError(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
-    header = next((payload for kind, _, payload in records if kind == HEADER), None)
-    if header is None:
-        return read_journal(path).header  # it tells why there is none
-    found = json.loads(header)
-    assert isinstance(found, dict)  # noqa: S101  the journal writes nothing else
-    return found

@@ -89,7 +89,7 @@ class Layout:
         return HEAD.size + self.payload_bytes + _CRC.size
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Periods:
     """Periods in the order of their numbers, each once.
 
@@ -143,7 +143,7 @@ class Losses:
     doubled
         Periods that came again, or late, and were not taken twice.
     restarts
-        How often the board began to count anew; how long it was away cannot be known.
+        How often the board restarted and counted from 0; how long it was away is unknown.
     other
         Whole frames of another layout or version.
     skipped_bytes
@@ -156,15 +156,6 @@ class Losses:
     restarts: int = 0
     other: int = 0
     skipped_bytes: int = 0
-
-    @property
-    def total(self) -> int:
-        """Everything but bytes; 0 for a stream that came whole."""
-        return self.dropped + self.garbled + self.doubled + self.restarts + self.other
-
-    def as_dict(self) -> dict[str, int]:
-        """The same as plain data."""
-        return dict(vars(self))
 
 
 def checksum(data: bytes | memoryview) -> int:
@@ -255,7 +246,7 @@ class FrameReader:
         return self.layout.emitters, self.layout.receivers
 
     def _frames(self) -> Iterator[tuple[int, int, bytes]]:
-        """Kind, number and payload of each whole frame; what is no frame is counted and dropped."""
+        """Kind, number and payload of each whole frame; other bytes are counted and dropped."""
         data, at = bytes(self._waiting), 0
         while (found := self._begin(data, at)) + HEAD.size + _CRC.size <= len(data):
             at = found
@@ -295,7 +286,7 @@ class FrameReader:
         return at + 2
 
     def _unwrapped(self, wire_number: int) -> int | None:
-        """Number since the first, counting what is missing; None where it was there before."""
+        """Number since the first, counting what is missing; None for a number that came before."""
         if self._next is None:
             self._next = wire_number
         ahead = (wire_number + self._shift - self._next) % _WRAP
@@ -310,7 +301,7 @@ class FrameReader:
         return number
 
     def _restarted(self, wire_number: int) -> bool:
-        """Whether numbers that were there before follow one another: then the board counts anew."""
+        """Whether numbers that came before follow one another: then the board has restarted."""
         before, run = self._again
         run = run + 1 if wire_number == before + 1 else 1
         self._again = (wire_number, run)

@@ -5,10 +5,9 @@ answered by one line or several, of which every one but the last ends in a blank
 answered at once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User
 Manual MS249E, chapter 8.
 
-The interface: `Gcs2Stage`, a `RotationStage` or a `LinearStage`; `STAGES` says what stages are known and their unit.
+The interface: `Gcs2Stage`, a `Stage`; `STAGES` are the stages that are known, with their units.
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 from solen.bench.clock import Clock
@@ -30,7 +29,7 @@ ERRORS = {
     17: "a parameter is out of range",
     23: "there is no such axis",
     24: "the number of parameters is wrong",
-    25: "a parameter is no number",
+    25: "a parameter is not a number",
     26: "a parameter is missing",
     45: "referencing failed",
     49: "the move to the limit switch failed",
@@ -38,7 +37,7 @@ ERRORS = {
     89: "not allowed in this mode of motion",
     1024: "motion error: the axis did not follow, its servo is off",
 }
-"""What the controller means by its error codes; others are told by their number."""
+"""What the controller means by its error codes; others are shown by number."""
 STOPPED = 10
 STOPPING_S = 0.05
 """By then everything has come that was on its way when a stop was sent."""
@@ -46,14 +45,8 @@ STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
 _READY, _BUSY = b"\xb1", b"\xb0"
 
 
-@dataclass(frozen=True)
-class StageKind:
-    """A stage that PI sells, by the unit it is moved in."""
-
-    unit: Unit
-
-
-STAGES = {"M-060.DG": StageKind("deg"), "M-111.1DG": StageKind("mm")}
+STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
+"""Stages that PI sells, and the unit each is moved in."""
 
 
 class Gcs2Stage:
@@ -64,7 +57,7 @@ class Gcs2Stage:
     link
         Line to the controller.
     clock
-        What waiting is told by.
+        Clock that time-outs follow.
     stage
         Name of the stage on that axis, one of `STAGES`; the controller must have it configured.
     axis, address
@@ -75,7 +68,7 @@ class Gcs2Stage:
     Raises
     ------
     BenchError
-        Where the controller does not answer, is no PI controller, reports an error or has another stage configured.
+        Where the controller does not answer, is not a PI controller, reports an error or has another stage configured.
     """
 
     def __init__(
@@ -92,7 +85,7 @@ class Gcs2Stage:
         if stage not in STAGES:
             raise BenchError("stage", value=stage, limit=f"must be one of {', '.join(STAGES)}")
         self.name = f"{stage} at {link.name}"
-        self.unit: Unit = STAGES[stage].unit
+        self.unit: Unit = STAGES[stage]
         self._link, self._clock = link, clock
         self._lines = Lines(link, clock, timeout_s=answer_s)
         self._axis = axis
@@ -106,7 +99,7 @@ class Gcs2Stage:
         self._error()  # one may wait from before
         self.identity = self.ask("*IDN?")[0]
         if "physik instrumente" not in self.identity.lower():
-            raise self._refusal(f"answered {self.identity!r} as its name", "this is no controller of PI")
+            raise self._refusal(f"answered {self.identity!r} as its name", "it is not a controller of PI")
         configured = self._value("CST?")
         if configured != stage:
             remedy = f"configure it (PIMikroMove), or name {configured} in the rig file"
@@ -160,7 +153,7 @@ class Gcs2Stage:
     def stop(self) -> None:
         """Stop at once; the controller reports that as an error, which is taken from it.
 
-        What it still says to an earlier question, as whoever pressed Ctrl-C did not wait for it, is dropped.
+        A late answer to an earlier question, which Ctrl-C interrupted, is dropped.
         """
         self._send(STOP_ALL)
         self._clock.sleep(STOPPING_S)

@@ -1,4 +1,4 @@
-r"""The journal of a run: samples on disk as they come, so that whoever kills the run loses none that were written.
+r"""The journal of a run: samples on disk as they come, so that a kill loses none that were written.
 
 The idea: a file that only ever grows. Each record carries its length and a checksum, and is handed to the operating
 system whole, in one call, before anything else is done with it; a killed process leaves at most one unfinished record
@@ -103,7 +103,7 @@ class JournalContent:
 
     def blocks(self, stream: str) -> Iterator[Rows]:
         """Rows of a stream, record by record, from the disk."""
-        dtypes = _dtypes(self.header, self.path)
+        dtypes = dtypes_of(self.header, self.path)
         number, dtype = list(dtypes).index(stream), dtypes[stream]
         with self.path.open("rb") as file:
             file.seek(len(MAGIC))
@@ -147,13 +147,13 @@ class Journal:
 
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
-        """A journal that was left, to be gone on with after what is whole in it, and what that is."""
+        """A journal that was left, to be continued after its last whole record, and its content."""
         found = read_journal(path)
         if found.end is not None:
             raise BenchError(str(path), limit="was ended", remedy="close it with solen bench recover")
         with path.open("r+b") as file:
             file.truncate(found.whole_bytes)
-        return cls(path, FileIO(path, "ab"), _dtypes(found.header, path)), found
+        return cls(path, FileIO(path, "ab"), dtypes_of(found.header, path)), found
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
         """Columns of a stream."""
@@ -207,7 +207,7 @@ def read_journal(path: Path) -> JournalContent:
     Raises
     ------
     DataError
-        Where the file cannot be read, is no journal, or was damaged before its end.
+        Where the file cannot be read, is not a journal, or was damaged before its end.
     """
     try:
         with path.open("rb") as file:
@@ -224,7 +224,7 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
     if begun != MAGIC and MAGIC.startswith(begun):
         raise _nothing(path)
     if begun != MAGIC:
-        raise DataError(str(path), limit="is no journal of solen", remedy=f"name a {SUFFIX} file")
+        raise DataError(str(path), limit="is not a journal of solen", remedy=f"name a {SUFFIX} file")
     header: dict[str, Any] | None = None
     sizes: dict[int, int] = {}
     events: list[dict[str, Any]] = []
@@ -242,7 +242,7 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
             end = json.loads(payload)
     if header is None:
         raise _nothing(path)
-    dtypes = _dtypes(header, path)
+    dtypes = dtypes_of(header, path)
     counts = {name: sizes.get(number, 0) // dtype.itemsize for number, (name, dtype) in enumerate(dtypes.items())}
     held = {number: name for number, name in enumerate(dtypes) if name not in header.get("bulky", ())}
     data = {number: bytearray(sizes.get(number, 0)) for number in held}
@@ -259,11 +259,6 @@ def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
         file.seek(place)
         found = list(_records(file, size))
     return found, place + sum(_HEAD.size + len(payload) for _, _, payload in found)
-
-
-def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Columns of each stream, in the order of their numbers, by what a header says; `DataError` where it is none."""
-    return _dtypes(header, path)
 
 
 def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
@@ -311,7 +306,8 @@ def _descr(dtype: np.dtype[np.void]) -> list[list[Any]]:
     return [[name, field.base.newbyteorder("<").str, list(field.shape)] for name, field in fields]
 
 
-def _dtypes(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
+def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
+    """Columns of each stream, in the order of their numbers; `DataError` where a header does not state them."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])

@@ -99,12 +99,12 @@ class Lines:
         """Whether an answer did not come in time, so that it may come yet, as if it were another's."""
 
     def next(self) -> str:
-        """One line; `BenchError` where none came in time, or what came is no text."""
+        """One line; `BenchError` where none came in time, or what came is not text."""
         line = self.next_bytes()
         try:
             return line.decode("ascii")
         except UnicodeDecodeError:
-            limit = f"answered {line[:40]!r}, which is no text"
+            limit = f"answered {line[:40]!r}, which is not text"
             raise BenchError(self._link.name, limit=limit, remedy="check the baud rate") from None
 
     def next_bytes(self) -> bytes:

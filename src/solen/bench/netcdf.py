@@ -4,8 +4,8 @@ The idea: the root of the file holds what came, count by count, on the clock of 
 came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
 sensor has a group of its own with what analysis reads: the times of its emitter's on phases, the angle at them, and the
 volts of its two receivers, on less the mean of off before and after. Nothing is smoothed. A cycle that was cut short in
-a run that was taken up is done anew: it stays in the root and is left out of the groups. The file is written under a
-temporary name and renamed; the journal is left to whoever called.
+a resumed run is repeated: it stays in the root and is left out of the groups. The file is written under a
+temporary name and renamed; the journal stays.
 
 The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``netcdf``.
 """
@@ -28,7 +28,7 @@ from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import ANEW
 from solen.bench.journal import JournalContent, Rows
 from solen.bench.rig import sensor_angle_deg
-from solen.bench.waveform import Waveform
+from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
 
@@ -156,8 +156,7 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
     _variable(file, "part", ("period",), wave.part, "1", "part of the run, one more each time it was taken up")
     _variable(file, "stretch", ("period",), wave.stretch, "1", "stretch of the part, one more after each gap")
     _variable(file, "number", ("period",), wave.number, "1", "number of the frame's first sample in its stretch")
-    told = header["daq"]
-    coefficients = np.array(told["coefficients"])
+    coefficients = np.array(header["daq"]["coefficients"])
     file.dimensions["power"] = coefficients.shape[1]
     _variable(
         file, "coefficients", ("channel", "power"), coefficients, "V", "volts = sum of coefficient * counts^power"
@@ -236,12 +235,9 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
     _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
     _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault, 4 board restarted")
-    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(board) else {}
     dims = ("period", "emitter", "phase", "input")
-    chunks = (min(len(board), AT_ONCE), *counts.shape[1:]) if len(board) else None
-    volts = file.create_variable("voltage", dims, counts.dtype, chunks=chunks, **kept)
-    volts.attrs["units"] = "V"
-    volts.attrs["long_name"] = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
+    text = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
+    volts = create_variable(file, "voltage", dims, counts.shape, counts.dtype, "V", text, AT_ONCE)
     volts.attrs["scale_factor"] = header["volts_per_count"]
     for begin in range(0, len(board), AT_ONCE):
         volts[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
@@ -255,7 +251,7 @@ def _positions(file: Any, stage: Rows, unit: str) -> None:
 
 def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
     """Write a sensor's group; how many readings it has."""
-    # pieces are let go of as they are joined
+    # pieces are freed as they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in _COLUMNS} if parts else {}
     group = file.create_group(sensor["name"])
     group.attrs["sensor"] = sensor["name"]
@@ -264,9 +260,9 @@ def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
         group.attrs[f"drawn {key}"] = value
     readings = len(columns["time_s"]) if columns else 0
     group.dimensions = {"reading": readings}
-    for name, (unit, told) in _COLUMNS.items():
+    for name, (unit, text) in _COLUMNS.items():
         values = columns[name] if columns else np.zeros(0)
-        _variable(group, name, ("reading",), values, unit, told)
+        _variable(group, name, ("reading",), values, unit, text)
     return readings
 
 
@@ -353,9 +349,6 @@ def between_looks(time_s: FloatArray, look_s: FloatArray, position: FloatArray) 
     return np.asarray(curve(np.clip(time_s, at[0], at[-1])))
 
 
-def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, told: str) -> None:
-    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if len(values) else {}
-    chunks = (min(len(values), 4 * AT_ONCE), *values.shape[1:]) if len(values) else None
-    variable = group.create_variable(name, dims, values.dtype, data=values, chunks=chunks, **kept)
-    variable.attrs["units"] = unit
-    variable.attrs["long_name"] = told
+def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:
+    variable = create_variable(group, name, dims, values.shape, values.dtype, unit, text, 4 * AT_ONCE)
+    variable[...] = values

@@ -6,9 +6,9 @@ coefficients are asked once. What the instrument cannot do is known (`solen.benc
 digital outputs follow the program, not a clock, so that only its two counters can switch emitters 200 times a second.
 They begin with the first sample and run by the same quartz.
 
-Where the program came too late, samples are overwritten: that is counted, told, and begun anew as another stretch. Any
-other fault ends the run. However it ends, the counters are let go of and their lines, and the enabling one, set low.
-There is no watchdog in the instrument: what a program that is killed leaves on, only its driver can switch off.
+Where the program reads too late, samples are overwritten: that is counted and reported, and another stretch begins. Any
+other fault ends the run. However it ends, the counters are released and their lines, and the enabling one, set low.
+There is no watchdog in the instrument: what a killed program leaves on, only its driver can switch off.
 
 The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself is National Instruments' to install.
 """
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
+from solen.bench.drivers import on_failure
 from solen.errors import BenchError
 from solen.extras import need
 
@@ -31,11 +32,11 @@ OVERRUNS = {
     -200222: "the driver's buffer was full before the program read it",
     -200361: "the instrument's own memory was full before the computer took its samples",
 }
-"""Error codes of NI-DAQmx after which sampling is begun anew."""
+"""Error codes of NI-DAQmx after which sampling restarts."""
 FAULTS = {
     -200170: ("has no such channel or line", "compare the rig file's [daq] with the instrument's terminals"),
-    -200220: ("is no device that NI-DAQmx knows", ""),
-    -200324: ("is not there any more", "check its cable"),
+    -200220: ("is not a device that NI-DAQmx knows", ""),
+    -200324: ("was removed", "check its cable"),
     -201003: ("cannot be reached", "check its cable and power"),
     -50103: ("is in use by another program or task", "close that, or reset the device in NI MAX"),
     -200089: ("has a task of that name already", "close the other program"),
@@ -47,11 +48,11 @@ FAULTS = {
 }
 """What other error codes mean, and what to do."""
 MOST_OVERRUNS, WITHIN_S = 3, 10.0
-"""So many overruns in so much time are no accident."""
+"""So many overruns in so much time end the run."""
 
 
 class NiDaq:
-    """A real one.
+    """A real data acquisition.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ class NiDaq:
         self._stretch, self._next, self._begun_s = 0, 0, 0.0
         self._overruns_s: list[float] = []
         self._check_device()
-        with self._or_off():
+        with on_failure(self._off):
             self._lines(False)
             self._prepare()
 
@@ -89,7 +90,7 @@ class NiDaq:
 
     def start(self) -> None:
         """Begin to sample, and to light the emitters, where it does."""
-        with self._or_off():
+        with on_failure(self._off):
             if not self._tasks:
                 self._prepare()
             if self.setup.enable is not None:
@@ -102,7 +103,7 @@ class NiDaq:
         if not self._tasks:
             return Samples(self._stretch, self._next, np.zeros((0, channels), np.int16))
         try:
-            with self._told("read"):
+            with self._translated("read"):
                 stream = self._tasks[-1].in_stream
                 counts = np.zeros((channels, stream.avail_samp_per_chan), np.int16)
                 if counts.shape[1]:
@@ -125,13 +126,13 @@ class NiDaq:
             raise failed
 
     def close(self) -> None:
-        """Stop and let go of the instrument."""
+        """Stop and release the instrument."""
         if self._tasks:
             self.stop()
 
     def _check_device(self) -> None:
         """That it is there, and what it is taken for."""
-        with self._told("find"):
+        with self._translated("find"):
             found = self._ni.system.Device(self._device).product_type
         if self.setup.model not in found:
             limit = f"is a {found}, not a {self.setup.model}"
@@ -139,7 +140,7 @@ class NiDaq:
 
     def _prepare(self) -> None:
         """Tasks of the counters and of the inputs, reserved and not started; the inputs are the last."""
-        with self._told("configure"):
+        with self._translated("configure"):
             for place, (counter, terminal, _) in enumerate(self._switches):
                 self._tasks.append(self._pulses(place, counter, terminal))
             self._tasks.append(self._inputs())
@@ -147,7 +148,7 @@ class NiDaq:
     def _inputs(self) -> Any:
         constants, setup = self._ni.constants, self.setup
         task = self._ni.Task()
-        with self._or_clear(task):
+        with on_failure(lambda: _clear(task, self._ni)):
             wired = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}[setup.terminal]
             channels = [
                 task.ai_channels.add_ai_voltage_chan(
@@ -173,7 +174,7 @@ class NiDaq:
         """Pulses for an emitter: on for the first half of its slot, from the first sample on."""
         constants, setup = self._ni.constants, self.setup
         task = self._ni.Task()
-        with self._or_clear(task):
+        with on_failure(lambda: _clear(task, self._ni)):
             channel = task.co_channels.add_co_pulse_chan_freq(
                 f"{self._device}/{counter}",
                 idle_state=constants.Level.LOW,
@@ -190,7 +191,7 @@ class NiDaq:
 
     def _begin(self) -> None:
         """Counters first: they wait for the inputs' start."""
-        with self._told("start"):
+        with self._translated("start"):
             for task in self._tasks:
                 task.start()
         self._next, self._begun_s = 0, self._clock.now_s()
@@ -206,7 +207,7 @@ class NiDaq:
             self._off()
             limit = f"{OVERRUNS[code]}, {MOST_OVERRUNS} times in {WITHIN_S:g} s"
             raise BenchError(self.name, limit=limit, remedy="lower daq.rate_hz, or relieve the computer")
-        with self._or_off(), self._told("start"):
+        with on_failure(self._off), self._translated("start"):
             for task in self._tasks:
                 with contextlib.suppress(self._ni.errors.DaqError):  # the input's task failed already
                     task.stop()
@@ -216,7 +217,7 @@ class NiDaq:
         return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
 
     def _off(self) -> BenchError | None:
-        """Tasks let go of, lines low; what went wrong with the lines."""
+        """Release the tasks and set the lines low; the error of the lines, if any."""
         tasks, self._tasks = self._tasks, []
         for task in tasks:
             _clear(task, self._ni)
@@ -234,7 +235,7 @@ class NiDaq:
 
     def _put(self, lines: tuple[str, ...], high: bool) -> None:
         for line in lines:
-            with self._told("set a line"):
+            with self._translated("set a line"):
                 task = self._ni.Task()
                 try:
                     task.do_channels.add_do_chan(f"{self._device}/{line}")
@@ -244,26 +245,8 @@ class NiDaq:
                     _clear(task, self._ni)
 
     @contextlib.contextmanager
-    def _or_off(self) -> Iterator[None]:
-        """Everything off where something fails."""
-        try:
-            yield
-        except BaseException:
-            self._off()
-            raise
-
-    @contextlib.contextmanager
-    def _or_clear(self, task: Any) -> Iterator[None]:
-        """A task let go of where it cannot be made."""
-        try:
-            yield
-        except BaseException:
-            _clear(task, self._ni)
-            raise
-
-    @contextlib.contextmanager
-    def _told(self, what: str) -> Iterator[None]:
-        """The driver's errors in one line."""
+    def _translated(self, what: str) -> Iterator[None]:
+        """Errors of NI-DAQmx as `BenchError`."""
         errors = self._ni.errors
         try:
             yield

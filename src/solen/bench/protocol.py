@@ -12,20 +12,17 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from solen.errors import BenchError
-from solen.files import read_text
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused, told_of
+from solen.bench.tables import BenchTable, load_table
+from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 
-SCHEMA = 1
 LONGEST_S = 7 * 86_400.0
 """A protocol that moves for longer than a week is a slip of the pen."""
 
 
-class Step(Strict):
+class Step(BenchTable):
     """One move and the rest after it."""
 
     table: ClassVar[str] = "step"
-    error: ClassVar[type[BenchError]] = BenchError
 
     to_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(None, description="Where to turn to, in degrees.")
     to_mm: Annotated[Number, Field(ge=-1000, le=1000)] | None = Field(None, description="Where to shift to, in mm.")
@@ -35,13 +32,9 @@ class Step(Strict):
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
-        turns = (self.to_deg is not None, self.velocity_deg_per_s is not None)
-        shifts = (self.to_mm is not None, self.velocity_mm_per_s is not None)
-        if (
-            turns not in ((True, True), (False, False))
-            or shifts == turns
-            or shifts not in ((True, True), (False, False))
-        ):
+        units = (self.to_deg, self.velocity_deg_per_s), (self.to_mm, self.velocity_mm_per_s)
+        stated = sorted([value is not None for value in unit] for unit in units)
+        if stated != [[False, False], [True, True]]:
             remedy = "give to_deg with velocity_deg_per_s, or to_mm with velocity_mm_per_s"
             raise refused("", "must say where to and how fast, in one unit", remedy=remedy)
         return self
@@ -62,10 +55,8 @@ class Step(Strict):
         return self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0
 
 
-class Protocol(Strict):
+class Protocol(BenchTable):
     """Steps, how often, and the rest before and after them."""
-
-    error: ClassVar[type[BenchError]] = BenchError
 
     name: Text = Field(description="what the protocol is called.")
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(1, description="How often the steps are done.")
@@ -106,7 +97,4 @@ class Protocol(Strict):
 
 def load_protocol(path: Path) -> Protocol:
     """Protocol of a file; `BenchError` in one line where it cannot be read or is none."""
-    data = parse_toml(read_text(path, BenchError), str(path), BenchError)
-    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
-    with told_of(str(path)):
-        return Protocol(**data)
+    return load_table(path, Protocol)

@@ -23,7 +23,7 @@ from solen.bench.catalogue import Catalogue, header_of
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import open_instruments
 from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal
-from solen.bench.lock import Lock
+from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
 from solen.bench.protocol import Protocol, load_protocol
 from solen.bench.rig import Rig, load_rig
@@ -97,7 +97,7 @@ def record(
     _check_name(name)
     path, target = folder / f"{name}{SUFFIX}", folder / f"{name}.nc"
     simulated_time = rig.simulated and not options.real_time
-    with files.output_folder(folder), Lock(path):
+    with files.output_folder(folder), locked(path):
         if target.exists() and not (path.exists() and _is_of(target, path)):
             raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
         if path.exists() and not options.resume:
@@ -123,7 +123,7 @@ def recover(path: Path) -> RecordedRun:
     if path.suffix != SUFFIX:
         raise SpecError(str(path), limit=f"a journal ends in {SUFFIX}", remedy="name the journal of the run")
     target = path.with_suffix(".nc")
-    with Lock(path):
+    with locked(path):
         if target.exists() and not _is_of(target, path):
             raise OutputError(str(target), limit="exists already", remedy="move it away")
         return close_journal(path, target)
@@ -188,7 +188,7 @@ def _check_name(name: str) -> None:
 def _resumed(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:
     """The journal of a run and what it holds, checked against the files of the protocol and the rig."""
     if not path.exists():
-        raise BenchError(str(path), limit="is not there: nothing was left", remedy="leave --resume out")
+        raise BenchError(str(path), limit="no such journal: there is nothing to resume", remedy="leave --resume out")
     header = read_journal(path).header
     for key, (file, table) in zip(("protocol", "rig"), tables.items(), strict=True):
         if header[key] != table.model_dump(mode="json"):

@@ -18,11 +18,10 @@ from solen.arrays import FloatArray
 from solen.bench.daq import MODELS, Setup
 from solen.bench.drivers import DRIVERS
 from solen.bench.gcs2 import STAGES
+from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
-from solen.files import read_text
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, migrated, parse_toml, refused, told_of
+from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
-SCHEMA = 1
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
@@ -37,11 +36,10 @@ def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
         raise refused(key, f"is for a real {what}, and a real {what} needs it", value=getattr(table, key))
 
 
-class StageOf(Strict):
+class StageOf(BenchTable):
     """What moves."""
 
     table: ClassVar[str] = "stage"
-    error: ClassVar[type[BenchError]] = BenchError
 
     driver: Text = Field("simulated", description="simulated, gcs2 for a controller of PI, or that of another package.")
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
@@ -63,16 +61,15 @@ class StageOf(Strict):
             return self
         if self.model not in STAGES:
             raise refused("model", f"must be one of {', '.join(STAGES)}", value=self.model)
-        if (STAGES[self.model].unit == "mm") != (self.lever_mm is not None):
+        if (STAGES[self.model] == "mm") != (self.lever_mm is not None):
             raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
         return self
 
 
-class BoardOf(Strict):
+class BoardOf(BenchTable):
     """What lights the emitters and samples the receivers."""
 
     table: ClassVar[str] = "board"
-    error: ClassVar[type[BenchError]] = BenchError
 
     driver: Text = Field("simulated", description="simulated, serial for a real board, or that of another package.")
     port: Text | None = Field(None, description="Line to the board.")
@@ -93,11 +90,14 @@ class BoardOf(Strict):
         return self
 
 
-class DaqOf(Strict):
+_ASKED = {"rate_hz", "switch_hz", "switching", "model", "range_v", "terminal", "enable", "settle_us", "buffer_s"}
+"""Keys of a data acquisition that are passed on to its `Setup`."""
+
+
+class DaqOf(BenchTable):
     """What samples the receivers as they are; something outside switches the emitters, or its counters do."""
 
     table: ClassVar[str] = "daq"
-    error: ClassVar[type[BenchError]] = BenchError
 
     driver: Text = Field(
         "simulated",
@@ -147,24 +147,15 @@ class DaqOf(Strict):
         return Setup(
             channels=channels if self.sync is None else (*channels, self.sync),
             synced=self.sync is not None,
-            rate_hz=self.rate_hz,
             emitters=emitters,
-            switch_hz=self.switch_hz,
-            switching=self.switching,
-            model=self.model,
-            range_v=self.range_v,
-            terminal=self.terminal,
-            enable=self.enable,
-            settle_us=self.settle_us,
-            buffer_s=self.buffer_s,
+            **self.model_dump(include=_ASKED),
         )
 
 
-class SensorOf(Strict):
+class SensorOf(BenchTable):
     """One sensor and its wires; emitters and inputs count from 1."""
 
     table: ClassVar[str] = "sensor"
-    error: ClassVar[type[BenchError]] = BenchError
 
     name: Annotated[Text, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=40)] = Field(
         description="what it is called: letters, digits, - _ ."
@@ -176,11 +167,10 @@ class SensorOf(Strict):
     left: Input = Field(description="which input of the board its left receiver is on.")
 
 
-class Spread(Strict):
+class Spread(BenchTable):
     """How simulated prints differ: standard deviations, drawn once for each sensor."""
 
     table: ClassVar[str] = "spread"
-    error: ClassVar[type[BenchError]] = BenchError
 
     index: Annotated[Number, Field(ge=0, le=0.1)] = Field(0.0, description="Of the material's index.")
     emitter_offset_mm: Annotated[Number, Field(ge=0, le=1)] = Field(
@@ -190,11 +180,10 @@ class Spread(Strict):
     parts: bool = Field(False, description="Whether receivers and emitters differ as their datasheets allow.")
 
 
-class RoomLight(Strict):
+class RoomLight(BenchTable):
     """Light of the room at simulated receivers."""
 
     table: ClassVar[str] = "ambient"
-    error: ClassVar[type[BenchError]] = BenchError
 
     mean_mw_cm2: NotNegative = Field(
         0.0, description="Its mean in mW/cm², as light of the wavelength at which receivers are stated."
@@ -204,10 +193,8 @@ class RoomLight(Strict):
     drift_percent_per_min: Annotated[Number, Field(ge=-100, le=100)] = Field(0.0, description="Drift of its mean.")
 
 
-class Rig(Strict):
+class Rig(BenchTable):
     """A stage, a board or a data acquisition, and the sensors on them."""
-
-    error: ClassVar[type[BenchError]] = BenchError
 
     name: Text = Field(description="what the rig is called.")
     seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of everything drawn.")
@@ -271,9 +258,7 @@ def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) 
 
 def load_rig(path: Path) -> Rig:
     """Rig of a file; `BenchError` in one line where it cannot be read or is none."""
-    data = parse_toml(read_text(path, BenchError), str(path), BenchError)
-    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
+    rig = load_table(path, Rig)
     with told_of(str(path)):
-        rig = Rig(**data)
         _ = rig.setup  # what the instrument cannot do is refused here
-        return rig
+    return rig

@@ -1,9 +1,9 @@
-"""What instruments there are: one interface for each role, whoever plays it.
+"""Roles of instruments: one interface for each, real or simulated.
 
 The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
 of them it is, only the rig file knows.
 
-The interface: `Stage` (with `RotationStage` and `LinearStage`, which differ in their unit), `EmitterBoard`, `Daq`.
+The interface: `Stage`, `EmitterBoard`, `Daq`.
 Every call raises `BenchError` where the instrument does not do what it is asked.
 """
 
@@ -26,7 +26,7 @@ class Stage(Protocol):
         """Unit of its positions."""
 
     def reference(self) -> None:
-        """Find the zero, where that is not known yet; returns when it is found."""
+        """Find the zero, unless it is known; returns when it is found."""
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move; `wait` or `on_target` tell when it is there."""
@@ -41,23 +41,7 @@ class Stage(Protocol):
         """Stop at once."""
 
     def close(self) -> None:
-        """Stop and let go of the instrument."""
-
-
-class RotationStage(Stage, Protocol):
-    """A stage that turns; degrees."""
-
-    @property
-    def unit(self) -> Literal["deg"]:
-        """Degrees."""
-
-
-class LinearStage(Stage, Protocol):
-    """A stage that shifts; mm."""
-
-    @property
-    def unit(self) -> Literal["mm"]:
-        """Millimetres."""
+        """Stop and release the instrument."""
 
 
 class EmitterBoard(Protocol):
@@ -93,7 +77,7 @@ class EmitterBoard(Protocol):
         """Emitters off, no more samples."""
 
     def close(self) -> None:
-        """Stop and let go of the instrument."""
+        """Stop and release the instrument."""
 
 
 @runtime_checkable
@@ -134,4 +118,4 @@ class Daq(Protocol):
         """Emitters off, where it lights them; no more samples."""
 
     def close(self) -> None:
-        """Stop and let go of the instrument."""
+        """Stop and release the instrument."""

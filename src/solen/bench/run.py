@@ -3,7 +3,7 @@
 The idea: one loop waits, asks the stage where it is and the board or the data acquisition for what it sampled, and
 hands both to the journal before it does anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault,
 the emitters go off and the stage stops, in that order, and the journal says why. Completed cycles are written down, so
-that a run that was ended or killed is taken up after the last one.
+that an interrupted run is resumed after the last one.
 
 The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
 """
@@ -47,7 +47,7 @@ class Instruments:
     read_every_s: float = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tick:
     """What a watcher is shown.
 
@@ -75,16 +75,14 @@ Watch = Callable[[Tick], None]
 
 
 def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
-    """A new journal for a run; its header says what is run on what."""
+    """A new journal for a run; its header states protocol, rig and instruments."""
     sampling, stage = sampling_of(instruments.board), instruments.stage
-    told = {**sampling.told(), "stage": stage.name, "unit": stage.unit}
     positions = np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")])
-    return Journal.create(path, {**header, **told}, {**sampling.streams(), "stage": positions})
-
-
-def utc_now() -> str:
-    """The computer's date and time, to a thousandth of a second."""
-    return dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
+    return Journal.create(
+        path,
+        {**header, **sampling.header(), "stage": stage.name, "unit": stage.unit},
+        {**sampling.streams(), "stage": positions},
+    )
 
 
 def run(
@@ -103,7 +101,7 @@ def run(
         Where an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
         the stage stands still.
     KeyboardInterrupt
-        Where somebody stopped it; likewise.
+        Where Ctrl-C stopped it; likewise.
     """
     part, done = (0, 0) if before is None else (before.parts, before.cycles)
     runner = _Runner(protocol, instruments, journal, part, done, watch)
@@ -115,11 +113,11 @@ def run(
         reason = str(bad) if isinstance(bad, SolenError) else type(bad).__name__
         raise
     finally:
-        told = {"outcome": outcome, "reason": reason, "losses": instruments.board.losses.as_dict()}
+        end = {"outcome": outcome, "reason": reason, "losses": vars(instruments.board.losses)}
         runner.safe()
-        journal.event(runner.now_s, outcome, **told)
+        journal.event(runner.now_s, outcome, **end)
         if outcome == "done":
-            journal.end(**told)
+            journal.end(**end)
         journal.sync()
 
 
@@ -150,11 +148,12 @@ class _Runner:
     def all(self) -> None:
         """From the beginning, or the first cycle that is not done, to the end."""
         self.on.stage.reference()
-        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc_now())
+        utc = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
+        self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc)
         self.on.board.start()
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
-        self._go(self._home())
+        self._go(self.protocol.step[-1])  # to where a cycle begins
         self.journal.event(self.now_s, "at rest")
         self._stay(self.protocol.rest_s)
         for cycle in range(self.done + 1, self.protocol.cycles + 1):
@@ -181,10 +180,6 @@ class _Runner:
             except SolenError as bad:
                 self.journal.event(self.now_s, "not stopped", instrument=name, reason=str(bad))
         self._write_looks()
-
-    def _home(self) -> Step:
-        """The way to where a cycle begins: where its last step ends."""
-        return self.protocol.step[-1]
 
     def _go(self, step: Step) -> None:
         """Move and wait until it is there."""

@@ -1,4 +1,4 @@
-"""How a run takes what is sampled: from a board period by period, from a data acquisition as it comes.
+"""How a run reads its sampler: from a board period by period, from a data acquisition frame by frame.
 
 The idea: the loop of a run does not ask which of the two there is. Each is asked for rows of its journal's stream, for
 what it has up to now, and for something to show. A data acquisition's samples are kept together in frames of about a
@@ -8,20 +8,19 @@ belongs; what is left over waits for the next reading.
 The interface: `sampling_of` an instrument; `Taken` is what a reading gives.
 """
 
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solen.bench.frames import Periods
 from solen.bench.journal import Rows
 from solen.bench.roles import Daq, EmitterBoard
 
 Counts = NDArray[np.uint16]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Taken:
     """What a reading gives.
 
@@ -35,28 +34,13 @@ class Taken:
         Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None where nothing
         came.
     remarks
-        What happened, in words.
+        What happened to the instrument.
     """
 
     rows: Rows
     came: tuple[int, ...]
     last: Counts | None
     remarks: tuple[str, ...] = ()
-
-
-class Sampling(Protocol):
-    """A board or a data acquisition, as a run takes it."""
-
-    stream: str
-
-    def told(self) -> dict[str, Any]:
-        """What a journal's header says of it."""
-
-    def streams(self) -> dict[str, np.dtype[np.void]]:
-        """Columns of its streams: what was sampled, and when it came."""
-
-    def read(self) -> Taken:
-        """What came since the last call."""
 
 
 class BoardSampling:
@@ -68,7 +52,7 @@ class BoardSampling:
         self._board = board
         self._rows = self.streams()["board"]
 
-    def told(self) -> dict[str, Any]:
+    def header(self) -> dict[str, Any]:
         """What a journal's header says of it."""
         board = self._board
         return {
@@ -91,7 +75,7 @@ class BoardSampling:
 
     def read(self) -> Taken:
         """Periods since the last call."""
-        periods: Periods = self._board.read()
+        periods = self._board.read()
         rows = np.zeros(len(periods), self._rows)
         for name in ("number", "board_us", "flags", "counts"):
             rows[name] = getattr(periods, name)
@@ -111,13 +95,13 @@ class DaqSampling:
         self._left = np.zeros((0, len(daq.setup.channels)), np.int16)
         self._stretch = 0
 
-    def told(self) -> dict[str, Any]:
+    def header(self) -> dict[str, Any]:
         """What a journal's header says of it."""
         daq = self._daq
         return {
             "daq": {
                 "name": daq.name,
-                "setup": daq.setup.as_dict(),
+                "setup": asdict(daq.setup),
                 "rate_hz": daq.rate_hz,
                 "switch_hz": daq.switch_hz,
                 "convert_s": daq.convert_s,
@@ -153,6 +137,6 @@ class DaqSampling:
         return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
 
 
-def sampling_of(instrument: EmitterBoard | Daq) -> Sampling:
+def sampling_of(instrument: EmitterBoard | Daq) -> BoardSampling | DaqSampling:
     """How a run takes what an instrument samples."""
     return DaqSampling(instrument) if isinstance(instrument, Daq) else BoardSampling(instrument)

@@ -28,6 +28,8 @@ Sensor = Mapping[str, Any]
 
 WINDOW_S = 10.0
 """Samples that are worked on at once."""
+CHUNK = 1 << 14
+"""Samples that are compressed together."""
 OVERLAP = 4
 """Frames, each of a period, that a window looks beyond its borders."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
@@ -60,19 +62,23 @@ class Waveform:
     time_s
         Of each frame's first sample on the clock of the run, shape (F,).
     remarks
-        Windows that gave no readings, in words.
+        Windows that gave no readings, and why.
     """
 
     def __init__(self, file: Any, journaled: JournalContent) -> None:
-        told = journaled.header["daq"]
-        self._setup = Setup(**told["setup"] | {"channels": tuple(told["setup"]["channels"])})
-        self._rate_hz, self._switch_hz, self._convert_s = told["rate_hz"], told["switch_hz"], told["convert_s"]
-        self._coefficients = np.array(told["coefficients"])
+        daq = journaled.header["daq"]
+        self._setup = Setup(**daq["setup"] | {"channels": tuple(daq["setup"]["channels"])})
+        self._rate_hz, self._switch_hz, self._convert_s = daq["rate_hz"], daq["switch_hz"], daq["convert_s"]
+        self._coefficients = np.array(daq["coefficients"])
         self.remarks: list[str] = []
         frames = journaled.counts["samples"]
         self.part, self.stretch = np.zeros(frames, np.uint16), np.zeros(frames, np.uint16)
         self.number, self.time_s = np.zeros(frames, np.int64), np.zeros(frames)
-        self._counts = _variable(file, frames * self._setup.frame, self._setup)
+        shape = frames * self._setup.frame, len(self._setup.channels)
+        file.dimensions = {"sample": shape[0], "channel": shape[1]}
+        text = "samples as the converter counts; volts are the sum of coefficients times powers of them"
+        self._counts = create_variable(file, "counts", ("sample", "channel"), shape, np.int16, "1", text, CHUNK)
+        self._counts.attrs["channels"] = " ".join(self._setup.channels)
         self._fill(journaled)
         self._stretches = list(self._lined(journaled.streams["came"]))
 
@@ -169,14 +175,13 @@ class Waveform:
         return subtract(slots_of(time, volts[:, inputs], state, limits=(low, high)))
 
 
-def _variable(file: Any, samples: int, setup: Setup) -> Any:
-    file.dimensions = {"sample": samples, "channel": len(setup.channels)}
-    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if samples else {}
-    chunks = (min(samples, 1 << 14), len(setup.channels)) if samples else None
-    counts = file.create_variable("counts", ("sample", "channel"), np.int16, chunks=chunks, **kept)
-    counts.attrs["units"] = "1"
-    counts.attrs["long_name"] = (
-        "samples as the converter counts; volts are the sum of coefficients times powers of them"
-    )
-    counts.attrs["channels"] = " ".join(setup.channels)
-    return counts
+def create_variable(
+    group: Any, name: str, dims: tuple[str, ...], shape: tuple[int, ...], dtype: Any, unit: str, text: str, rows: int
+) -> Any:
+    """A variable of a netCDF file, compressed in chunks of so many rows, to be filled."""
+    kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape[0] else {}
+    chunks = (min(shape[0], rows), *shape[1:]) if shape[0] else None
+    variable = group.create_variable(name, dims, dtype, chunks=chunks, **kept)
+    variable.attrs["units"] = unit
+    variable.attrs["long_name"] = text
+    return variable

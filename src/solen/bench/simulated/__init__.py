@@ -1,1 +1,1 @@
-"""Instruments that are not there, behind the same interfaces and on the same wire as those that are."""
+"""Simulated instruments, behind the same interfaces as real ones."""

@@ -1,4 +1,4 @@
-"""A board that is not there: it lights simulated prints in turn and reads what their receivers would give.
+"""A simulated board: it lights simulated sensors in turn and reads what their receivers would give.
 
 The idea: a period is cut into as many slots as there are emitters; in each, one emitter is on for the first half and
 off for the second, and every input is sampled at the end of both. Where the stage stands at that moment decides what
@@ -20,7 +20,7 @@ from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import volts
 
 AT_ONCE = 2000
-"""Periods that are worked out at once, so that memory stays small however long nobody read."""
+"""Periods that are computed at once, so that memory stays small however rarely they are read."""
 
 
 @dataclass
@@ -31,8 +31,8 @@ class SimulatedBoard:
     ----------
     clock
         Of the run.
-    prints
-        The sensors on it.
+    sensors
+        Those on its inputs.
     angle_deg
         Angles of the sensors at ascending times.
     room
@@ -46,7 +46,7 @@ class SimulatedBoard:
     """
 
     clock: Clock
-    prints: tuple[SimulatedSensor, ...]
+    sensors: tuple[SimulatedSensor, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     layout: Layout
@@ -62,7 +62,7 @@ class SimulatedBoard:
     @property
     def volts_per_count(self) -> float:
         """Of its converter."""
-        return self.prints[0].circuit.adc.step_V
+        return self.sensors[0].circuit.adc.step_V
 
     def start(self) -> None:
         """Begin to light and to sample."""
@@ -99,13 +99,13 @@ class SimulatedBoard:
         counts = np.zeros((n * slots, self.layout.receivers), np.uint16)
         if n:
             angle, room = self.angle_deg(time), room_light_mw_cm2(self.room, time, self._phase)
-            for one in self.prints:
+            for sensor in self.sensors:
                 lit = np.zeros((len(time), 2))
-                on = np.arange(2 * (one.wires.emitter - 1), len(time), slots)
-                lit[on] = one.at(angle[on])
-                read = volts(lit, one.circuit, room, rng=self.rng)
-                inputs = [one.wires.right - 1, one.wires.left - 1]
-                counts[:, inputs] = np.rint(read / one.circuit.adc.step_V).astype(np.uint16)
+                on = np.arange(2 * (sensor.wires.emitter - 1), len(time), slots)
+                lit[on] = sensor.at(angle[on])
+                read = volts(lit, sensor.circuit, room, rng=self.rng)
+                inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
+                counts[:, inputs] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
         board_us = np.rint((start - begun) * 1e6 * (1.0 + 1e-6 * self.ppm)).astype(np.int64)
         shape = (n, self.layout.emitters, 2, self.layout.receivers)
         return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))

@@ -1,4 +1,4 @@
-"""A data acquisition that is not there: it samples simulated prints many times while their emitters switch.
+"""A simulated data acquisition: it samples simulated sensors many times while their emitters switch.
 
 The idea: emitters take turns; each is on for the first half of its slot and off for the second. A receiver follows with
 its own time constant, that of a first order: within a phase its voltage runs from where it stood to where the light of
@@ -25,7 +25,7 @@ from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
 
 AT_ONCE = 20_000
-"""Samples that are worked out at once, so that memory stays small however long nobody read."""
+"""Samples that are computed at once, so that memory stays small however rarely they are read."""
 CONVERT_S = 14e-6
 """From one input to the next where the rate leaves the time: as the slowest converter takes, and 10 µs to settle."""
 SYNC_V = 3.3
@@ -41,8 +41,8 @@ class SimulatedDaq:
     ----------
     clock
         Of the run.
-    prints
-        The sensors on it.
+    sensors
+        Those on its inputs.
     angle_deg
         Angles of the sensors at ascending times.
     room
@@ -56,7 +56,7 @@ class SimulatedDaq:
     """
 
     clock: Clock
-    prints: tuple[SimulatedSensor, ...]
+    sensors: tuple[SimulatedSensor, ...]
     angle_deg: Callable[[FloatArray], FloatArray]
     room: RoomLight
     setup: Setup
@@ -106,7 +106,7 @@ class SimulatedDaq:
 
     @property
     def _step_V(self) -> float:
-        return self.prints[0].circuit.adc.step_V
+        return self.sensors[0].circuit.adc.step_V
 
     def _samples(self, n: int) -> NDArray[np.int16]:
         """The next samples."""
@@ -114,11 +114,11 @@ class SimulatedDaq:
         self._next += n
         time = (self._begun_s or 0.0) + number / (self.rate_hz * (1.0 + 1e-6 * self.ppm))
         counts = np.zeros((n, len(self.setup.channels)), np.int16)
-        for one in self.prints:
-            inputs = [one.wires.right - 1, one.wires.left - 1]
-            counts[:, inputs] = np.rint(self._read(one, inputs, time) / self._step_V)
+        for sensor in self.sensors:
+            inputs = [sensor.wires.right - 1, sensor.wires.left - 1]
+            counts[:, inputs] = np.rint(self._read(sensor, inputs, time) / self._step_V)
         if self.setup.synced:
-            adc = self.prints[0].circuit.adc
+            adc = self.sensors[0].circuit.adc
             high = self._since_on(time + self.convert_s * self.setup.inputs, 1) < self._on_share
             read = adc.read(SYNC_V * high + adc.noise_V * self.rng.standard_normal(n))
             counts[:, -1] = np.rint(read / self._step_V)
@@ -134,13 +134,13 @@ class SimulatedDaq:
         turns = (time_s - (self._begun_s or 0.0)) * self.switch_hz * (1.0 + 1e-6 * ppm) + self._turn
         return np.asarray((turns - (emitter - 1) / self.setup.emitters) % 1.0)
 
-    def _read(self, one: SimulatedSensor, inputs: list[int], time_s: FloatArray) -> FloatArray:
-        """Volts (N, 2) that the converter reads of a print's receivers."""
-        circuit = replace(one.circuit, samples=1)
-        shares = one.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
+    def _read(self, sensor: SimulatedSensor, inputs: list[int], time_s: FloatArray) -> FloatArray:
+        """Volts (N, 2) that the converter reads of a sensor's receivers."""
+        circuit = replace(sensor.circuit, samples=1)
+        shares = sensor.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
         light = room_light_mw_cm2(self.room, time_s, self._flicker)
         since = np.stack(
-            [self._since_on(time_s + self.convert_s * place, one.wires.emitter) for place in inputs], axis=1
+            [self._since_on(time_s + self.convert_s * place, sensor.wires.emitter) for place in inputs], axis=1
         )
         lit = since < self._on_share
         line = circuit.load_line(circuit.current_mA(np.where(lit, shares, 0.0), light))

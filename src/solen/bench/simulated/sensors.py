@@ -1,4 +1,4 @@
-"""Simulated prints: the design of each sensor with what differs from print to print, traced, with its own parts.
+"""Simulated sensors: the design of each with what differs from print to print, traced, with its own parts.
 
 The idea: three prints of one design are three designs: another index, another decentre of the emitter, another chip,
 other parts from the reel. Each is drawn once, by the rig's seed, and its response is **traced**, angle by angle;
@@ -28,11 +28,11 @@ from solen.spec import Design, load, with_values
 ANGLES = 25
 """Angles at which a response is traced at first."""
 CLOSE = 2e-4
-"""Of the brightest: how near what is traced midway must be to what was interpolated there."""
+"""Largest difference, as a share of the brightest, between a value traced midway and its interpolation."""
 TOLERANCE = 2e-4
 """Of the emitted power, within which a share is integrated over the chip; it is mostly ten times nearer."""
 HALVINGS = 6
-"""How often a step between two angles is halved at most, so that a jump does not take for ever."""
+"""Most halvings of a step between two angles, so that a jump ends."""
 BEYOND = 1.02
 """How far beyond the protocol's reach it is traced, as a stage may overshoot."""
 MOST_DEG = 80.0
@@ -40,7 +40,7 @@ MOST_DEG = 80.0
 Progress = Callable[[str], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SimulatedSensor:
     """One simulated sensor.
 

@@ -140,7 +140,7 @@ def _begin(move: Move) -> float:
 
 
 class SimulatedStage:
-    """A `RotationStage` or `LinearStage` in the program itself.
+    """A `Stage` in the program itself.
 
     Attributes
     ----------

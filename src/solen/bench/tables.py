@@ -1,0 +1,27 @@
+"""Tables of protocol and rig files."""
+
+from pathlib import Path
+from typing import ClassVar, TypeVar
+
+from solen.errors import BenchError
+from solen.files import read_text
+from solen.spec.strict import Strict, migrated, parse_toml, told_of
+
+SCHEMA = 1
+
+
+class BenchTable(Strict):
+    """A table of a protocol or rig file."""
+
+    error: ClassVar[type[BenchError]] = BenchError
+
+
+T = TypeVar("T", bound=BenchTable)
+
+
+def load_table(path: Path, kind: type[T]) -> T:
+    """The tables of a file; `BenchError` in one line where it cannot be read, or states something else."""
+    data = parse_toml(read_text(path, BenchError), str(path), BenchError)
+    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=BenchError)
+    with told_of(str(path)):
+        return kind(**data)
