@@ -109,9 +109,9 @@ def test_a_board_whose_host_is_gone_goes_dark() -> None:
 def test_what_it_refuses_and_silence_are_told() -> None:
     board, _, _, wire, clock = made()
     wire.faults.deaf = True
-    with pytest.raises(BenchError, match=r"no answer to start within 1 s; check cable, power and baud rate"):
+    with pytest.raises(BenchError, match=r"start within 1 s; .*baud rate"):
         board.start()
-    with pytest.raises(BenchError, match=r"configure: cannot be configured so; see the rig file"):
+    with pytest.raises(BenchError, match=r"configure: .*; .*rig file"):
         SerialBoard(
             Wire(BoardController(clock, Counting(clock)), clock),
             clock,

@@ -139,7 +139,7 @@ def test_answers_and_frames_of_others_are_kept_apart() -> None:
 
 
 def test_what_a_frame_cannot_hold_is_refused() -> None:
-    with pytest.raises(BenchError, match=r"^emitters = 16; with 65 receivers need 4168 bytes; a frame holds 4096"):
+    with pytest.raises(BenchError, match=r"^emitters = 16; .*65 .*4168 .*4096"):
         Layout(16, 65)
     with pytest.raises(BenchError, match=r"^receivers = 0; must be 1 to 255$"):
         Layout(1, 0)

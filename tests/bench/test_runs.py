@@ -141,7 +141,7 @@ def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
     with pytest.raises(KeyboardInterrupt):
         recorded(bench, watch=stopping(2, KeyboardInterrupt()))
-    with pytest.raises(BenchError, match=r"exists already: a run that was not closed; solen bench recover"):
+    with pytest.raises(BenchError, match=r"protocol\.journal; exists already.*; solen bench recover"):
         recorded(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
     found = recover(bench / "out" / "protocol.journal")
@@ -301,7 +301,7 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
 
 def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
-    with pytest.raises(OutputError, match=r"protocol\.nc; needs up to 0\..* MB, and 0\.2 MB are free; make room, then"):
+    with pytest.raises(OutputError, match=r"protocol\.nc; .*0\.2 MB .*; make room"):
         recorded(bench)
     monkeypatch.undo()
     assert [path.name for path in (bench / "out").iterdir()] == ["protocol.journal"]
