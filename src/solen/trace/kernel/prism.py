@@ -227,7 +227,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     outer = (yb - cut) if rise > 0.0 else (cut - ya)
                     share = outer / (yb - ya)
                     w = stack[waiting]
-                    if share > 1e-12:
+                    if share > 1.0 - 1e-12:
+                        bounces += 1  # it waited to be reflected once more: but for rounding, all of it is
+                    elif share > 1e-12:
                         tip = 1e-15 * half
                         if rise > 0.0:
                             put(w, x, z, cut + tip, yb, d, e, scaled(light, share))
