@@ -205,3 +205,28 @@ def test_what_cannot_be_integrated_in_space() -> None:
         derivative(lambda _: scene, 1.0)
     with pytest.raises(DesignError, match="cone_deg"):
         integrate(bar(chip(cone_deg=0.0)))
+
+
+def test_a_cell_in_which_both_rules_agree_by_chance() -> None:
+    """A triangle of n = 1.33: a close integral gives 0.71617."""
+    corners = [(-2.0, 0.0), (2.5, 0.5), (0.3, 7.0)]
+    front, end, left = (Segment(corners[i], corners[(i + 1) % 3]) for i in range(3))
+    walls = [Interface(n, c, "bar", "air") for n, c in (("front", front), ("left", left))]
+    receiver = Interface("end", end, "bar", "air", "receiver", "end")
+    source = replace(chip(cone_deg=120.0), point=(0.2, -1.0))
+    scene = Scene((Region("air", 1.0), Region("bar", 1.33)), (*walls, receiver), (source,), extrusion=Extrusion(3.0))
+    found = integrate(scene, tolerance=3e-4)
+    assert found.detectors["end"].power == pytest.approx(0.71617, abs=2.0 * found.u_power)
+
+
+def test_a_part_of_the_heights_that_waits_for_a_reflection_by_rounding() -> None:
+    """This integration never ended: a part of the heights was divided at its own end, again and again."""
+    one = sensor(
+        emitter__width_mm=0.228,
+        emitter__height_mm=0.229,
+        emitter__cone_deg=170.0,
+        emitter__offset_mm=-0.025,
+        body__thickness_mm=4.94,
+        wall=[{"face": "stem-*", "outside": "skin", "index": 1.40}],
+    )
+    assert one.integrate(-3.08, tolerance=3e-4).reached

@@ -43,6 +43,8 @@ SPARE, FUTILE = 0.8, 0.1
 """Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
 CAUTION = 3.5
 """Factor on the error learned from halving: it is a root mean square over few cells."""
+CHANGE_SHARE, LEAST_SHARE = 0.5, 0.05
+"""Least difference of a half: shares of what halving changed, and of the difference before; rules agree by chance."""
 CHIP_TOLERANCE = 1e-4
 FLATNESS = 1e-3
 """Second difference of the powers along a chip's width that Simpson's rule is trusted with, times six."""
@@ -226,9 +228,12 @@ def _integrated(
         lower, upper = list(cell.bounds), list(cell.bounds)
         lower[along + 1], upper[along] = middle, middle
         halves = [over(tuple(lower)), over(tuple(upper))]
-        changes += _most(cell.value - halves[0].value - halves[1].value) ** 2
+        change = _most(cell.value - halves[0].value - halves[1].value)
+        changes += change**2
         differences += cell.error**2
-        cells += halves
+        least = [LEAST_SHARE * error for error in cell.errors]
+        least[along // 2] = max(least[along // 2], CHANGE_SHARE * change)
+        cells += [half._replace(errors=tuple(map(max, half.errors, least))) for half in halves]
         paths_so_far += sum(half.paths for half in halves)
     ended = all(cell.ended for cell in cells)
     value = np.sum([cell.value for cell in cells], axis=0)
