@@ -45,11 +45,6 @@ class TimeBase:
     gaps_s: FloatArray
     warnings: tuple[str, ...]
 
-    @property
-    def rate_hz(self) -> float:
-        """Samples in a second, by the usual step."""
-        return 1.0 / self.step_s
-
 
 def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     """Order of samples by their stamps.

@@ -87,10 +87,6 @@ class Calibration:
         freedom = np.maximum(1.0 / inverse, _LEAST_FREEDOM)
         return total * (freedom / (freedom - 1.0))[:, None, None], freedom - 1.0
 
-    def hysteresis_V(self) -> FloatArray:
-        """Rising less falling, (g, 2)."""
-        return np.asarray(self.curves_V[0] - self.curves_V[1])
-
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
     """Curves (2, g, 2) at other angles (n,), (2, n, 2): monotone wherever their points are (Fritsch and Carlson)."""

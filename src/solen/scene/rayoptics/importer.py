@@ -119,14 +119,6 @@ class Imported:
     max_hits: int | None
     fresh: tuple[bool, ...] = field(repr=False)
 
-    @property
-    def partial(self) -> bool:
-        """Whether some surface reflects in part."""
-        return any(
-            i.behaviour == "splitter" or (i.behaviour == "refracting" and (i.surface is None or i.surface.partial))
-            for i in self.scene.interfaces
-        )
-
     def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
         """Readings of all detectors from a trace's monitors."""
         return {detector.name: detector.reading(monitors, self.scene.emitted) for detector in self.detectors}
