@@ -95,11 +95,11 @@ def test_the_command_line_reads_a_peer(outside: Path, capsys: pytest.CaptureFixt
     name = "glass/Glass/weak"
     assert run_command(["trace", str(place(outside, name)), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    maps = found["detectors"]["detector1"]["map"]
+    maps = found["readings"]["detector1"]
     position, irradiance = recorded(outside, name)
     assert deviation(np.array(maps["irradiance"]), irradiance) <= REACHED
     assert maps["position"] == position.tolist()
-    assert found["units"] == {"length": "unit of the file", "power": "brightness"}
+    assert (found["length_unit"], found["power_unit"]) == ("unit of the file", "brightness")
 
 
 @pytest.mark.parametrize(

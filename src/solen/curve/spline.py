@@ -84,23 +84,24 @@ class Spline(CubicChain):
         first, as smooth there as elsewhere. `DesignError` where two neighbours are one point, or for too few points:
         2, for an outline 3.
         """
-        from scipy.interpolate import CubicSpline  # it takes long to import, and few curves need it
-
         given = _checked(points, closed)
-        through = np.vstack([given, given[:1]]) if closed else given
-        length = np.hypot(*np.diff(through, axis=0).T)
+        following = np.roll(given, -1, axis=0) if closed else given[1:]
+        here = given if closed else given[:-1]
+        chord = following - here
+        length = np.hypot(*chord.T)
         if not np.all(length > 0.0):
+            i = int(np.argmin(length))
             raise DesignError(
                 "spline points",
-                value=f"{tuple(map(float, through[int(np.argmin(length))]))} twice in a row",
+                value=f"{tuple(map(float, here[i]))} twice in a row",
                 limit="neighbours must differ",
                 remedy="leave one of them out; a closed outline does not repeat its first point",
             )
-        at = np.concatenate([[0.0], np.cumsum(length)])
-        tangent = CubicSpline(at, through, bc_type="periodic" if closed else "natural")(at, 1)
+        tangent = _tangents(chord, length, closed)
+        arriving = np.roll(tangent, -1, axis=0) if closed else tangent[1:]
         third = length[:, None] / 3.0
-        handles = (through[:-1] + third * tangent[:-1], through[1:] - third * tangent[1:])
-        pieces = np.stack([*handles, through[1:]], axis=1).reshape(-1, 2)
+        leaving = tangent if closed else tangent[:-1]
+        pieces = np.stack([here + third * leaving, following - third * arriving, following], axis=1).reshape(-1, 2)
         return cls(tuple((float(x), float(z)) for x, z in (given[0], *pieces)))
 
     @classmethod
@@ -148,3 +149,53 @@ def _checked(points: ArrayLike, closed: bool) -> FloatArray:
     if len(given) < least:
         raise DesignError("spline points", value=len(given), limit=f"must be at least {least} points")
     return given
+
+
+def _tangents(chord: FloatArray, length: FloatArray, closed: bool) -> FloatArray:
+    """Derivatives (N, 2) of the spline at its points by the length of the chords: where curvature is continuous.
+
+    With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ =
+    3 (h₂ s₁ + h₁ s₂); here divided by h₁ + h₂. At a free end 2 t + t₊ = 3 s.
+    """
+    slope = chord / length[:, None]
+    before, mean = (np.roll(length, 1), np.roll(slope, 1, axis=0)) if closed else (length[:-1], slope[:-1])
+    behind, ahead = (length, slope) if closed else (length[1:], slope[1:])
+    share = behind / (before + behind)
+    right = 3.0 * (share[:, None] * mean + (1.0 - share)[:, None] * ahead)
+    if closed:
+        return _cyclic(share, 1.0 - share, right)
+    end = np.ones(1)
+    right = np.vstack([3.0 * slope[:1], right, 3.0 * slope[-1:]])
+    return _tridiagonal(
+        np.concatenate([share, end]), np.concatenate([end, 1.0 - share]), np.full(len(right), 2.0), right
+    )
+
+
+def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a system whose diagonal outweighs its two neighbours, (N − 1,) each, for right sides (N, M)."""
+    pivot, solution = diagonal.copy(), right.copy()
+    for i in range(1, len(pivot)):
+        factor = below[i - 1] / pivot[i - 1]
+        pivot[i] -= factor * above[i - 1]
+        solution[i] -= factor * solution[i - 1]
+    solution[-1] /= pivot[-1]
+    for i in range(len(pivot) - 2, -1, -1):
+        solution[i] = (solution[i] - above[i] * solution[i + 1]) / pivot[i]
+    return solution
+
+
+def _cyclic(below: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
+    """The same with 2 on the diagonal and the first and the last unknown neighbours, by Sherman and Morrison.
+
+    The two corners are a matrix of rank one, u vᵀ, away from a tridiagonal one.
+    """
+    corner_up, corner_down = below[0], above[-1]
+    diagonal = np.full(len(right), 2.0)
+    u = np.zeros((len(right), 1))
+    u[0], u[-1] = -diagonal[0], corner_down
+    v_last = -corner_up / diagonal[0]
+    diagonal[0] += 2.0
+    diagonal[-1] -= corner_down * v_last
+    solution = _tridiagonal(below[1:], above[:-1], diagonal, np.hstack([right, u]))
+    y, z = solution[:, :-1], solution[:, -1:]
+    return np.asarray(y - z * (y[0] + v_last * y[-1]) / (1.0 + z[0] + v_last * z[-1]))
