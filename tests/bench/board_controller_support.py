@@ -84,7 +84,8 @@ class BoardController:
             for _ in range(1 + (number in self.double))
             if number not in self.lose
         ]
-        return sample_frames(self.board.layout, periods.taken(kept))
+        columns = (getattr(periods, name)[kept] for name in ("number", "board_us", "flags", "counts"))
+        return sample_frames(self.board.layout, Periods(*columns))
 
     def _answered(self, kind: int, payload: bytes) -> bytes:
         status, words = 0, ""

@@ -83,11 +83,6 @@ class Layout:
         """Length of the payload of a period."""
         return PERIOD.size + 2 * self.values
 
-    @property
-    def frame_bytes(self) -> int:
-        """Length of a whole frame."""
-        return HEAD.size + self.payload_bytes + _CRC.size
-
 
 @dataclass(frozen=True, eq=False)
 class Periods:
@@ -112,11 +107,6 @@ class Periods:
 
     def __len__(self) -> int:
         return len(self.number)
-
-    def taken(self, places: Sequence[int]) -> "Periods":
-        """Some of them, by their places."""
-        kept = np.asarray(places, dtype=np.intp)
-        return Periods(self.number[kept], self.board_us[kept], self.flags[kept], self.counts[kept])
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
