@@ -202,6 +202,14 @@ def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage:
     assert read_journal(bench / "a.journal").events[-1]["what"] == "fault"
 
 
+def test_a_stage_in_another_unit_than_its_protocol_does_not_move(bench: Path) -> None:
+    clock, board = SimulatedClock(), Silent()
+    on = Instruments(SimulatedStage(clock, "mm"), board, clock)
+    with begin(bench / "a.journal", on, {}) as journal, pytest.raises(BenchError, match=r"in deg, .* in mm"):
+        run(load_protocol(bench / "protocol.toml"), on, journal)
+    assert board.calls == []
+
+
 def test_the_board_s_clock_is_laid_on_the_run_s() -> None:
     rng = np.random.default_rng(2)
     board_s: FloatArray = np.asarray(np.arange(1, 3000) * 0.1, dtype=np.float64)

@@ -103,6 +103,9 @@ def run(
     KeyboardInterrupt
         Where Ctrl-C stopped it; likewise.
     """
+    if instruments.stage.unit != protocol.unit:
+        limit = f"moves in {protocol.unit}, and the stage {instruments.stage.name} in {instruments.stage.unit}"
+        raise BenchError("protocol", limit=limit, remedy="a linear stage needs lever_mm and steps in mm")
     part, done = (0, 0) if before is None else (before.parts, before.cycles)
     runner = _Runner(protocol, instruments, journal, part, done, watch)
     outcome, reason = "done", ""
