@@ -250,7 +250,7 @@ def test_calibrations_that_cannot_be_read(
         return refused(capfd, "bench", "decode", str(bad), str(folder / "S1.csv"))
 
     assert "not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
-    assert "is not JSON: NaN is not a number" in told('{"kind": "calibration", "schema": NaN}')
+    assert "not JSON: NaN is not a number" in told('{"kind": "calibration", "schema": NaN}')
     assert "is not a calibration of a sensor" in told('{"kind": "analysis"}')
     assert "is not a calibration of a sensor" in told("[1, 2]")
     assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))
