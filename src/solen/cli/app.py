@@ -1,8 +1,8 @@
 """What the commands share: the application, options that many have, and how an answer is printed.
 
-A command is a function that returns an `Outcome`: a typed result and the files that were written. `show` prints it:
-as one JSON object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then the
-files. A command module registers the lines of its result::
+A command is a function that returns an `Outcome`: a typed result and the files that were written. `show_outcome` prints
+it: as one JSON object with ``--json``; else the lines that `lines` makes of the result's type, then its warnings, then
+the files. A command module registers the lines of its result::
 
     @lines.register
     def _(loss: GuideLoss) -> Iterator[str]:
@@ -37,7 +37,6 @@ Sheet = Annotated[
 FLAT = Parameter(name="*")
 """Annotation of a command's `Options`: each field is an option of its own, ``Annotated[CutbackOptions, FLAT]``."""
 Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]
-Json = Annotated[bool, Parameter(name="--json", negative=(), show=False)]
 
 EVERYWHERE = "Every command also takes --json (one JSON object on stdout) and --quiet (nothing but warnings)."
 
@@ -100,11 +99,6 @@ def show_outcome(outcome: Outcome[Any]) -> None:
     if not SHOWN.quiet:
         for name, path in outcome.files.items():
             print(f"{name}: {path}")
-
-
-def show(found: dict[str, Any], as_json: bool, told: Callable[[], list[str]]) -> None:
-    """Print one JSON object, or lines for a reader."""
-    print(json.dumps(found, allow_nan=False) if as_json or SHOWN.as_json else "\n".join(told()))
 
 
 def listing(values: dict[str, Any]) -> list[str]:
