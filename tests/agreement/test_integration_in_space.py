@@ -82,6 +82,7 @@ def test_a_turn_to_the_other_side_exchanges_the_receivers() -> None:
         chip(),
         chip(pattern=CosinePower(3.0)),
         chip(pattern=PatternTable((0.0, 30.0, 60.0, 80.0), (1.0, 1.1, 0.4, 0.0))),
+        chip(pattern=PatternTable((0.0, 20.0, 50.0, 80.0), (0.0, 0.5, 1.0, 0.2))),
         chip(width_mm=0.0),
         chip(width_mm=0.0, height_mm=0.0),
         chip(y_mm=0.6),
@@ -89,7 +90,18 @@ def test_a_turn_to_the_other_side_exchanges_the_receivers() -> None:
         chip(cone_deg=300.0),
         chip(spectrum=((500.0, 1.0), (600.0, 3.0))),
     ],
-    ids=["chip", "narrow", "table", "line", "point", "raised", "higher than the body", "sideways", "two colours"],
+    ids=[
+        "chip",
+        "narrow",
+        "table",
+        "dark on its axis",
+        "line",
+        "point",
+        "raised",
+        "higher than the body",
+        "sideways",
+        "two colours",
+    ],
 )
 def test_a_bar_before_any_emitter(source: Emitter) -> None:
     scene = bar(source)

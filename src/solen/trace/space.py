@@ -132,9 +132,7 @@ class LightInSpace:
     @property
     def whole(self) -> float:
         """Integral of the relative intensity over all directions, in sr."""
-        pattern, half = self.source.pattern, self.source.half_rad
-        on_axis = pattern.relative[0] if isinstance(pattern, PatternTable) else 1.0
-        return pattern.solid_angle_sr(half) * on_axis
+        return self.source.pattern.space_integral_sr(self.source.half_rad)
 
     def integral(self, tolerance: float, _: int = 0) -> Integral:
         """Integrate over all colours."""

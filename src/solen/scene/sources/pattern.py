@@ -62,6 +62,10 @@ class AngularPattern(ABC):
     def solid_angle_sr(self, half: float) -> float:
         """Power in space over the intensity on the axis."""
 
+    def space_integral_sr(self, half: float) -> float:
+        """Integral of the relative intensity over all directions in space, in sr; here it is 1 on the axis."""
+        return self.solid_angle_sr(half)
+
     @abstractmethod
     def plane_angle(self, half: float) -> float:
         """Integral of the relative intensity over the slice in the plane, in radians."""
@@ -214,11 +218,14 @@ class PatternTable(AngularPattern):
 
     def solid_angle_sr(self, half: float) -> float:
         """See :meth:`AngularPattern.solid_angle_sr`."""
-        if not self.relative[0] > 0.0:
-            return math.inf
+        on_axis = self.relative[0]
+        return self.space_integral_sr(half) / on_axis if on_axis > 0.0 else math.inf
+
+    def space_integral_sr(self, half: float) -> float:
+        """See :meth:`AngularPattern.space_integral_sr`."""
         angle, value = self._within(half)
         slope = np.diff(value) / np.diff(angle)
-        return float(2.0 * math.pi * np.sum(_band(angle[:-1], value[:-1], slope, np.diff(angle))) / value[0])
+        return float(2.0 * math.pi * np.sum(_band(angle[:-1], value[:-1], slope, np.diff(angle))))
 
     def plane_angle(self, half: float) -> float:
         """See :meth:`AngularPattern.plane_angle`."""
