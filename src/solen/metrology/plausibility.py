@@ -21,9 +21,9 @@ from solen.metrology.registration import Registration
 WALL_FROM, WALL_REACH = 0.25, 0.3
 """Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
-"""Factor of width from which on it is no print of the design, and the relative difference that is warned of."""
+"""Factor of width above which it is not a print of the design, and the relative difference that gives a warning."""
 MOST_RMS = 0.015
-"""Rms deviation over the lens's width from which on it is no print of the design."""
+"""Rms deviation over the lens's width above which it is not a print of the design."""
 MOST_MISSING = 0.1
 """Share of the front without an edge at an end of it that is warned of, and at both ends refused."""
 COARSEST_PX = 60

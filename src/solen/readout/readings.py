@@ -191,7 +191,7 @@ def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, tempe
 
 
 def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of an angle told from one reading of each receiver, (A, R), and of all together, (A,).
+    """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all together, (A,).
 
     Each receiver tells the angle to σ/|slope|; together, weighted as their information, to (Σ (slope/σ)²)^−1/2, which
     no way to decode them can better (Cramér, Rao). NaN where nothing moves.

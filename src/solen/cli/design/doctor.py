@@ -83,4 +83,4 @@ def _running_shell() -> Shell:
     if found not in RELOAD:
         limit = f"completion is for {', '.join(RELOAD)}"
         raise SpecError("shell", value=found, limit=limit, remedy="name yours: solen completion bash")
-    return found  # type: ignore[return-value]
+    return found  # type: ignore[return-value]  # a key of RELOAD is one

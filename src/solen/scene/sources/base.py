@@ -131,7 +131,7 @@ class Source(ABC):
 
     def with_rays(self, rays: int) -> Self:
         """The same source with so many rays; a list of rays as it is."""
-        return replace(self, rays=rays)  # type: ignore[call-arg]
+        return replace(self, rays=rays)  # type: ignore[call-arg]  # every source is a dataclass with rays
 
     def with_spectrum(self, spectrum: tuple[Line, ...]) -> Self:
         """The same source with another spectrum."""
