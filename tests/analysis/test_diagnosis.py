@@ -66,7 +66,7 @@ def test_a_traced_table_is_the_response_of_the_design() -> None:
 
 
 def test_light_in_space_has_no_table() -> None:
-    design = with_values(DESIGN, {"trace.dimension": "extruded"})
+    design = with_values(DESIGN, {"trace.dimension": "extruded", "emitter.pattern": "lambertian"})
     with pytest.raises(DesignError, match="in the plane"):
         Table.of(Sensor.of(design), angles_deg(-0.5, 0.5))
 

@@ -273,12 +273,12 @@ def test_an_extruded_design_runs_to_its_report_with_pictures_of_the_plane(design
 
 def test_ambient_light_in_space_is_refused(design: Path) -> None:
     with pytest.raises(SolenError, match="also come in through top and bottom"):
-        trace(design, ["trace.dimension=extruded", "ambient.power=1"])
+        trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian", "ambient.power=1"])
 
 
 def test_ways_of_rays_in_space_are_refused_by_the_name_of_the_option(design: Path) -> None:
     with pytest.raises(SpecError, match=r"^paths; are of the plane"):
-        trace(design, ["trace.dimension=extruded"], paths=True)
+        trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian"], paths=True)
 
 
 def test_ambient_light_is_told_apart(design: Path) -> None:

@@ -215,6 +215,8 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
         ({"body": DRAWN | {"arm_width_mm": 4.0}}, "body.arm_width_mm = 4.0; has no meaning with body.kind = "),
         ({"body": DRAWN, "lens": {"shape": "none"}}, "lens.shape = 'none'; has no meaning with body.kind"),
         ({"body": DRAWN, "emitter": {"distance_mm": 2.0}}, "emitter.distance_mm = 2.0; has no meaning"),
+        ({"trace": {"dimension": "extruded"}}, "trace.dimension = 'extruded'; needs light out of the plane"),
+        ({"trace": {"dimension": "extruded"}, "emitter": {"part": "VSMY1850", "pattern": "fan"}}, "trace.dimension"),
         ({"emitter": {"axis_deg": 10.0}}, "emitter.axis_deg = 10.0; has no meaning with body.kind"),
         ({"emitter": {"point_mm": [0.0]}}, "emitter.point_mm = [0.0]; must be [x_mm, z_mm]"),
     ],
@@ -222,6 +224,13 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
 def test_keys_that_do_not_fit_one_another_are_refused(tables: dict[str, Any], start: str) -> None:
     line = told(**tables)
     assert line.startswith(start), line
+
+
+@pytest.mark.parametrize(
+    "emitter", [{"pattern": "lambertian"}, {"pattern": "uniform"}, {"part": "VSMY1850"}, {"ray_file": "led.sdf"}]
+)
+def test_light_out_of_the_plane_may_be_traced_in_space(emitter: dict[str, Any]) -> None:
+    assert design(trace={"dimension": "extruded"}, emitter=emitter).trace.dimension == "extruded"
 
 
 def test_of_an_outline_the_emitter_moves_unless_told_otherwise() -> None:

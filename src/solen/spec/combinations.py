@@ -23,6 +23,9 @@ def check_combinations(design: "Design") -> None:
     if design.fabricate.pockets and design.receivers.coupling == "air-gap":
         limit = 'has no meaning with receivers.coupling = "air-gap": a pocket seats a receiver on the body'
         raise refused("fabricate.pockets", limit, value=True, remedy="leave one of them out")
+    if design.trace.dimension == "extruded" and design.emitter.is_fan:
+        limit = 'needs light out of the plane, and emitter.pattern = "fan" has none'
+        raise refused("trace.dimension", limit, value="extruded", remedy='set emitter.pattern = "lambertian"')
     if bends:
         _check_bend(design)
     elif design.body.kind == "y":

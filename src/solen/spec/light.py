@@ -111,6 +111,12 @@ class Emitter(Strict):
         """Whether a key was stated, even as its default."""
         return key in self.model_fields_set
 
+    @property
+    def is_fan(self) -> bool:
+        """Whether it emits in the plane alone: neither a part nor a file of rays stands for the pattern."""
+        replaced = self.ray_file is not None or (self.part is not None and not self.states("pattern"))
+        return self.pattern == "fan" and not replaced
+
 
 class Ambient(Strict):
     """Light from around: the same from all sides, told apart from the emitter's at every receiver."""
