@@ -239,6 +239,40 @@ def test_a_turned_lens_is_joined_on_both_sides_and_a_resting_one_on_none(angle_d
     assert join.start[1] == pytest.approx(join.end[1], abs=1e-12)
 
 
+@pytest.mark.parametrize("pivot", ["stem-base", "emitter", [0.0, 8.0]], ids=str)
+@pytest.mark.parametrize("join", ["bridge", "seam", "smooth"])
+def test_every_join_closes_the_outline_and_vanishes_at_rest(join: str, pivot: Any) -> None:
+    motion = {"join": join, "pivot": pivot}
+    rest = polygon(built())
+    assert polygon(built(motion=motion)).equals(rest)
+    for angle_deg in (-3.0, -0.3, -1e-3, -1e-5, -1e-7, 1e-9, 2.0):
+        turned = polygon(built(angle_deg, motion=motion))
+        assert shapely.hausdorff_distance(turned.exterior, rest.exterior) < 0.2 * abs(angle_deg) + 1e-5
+
+
+def test_a_seam_runs_to_the_stem_s_corners() -> None:
+    body = built(-3.0, motion={"join": "seam", "pivot": "emitter"})
+    corner = (2.0, body.marks["stem-base"][1])
+    assert body.face("join-right").curve.end == corner
+    assert body.face("join-left").curve.start == (-2.0, corner[1])
+    assert body.face("join-left").curve.end[1] > corner[1] + 0.09
+
+
+@pytest.mark.parametrize("angle_deg", [-3.0, -1e-3])
+def test_a_smooth_join_leaves_along_the_lens_s_axis_and_runs_into_the_side(angle_deg: float) -> None:
+    body = built(angle_deg, motion={"join": "smooth", "pivot": "emitter"})
+    join, stem = body.face("join-right").curve, body.face("stem-right").curve
+    out, into, side = (
+        np.arctan2(*v) for v in (*join.velocities(np.array([0.0, 1.0])), stem.velocities(np.zeros(1))[0])
+    )
+    assert math.degrees(-out) == pytest.approx(angle_deg, abs=1e-9)
+    assert into == pytest.approx(side, abs=1e-9)
+    at_rest = built().face("stem-right").curve
+    run = join.points(np.linspace(0.0, 1.0, 9))
+    bent = run[:, 0] - np.interp(run[:, 1], *at_rest.points(np.linspace(0.0, 1.0, 20_001)).T[::-1])
+    assert np.abs(bent).max() < 0.06 * abs(angle_deg) + 1e-6
+
+
 def test_the_outline_changes_continuously_as_the_angle_goes_to_nothing() -> None:
     rest = polygon(built())
     for angle_deg in (1.0, 1e-1, 1e-2, 1e-4, 1e-6, 1e-7, 1e-8, 1e-10, 1e-14):

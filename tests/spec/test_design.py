@@ -203,6 +203,9 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
     ("tables", "start"),
     [
         ({"motion": BEND | {"pivot": "emitter"}}, "motion.pivot = 'emitter'; has no meaning with motion.kind = "),
+        ({"motion": BEND | {"join": "seam"}}, "motion.join = 'seam'; has no meaning with motion.kind = "),
+        ({"motion": {"moves": ["emitter"], "join": "seam"}}, "motion.join = 'seam'; has no meaning where the lens"),
+        ({"motion": {"join": "seam"}, "body": DRAWN}, "motion.join = 'seam'; has no meaning with body.kind"),
         ({"motion": BEND | {"moves": ["emitter"]}}, "motion.moves = ['emitter']; has no meaning with motion.kind"),
         ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); has no meaning with body.kind"),
         ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),

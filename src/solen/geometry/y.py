@@ -5,10 +5,15 @@ fork's corners at ``arm_angle_deg`` to the axis; by default they continue the st
 an assumption: the paper's figure with the exact geometry is not public. The arms' inner edges run parallel to the outer
 ones at the arms' width and meet on the axis, in the crotch.
 
-How a turned lens joins the stem is a choice, made so that the outline stays closed and simple and changes continuously
-with the angle: where the lens's edge has sunk below the stem's base, a straight bridge joins it to the stem's corner;
-where it has risen into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3°
-about the centre of the base the step is 2.7 µm wide.
+How a turned lens joins the stem is a choice of the design, ``motion.join``; each keeps the outline closed and simple
+and changes continuously with the angle:
+
+- ``bridge``: where the lens's edge has sunk below the stem's base, a straight bridge joins it to the stem's corner;
+  where it has risen into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3°
+  about the centre of the base the step is 2.7 µm wide.
+- ``seam``: a straight seam joins each edge to its corner, also where it has risen.
+- ``smooth``: the stem's side bends. A cubic Bézier curve leaves the edge along the lens's own axis and runs into the
+  side, along it, half a lens's width above the edge; at rest it is the side itself.
 
 A sensor without a lens has a flat face that belongs to the stem: it stands still while the emitter turns.
 
@@ -20,7 +25,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-from solen.curve import Curve, Measure, Parabola, Segment, check_numbers
+from solen.curve import Bezier, Curve, Measure, Parabola, Segment, check_numbers
 from solen.errors import DesignError
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import GAP_MM, Body, Face, Pose
@@ -28,7 +33,7 @@ from solen.geometry.walls import behind_gap, with_walls
 from solen.lens import FlatFace, Lens
 from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable
-from solen.spec import Design, Motion, Wall
+from solen.spec import Design, Join, Motion, Wall
 
 SHORTEST_MM, STEP_MM = 1e-8, 1e-6
 """A step between lens and stem shorter than the first goes up along the stem by the second instead: that of an edge
@@ -91,12 +96,13 @@ def _turned(plan: _Plan, angle_deg: float) -> Body:
     front = lens.front.moved(turn) if turns_lens else lens.front
     right, left = _half(plan, +1), _half(plan, -1)
     crotch = _crotch(plan.body, right)
+    joined = _Join(plan.motion.join, turn.vector((0.0, 1.0)) if turns_lens else (0.0, 1.0))
     faces = (
         Face("lens", front),
-        *_side("right", right, front.end, crotch),
+        *_side("right", right, front.end, crotch, joined),
         *(
             replace(face, curve=face.curve.reversed(), from_end=True)
-            for face in reversed(_side("left", left, front.start, crotch))
+            for face in reversed(_side("left", left, front.start, crotch, joined))
         ),
     )
     marks = {"crotch": crotch, "fork-right": right.fork, "fork-left": left.fork, "stem-base": (0.0, lens.depth_mm)}
@@ -183,21 +189,44 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
     return (0.0, z - x / math.tan(math.radians(angle_deg)))
 
 
-def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face, ...]:
+@dataclass(frozen=True)
+class _Join:
+    """How the lens's edges meet the stem; ``axis`` is the lens's own."""
+
+    kind: Join
+    axis: Point
+
+    def wall(self, whole: Parabola, edge: Point) -> Parabola:
+        """What is left of a side of the stem."""
+        risen_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - whole.vertex[1])
+        if self.kind == "smooth":
+            risen_mm += abs(whole.vertex[0])
+        if risen_mm >= whole.to_mm:
+            raise DesignError(
+                "motion",
+                value=f"the lens's edge joins the stem {risen_mm:.3g} mm above its base",
+                limit=f"the stem is {whole.to_mm:g} mm long",
+                remedy="turn by less",
+            )
+        wall = replace(whole, from_mm=risen_mm)
+        if GAP_MM < math.dist(edge, wall.start) < SHORTEST_MM:  # too short a step to stand between the two
+            return replace(wall, from_mm=risen_mm + STEP_MM)
+        return wall
+
+    def face(self, edge: Point, wall: Parabola) -> Curve:
+        """What stands between the edge and the side."""
+        if self.kind != "smooth":
+            return Segment(edge, wall.start)
+        third_mm = (wall.start[1] - max(edge[1], wall.vertex[1])) / 3.0
+        slope = (2.0 * wall.curve_per_mm * wall.from_mm, 1.0)
+        return Bezier(edge, along(edge, self.axis, third_mm), along(wall.start, slope, -third_mm), wall.start)
+
+
+def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) -> tuple[Face, ...]:
     """Faces from the lens's edge to the crotch, walked upwards and back."""
-    risen_mm = max(0.0, lens_edge[1] - half.wall.vertex[1])
-    wall = Parabola(half.wall.vertex, half.wall.axis, half.wall.curve_per_mm, risen_mm, half.wall.to_mm)
-    if GAP_MM < math.dist(lens_edge, wall.start) < SHORTEST_MM:  # too short a step to stand between the two
-        risen_mm += STEP_MM
-        wall = replace(wall, from_mm=risen_mm)
-    if risen_mm >= half.wall.to_mm:
-        raise DesignError(
-            "motion",
-            value=f"the lens's edge rises {risen_mm:.3g} mm",
-            limit=f"the stem is {half.wall.to_mm:g} mm long",
-            remedy="turn by less",
-        )
-    gap_mm = math.dist(lens_edge, wall.start)
+    apart_mm = math.dist(lens_edge, half.wall.start)
+    wall = half.wall if apart_mm <= GAP_MM else join.wall(half.wall, lens_edge)
+    gap_mm = min(apart_mm, math.dist(lens_edge, wall.start))
     if gap_mm > abs(half.wall.vertex[0]):
         raise DesignError(
             "motion",
@@ -212,8 +241,8 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point) -> tuple[Face
         ("inner", Segment(half.inner_end, crotch)),
     ]
     if gap_mm > GAP_MM:
-        curves.insert(0, ("join", Segment(lens_edge, wall.start)))
-    lacking_mm = Measure(replace(wall, from_mm=0.0, to_mm=risen_mm)).length_mm if risen_mm > 0.0 else 0.0
+        curves.insert(0, ("join", join.face(lens_edge, wall)))
+    lacking_mm = Measure(replace(wall, from_mm=0.0, to_mm=wall.from_mm)).length_mm if wall.from_mm > 0.0 else 0.0
     return tuple(
         Face(f"{part}-{name}", curve, begins_mm=lacking_mm if part == "stem" else 0.0) for part, curve in curves
     )

@@ -7,7 +7,7 @@ designs in `solen.spec.template`; `solen.spec.strict` is what every TOML file of
 from solen.spec.body import Body, Lens, Material, Receivers
 from solen.spec.design import Design, Trace
 from solen.spec.light import Emitter
-from solen.spec.motion import Motion
+from solen.spec.motion import Join, Motion
 from solen.spec.template import NewDesign, template, template_names
 from solen.spec.toml import dumps, json_schema, load, loads, parse_assignment, save, value_at, with_values
 from solen.spec.wall import Wall
@@ -16,6 +16,7 @@ __all__ = [
     "Body",
     "Design",
     "Emitter",
+    "Join",
     "Lens",
     "Material",
     "Motion",

@@ -21,6 +21,7 @@ UNUSED_KEYS: dict[str, Keys] = {
         "body": ("parameters", "stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm", "arm_angle_deg"),
         "lens": ("shape", "profile", "focus_mm", "half_width_mm", "design_index"),
         "emitter": ("distance_mm",),
+        "motion": ("join",),
     },
 }
 """Known kinds of bodies, and the keys that have no meaning for each; `solen.geometry.kinds` builds them."""

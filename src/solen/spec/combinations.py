@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # the design calls this module
     from solen.spec.design import Design
     from solen.spec.strict import Strict
 
-OF_ROTATIONS: Keys = {"motion": ("pivot",)}
+OF_ROTATIONS: Keys = {"motion": ("pivot", "join")}
 OF_BENDS: Keys = {"motion": ("centre_line", "bend_mm")}
 
 
@@ -61,6 +61,9 @@ def _check_moves(design: "Design") -> None:
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")
+    if "lens" not in moves and design.motion.join != "bridge":
+        limit = "has no meaning where the lens does not turn"
+        raise refused("motion.join", limit, value=design.motion.join, remedy="leave it out")
     if "receivers" in moves and design.receivers.coupling != "air-gap":
         limit = "receivers on the arms' ends cannot turn without them"
         raise refused("motion.moves", limit, value=list(moves), remedy='set receivers.coupling = "air-gap"')

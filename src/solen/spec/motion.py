@@ -14,6 +14,7 @@ _SAME_ANGLE = Decimal("1e-9")  # of a step: nearer than this, two angles are one
 Sweep = Annotated[Number, Field(gt=-90, lt=90)]
 Pivot = Literal["stem-base", "emitter"] | Point
 Part = Literal["lens", "emitter", "receivers", "mirrors"]
+Join = Literal["bridge", "seam", "smooth"]
 PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
 PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
 
@@ -54,6 +55,11 @@ class Motion(Strict):
     )
     bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
         None, description="Heights z between which an outline bends; the part below is carried along."
+    )
+    join: Join = Field(
+        "bridge",
+        description="How a turned lens joins the stem: by a bridge or step, by a straight seam, or by sides that bend "
+        "smoothly.",
     )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
