@@ -143,6 +143,7 @@ def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
     ("walls", "words"),
     [
         ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; names no wall; there are lens, stem-right"),
+        ([{"face": "joint-*"}], r"wall\[0\]\.face = 'joint-\*'; names no wall"),
         ([{"face": "receiver-right"}], r"wall\[0\]\.face = 'receiver-right'; names no wall"),
         ([{"face": "stem-right", "from_mm": 17.0}], r"wall\[0\]\.from_mm = 17\.0; must be below 16\.2"),
         ([{"face": "stem-right", **SKIN}, {"face": "stem-left", **SKIN, "index": 1.5}], r"wall\[1\]\.outside = 'skin'"),

@@ -49,8 +49,12 @@ def _before(face: Face, gap_mm: float) -> Segment:
     return Segment(outside(end.start), outside(end.end))
 
 
-def with_walls(outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall]) -> tuple[tuple[Face, ...], ...]:
+def with_walls(
+    outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall], elsewhere: Sequence[str] = ()
+) -> tuple[tuple[Face, ...], ...]:
     """Outlines divided at the ends of the stretches, each face with the number of the last wall table that covers it.
+
+    A table may name a face that the body has ``elsewhere``: at other angles of its motion.
 
     Raises
     ------
@@ -59,7 +63,8 @@ def with_walls(outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall]) -> t
     """
     faces = tuple(face for outline in outlines for face in outline)
     for number, wall in enumerate(walls):
-        _check_named(faces, number, wall)
+        if any(matches(face, wall) for face in faces) or not any(fnmatchcase(name, wall.face) for name in elsewhere):
+            _check_named(faces, number, wall)
     return tuple(tuple(piece for face in outline for piece in _divided(face, walls)) for outline in outlines)
 
 

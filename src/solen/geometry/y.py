@@ -35,6 +35,8 @@ from solen.plane import Point, Rigid, along
 from solen.spec import Body as BodyTable
 from solen.spec import Design, Join, Motion, Wall
 
+JOINS = ("join-right", "join-left")
+"""Faces that a lens has where it has turned."""
 SHORTEST_MM, STEP_MM = 1e-8, 1e-6
 """A step between lens and stem shorter than the first goes up along the stem by the second instead: that of an edge
 which has risen by less than some micrometres, as a measured lens's may have."""
@@ -109,7 +111,7 @@ def _turned(plan: _Plan, angle_deg: float) -> Body:
     faces, apart = behind_gap(faces, plan.gap_mm)
     if "receivers" in moves:
         apart = tuple(replace(face, curve=face.curve.moved(turn)) for face in apart)
-    (walls,) = with_walls((faces,), plan.wall)
+    (walls,) = with_walls((faces,), plan.wall, JOINS if plan.motion.kind == "rotation" and "lens" in moves else ())
     return Body(walls, emitter, marks, apart=apart)
 
 
