@@ -3,10 +3,11 @@
 It is for trying the driver with a real line between, and with every fault of one.
 """
 
+import struct
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from solen.bench.board import ALIVE, CONFIGURATION, CONFIGURE, IDENTIFY, START, STOP, WATCHDOG_S
+from solen.bench.board import ALIVE, CONFIGURATION, CONFIGURE, IDENTIFY, START, STOP, TIME, WATCHDOG_S
 from solen.bench.clock import Clock
 from solen.bench.frames import ANSWER, FrameReader, Layout, Periods, frame, sample_frames
 
@@ -22,6 +23,9 @@ class Samples(Protocol):
 
     def read(self) -> Periods:
         """What is new."""
+
+    def time_s(self) -> float:
+        """Its own time."""
 
     def stop(self) -> None:
         """Emitters off."""
@@ -43,6 +47,8 @@ class BoardController:
         Numbers of periods whose frames leave it twice.
     restart
         Set, it begins anew at once while its emitters take turns: number and clock from 0.
+    keeps_time
+        Whether it knows the command that asks for its time.
     """
 
     clock: Clock
@@ -52,6 +58,7 @@ class BoardController:
     lose: set[int] = field(default_factory=set)
     double: set[int] = field(default_factory=set)
     restart: bool = False
+    keeps_time: bool = True
     _commands: FrameReader = field(init=False)
     _configured: bool = False
     _heard_s: float = 0.0
@@ -102,6 +109,8 @@ class BoardController:
             self._dark()
         elif kind == ALIVE:
             return b""
+        elif kind == TIME and self.keeps_time:
+            return frame(ANSWER, 0, struct.pack("<BBI", kind, 0, round(1e6 * self.board.time_s()) % (1 << 32)))
         else:
             status = 1
         return frame(ANSWER, 0, bytes([kind, status]) + words.encode())

@@ -1,5 +1,6 @@
 """The emitter board's driver against a simulated board on the wire, with every fault of a wire."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -38,6 +39,9 @@ class Counting:
         number = np.arange(self.sampled, complete)
         self.sampled = complete
         return Periods(number, number * 5000, np.zeros(len(number), np.uint8), counts(number))
+
+    def time_s(self) -> float:
+        return self.clock.now_s() - self.begun_s
 
     def stop(self) -> None:
         self.stops += 1
@@ -104,6 +108,21 @@ def test_a_board_whose_host_is_gone_goes_dark() -> None:
     wire.instrument.answer(b"")
     assert not controller.lit
     assert sampler.stops > 0
+
+
+def test_its_clock_is_asked_for_and_a_board_without_an_answer_is_left_alone() -> None:
+    board, controller, _, wire, clock = made()
+    board.start()
+    listened(board, clock, 50)
+    clock.sleep(4300.0 - clock.now_s())  # the 4 bytes of its µs have wrapped
+    listened(board, clock, 1)
+    assert board.time_s() == pytest.approx(4300.1, abs=1e-6)
+    controller.keeps_time = False
+    assert math.isnan(board.time_s() or 0.0)
+    wire.faults.deaf = True
+    asked = len(wire.sent)
+    assert [board.time_s() for _ in range(3)] == [None] * 3
+    assert len(wire.sent) == asked + 1
 
 
 def test_what_it_refuses_and_silence_are_told() -> None:

@@ -89,13 +89,15 @@ def recorded(made: Bench, rig: Rig, make: Make, name: str) -> tuple[RecordedRun,
     stage = SimulatedStage(clock)
     on = Instruments(stage, make(clock, stage.axis.positions), clock, 0.5)
     sensors = [one.model_dump(mode="json") for one in rig.sensor]
+    protocol = load_protocol(made.folder / "protocol.toml")
     header: Mapping[str, Any] = {
         "solen": "0", "simulated": True, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": "short",
         "rig_name": "small rig", "sensors": sensors, "zero": 0.0, "lever_mm": None, "top_count": 65_535,
+        "protocol": protocol.model_dump(mode="json"),
     }  # fmt: skip
     path = made.folder / f"{name}.journal"
     with begin(path, on, header) as journal:
-        run(load_protocol(made.folder / "protocol.toml"), on, journal)
+        run(protocol, on, journal)
     target = made.folder / f"{name}.nc"
     return write_recording(read_journal(path), target), target
 
@@ -332,7 +334,7 @@ class Overrun(SimulatedDaq):
 
     def read(self) -> Samples:
         samples = super().read()
-        if samples.first > 10_000 and self.losses.overruns == 0:
+        if samples.first > 10_000 and len(samples.counts) > 0 and self.losses.overruns == 0:
             self.losses.overruns, self.losses.samples = 1, len(samples.counts)
             self._begun_s, self._next, self._gap = self.clock.now_s(), 0, True
             return replace(samples, stretch=1, first=0, counts=samples.counts[:0], remarks=("some were overwritten",))

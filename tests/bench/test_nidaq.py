@@ -1,6 +1,7 @@
 """The driver of the USB-6218, by the C calls that `nidaqmx` makes of it: written conversations, and every fault."""
 
 import importlib
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -269,7 +270,7 @@ PROTOCOL = "schema = 1\nname = 'there and back'\ncycles = 2\nrest_s = 0.2\n" + "
 )
 HEADER = {
     "solen": "0", "simulated": False, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": "there and back",
-    "rig_name": "a rig", "zero": 0.0, "lever_mm": None,
+    "rig_name": "a rig", "zero": 0.0, "lever_mm": None, "protocol": tomllib.loads(PROTOCOL.partition("\n")[2]),
     "sensors": [{"name": "A", "design": "a.toml", "lens": True, "emitter": 1, "right": 1, "left": 2}],
 }  # fmt: skip
 

@@ -13,12 +13,14 @@ kind   name      payload
 18     start     none
 19     stop      none; emitters off
 20     alive     none; the watchdog's food, not answered
+21     time      none; answered by the board's clock in µs (4 bytes, wraps), as it stamps periods
 2      answer    kind of the command, status (0 done, else an error), words
 ====== ========= ==============================================================
 
 The interface: `SerialBoard`, an `EmitterBoard`.
 """
 
+import math
 import struct
 
 from solen.bench.clock import Clock
@@ -26,8 +28,9 @@ from solen.bench.frames import FrameReader, Layout, Losses, Periods, frame
 from solen.bench.link import Link
 from solen.errors import BenchError
 
-IDENTIFY, CONFIGURE, START, STOP, ALIVE = 16, 17, 18, 19, 20
+IDENTIFY, CONFIGURE, START, STOP, ALIVE, TIME = 16, 17, 18, 19, 20, 21
 CONFIGURATION = struct.Struct("<IBB")
+_TIME = struct.Struct("<I")
 STATUSES = {1: "unknown command", 2: "cannot be configured so", 3: "not configured", 4: "an emitter is at fault"}
 WATCHDOG_S = 2.0
 ALIVE_EVERY_S = 0.5
@@ -70,6 +73,7 @@ class SerialBoard:
         self._reader = FrameReader(layout)
         self._sent, self._fed_s = 0, 0.0
         self._waiting: list[Periods] = []
+        self._keeps_time = True
         self._command(STOP)  # it may be running from before
         self._renew()
         self.identity = self._command(IDENTIFY)
@@ -99,6 +103,18 @@ class SerialBoard:
         parts, self._waiting = self._waiting, []
         return Periods.joined(parts, self.layout)
 
+    def time_s(self) -> float | None:
+        """Its own time; NaN of a board that does not know the question, whose answer still bounds the line's delay.
+
+        A board that does not answer at all is not asked again.
+        """
+        answer = self._answer(TIME) if self._keeps_time else None
+        if answer is None:
+            self._keeps_time = False
+            return None
+        stated = answer[0] == 0 and len(answer[1]) == _TIME.size
+        return 1e-6 * self._reader.unwrapped_us(_TIME.unpack(answer[1])[0]) if stated else math.nan
+
     def stop(self) -> None:
         """Emitters off, no more samples."""
         self._command(STOP)
@@ -121,7 +137,15 @@ class SerialBoard:
         self._sent += 1
 
     def _command(self, kind: int, payload: bytes = b"") -> str:
-        """Words of the answer to a command; periods that come before it are kept."""
+        """Words of the answer to a command that was obeyed."""
+        answer = self._answer(kind, payload)
+        if answer is None:
+            limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
+            raise BenchError(self.name, limit=limit, remedy="check cable, power and baud rate")
+        return self._words(kind, answer[0], answer[1].decode("utf-8", "replace"))
+
+    def _answer(self, kind: int, payload: bytes = b"") -> tuple[int, bytes] | None:
+        """Status and words of the answer to a command, None for no answer; periods that come before it are kept."""
         self._send(kind, payload)
         due = self._clock.now_s() + self._answer_s
         while (left := due - self._clock.now_s()) > 0.0:
@@ -129,9 +153,8 @@ class SerialBoard:
             for answer in self._reader.answers:
                 if len(answer) >= 2 and answer[0] == kind:
                     self._reader.answers.clear()
-                    return self._words(kind, answer[1], answer[2:].decode("utf-8", "replace"))
-        limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
-        raise BenchError(self.name, limit=limit, remedy="check cable, power and baud rate")
+                    return answer[1], answer[2:]
+        return None
 
     def _words(self, kind: int, status: int, words: str) -> str:
         if status != 0:

@@ -3,10 +3,13 @@
 The idea: nothing on the bench asks the system for the time or sleeps by itself; it is given a clock. With a
 `SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
 
+A clock that advances in steps hides up to one step: `Clock.resolution_s` states it, and it goes into every recording.
+
 The interface: `Clock`; `WallClock`, `SimulatedClock`.
 """
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 from solen.errors import BenchError
@@ -21,16 +24,31 @@ class Clock(Protocol):
     def sleep(self, duration_s: float) -> None:
         """Wait."""
 
+    @property
+    def resolution_s(self) -> float:
+        """Its step: an event that is stamped t took place between t and t plus this."""
+
 
 class WallClock:
-    """The computer's own time, counted from what it is when the clock is made."""
+    """The computer's finest steady time, counted from what it is when the clock is made.
 
-    def __init__(self, at_s: float = 0.0) -> None:
-        self._begun = time.monotonic() - at_s
+    Parameters
+    ----------
+    at_s
+        What the clock shows at first.
+    source
+        Seconds that never go back. `time.perf_counter` is the finest everywhere; `time.monotonic` advances in steps of
+        15.6 ms on Windows before Python 3.13.
+    """
+
+    def __init__(self, at_s: float = 0.0, source: Callable[[], float] = time.perf_counter) -> None:
+        self._source = source
+        self.resolution_s = step_of(source)
+        self._begun = source() - at_s
 
     def now_s(self) -> float:
         """Seconds since the clock's beginning."""
-        return time.monotonic() - self._begun
+        return self._source() - self._begun
 
     def sleep(self, duration_s: float) -> None:
         """Wait."""
@@ -39,6 +57,8 @@ class WallClock:
 
 class SimulatedClock:
     """A time that passes only in `sleep`, and then at once."""
+
+    resolution_s = 0.0
 
     def __init__(self, at_s: float = 0.0) -> None:
         self._at_s = at_s
@@ -52,3 +72,13 @@ class SimulatedClock:
         if duration_s < 0.0:
             raise BenchError("time to wait", value=duration_s, limit="must not be negative")
         self._at_s += duration_s
+
+
+def step_of(source: Callable[[], float], steps: int = 5) -> float:
+    """Finest step of a clock in s: the least difference that it shows between two of a few changes."""
+    least, before = float("inf"), source()
+    while steps:
+        now = source()
+        if now > before:
+            least, before, steps = min(least, now - before), now, steps - 1
+    return least

@@ -6,10 +6,13 @@ So the line that lies below all points (board's time, time it came) and nearest 
 run's, but for the least delay: an edge of the points' lower convex hull. Of a short run the edge's slope says more of
 the delays than of the clocks; it counts by what it is worth beside what is known of any quartz.
 
+The least delay stays unknown to who only listens. An exchange says more: the instrument read its clock after it was
+asked and before its answer came. What all exchanges leave open is the line's bound.
+
 The interface: `fit_clock` gives the line of one stretch without a break.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,19 +36,31 @@ class ClockLine:
         Of the line.
     delay_s
         Median delay of what came, beyond the least.
+    bound_s
+        How far the line may be off, to either side; None where no exchange says so.
     """
 
     begin_s: float
     rate: float
     delay_s: float
+    bound_s: float | None = None
 
     def at(self, board_s: FloatArray) -> FloatArray:
         """Time of the run at times of the board."""
         return np.asarray(self.begin_s + self.rate * board_s)
 
 
-def fit_clock(board_s: FloatArray, came_s: FloatArray) -> ClockLine:
-    """Line of times of the board (N,) and the times of the run (N,) at which they had come; both ascending."""
+def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | None = None) -> ClockLine:
+    """Line of times of the board and the times of the run at which they had come; both ascending.
+
+    Parameters
+    ----------
+    board_s, came_s
+        Times of the board, and of the run, (N,).
+    exchanges
+        Time of the run when the board was asked for its time, time when its answer had come, and the board's time in
+        it, in s, (K, 3); NaN for a board's time that it did not state.
+    """
     rate = 1.0
     if len(board_s) > 2 and board_s[-1] - board_s[0] >= LEAST_SPAN_S:
         hull = _below(board_s, came_s)
@@ -56,7 +71,23 @@ def fit_clock(board_s: FloatArray, came_s: FloatArray) -> ClockLine:
         rate = _credible(rate, came_s - rate * board_s, float(board_s[b] - board_s[a]))
     delay = came_s - rate * board_s
     begin = float(delay.min())
-    return ClockLine(begin, rate, float(np.median(delay) - begin))
+    line = ClockLine(begin, rate, float(np.median(delay) - begin))
+    return line if exchanges is None or len(exchanges) == 0 else _between(line, exchanges)
+
+
+def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
+    """The line in the middle of what exchanges leave open; what came bounds it from above as well.
+
+    An answer without a time bounds the least delay of what came by the shortest of all round trips.
+    """
+    asked_s, answered_s, board_s = exchanges.T
+    low = line.begin_s - float((answered_s - asked_s).min())
+    high = line.begin_s
+    if (stated := np.isfinite(board_s)).any():
+        low = float(np.max(asked_s[stated] - line.rate * board_s[stated]))
+        high = min(high, float(np.min(answered_s[stated] - line.rate * board_s[stated])))
+    begin = 0.5 * (low + high)
+    return replace(line, begin_s=begin, delay_s=line.delay_s + line.begin_s - begin, bound_s=0.5 * abs(high - low))
 
 
 def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:

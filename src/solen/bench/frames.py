@@ -301,6 +301,12 @@ class FrameReader:
         self._shift, self._us = self._next - wire_number, None
         return True
 
+    def unwrapped_us(self, us: int) -> int:
+        """A time of the board on the count of its last period's."""
+        if self._us is None:
+            return us
+        return self._us + (us - self._us + _WRAP // 2) % _WRAP - _WRAP // 2
+
     def _time(self, us: int) -> int:
         """Time of the board that goes on where its counter begins again."""
         self._us = us if self._us is None else self._us + (us - self._us) % _WRAP

@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from solen import files
 from solen.analysis.demodulation import Demodulated, slots_of, subtract
@@ -27,7 +26,9 @@ from solen.arrays import FloatArray
 from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.frames import ANEW
 from solen.bench.journal import JournalContent, Rows
+from solen.bench.protocol import Protocol
 from solen.bench.rig import sensor_angle_deg
+from solen.bench.timing import Looks, Timing, came_by, exchanges
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
@@ -108,8 +109,9 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
         with h5netcdf.File(target, "w") as file:
             content = _waveform if "daq" in journaled.header else _periods
             time_s, readings, remarks = content(file, journaled)
-            _positions(file, journaled.streams["stage"], journaled.header["unit"])
+            _positions(file, journaled)
             remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
+            remarks += _timing(file, journaled)
             done.append(
                 RecordedRun(
                     path=path,
@@ -201,7 +203,8 @@ def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
         arrivals = came[held]
         # a period has come when it is over
         over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
-        line = fit_clock(over, arrivals["t_s"] if len(arrivals) else over)
+        came_s = came_by(arrivals, journaled) if len(arrivals) else over
+        line = fit_clock(over, came_s, exchanges(journaled, int(mine["part"][0]), came_s))
         lines.append(line)
         times[first:last] = line.at(board_s)
     return times, lines
@@ -234,6 +237,7 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
     _variable(file, "time_s", ("period",), time_s, "s", "start of the period on the clock of the run")
     _variable(file, "part", ("period",), board["part"], "1", "part of the run, one more each time it was taken up")
     _variable(file, "number", ("period",), board["number"], "1", "number of the period by the board")
+    _variable(file, "board_us", ("period",), board["board_us"], "us", "start of the period by the board's own clock")
     _variable(file, "flags", ("period",), board["flags"], "1", "1 late, 2 an emitter at fault, 4 board restarted")
     dims = ("period", "emitter", "phase", "input")
     text = "voltage of an input; phase 0 with the emitter on, 1 with it off again"
@@ -243,10 +247,33 @@ def _sampled(file: Any, board: Rows, time_s: FloatArray, header: Mapping[str, An
         volts[begin : begin + AT_ONCE] = counts[begin : begin + AT_ONCE]
 
 
-def _positions(file: Any, stage: Rows, unit: str) -> None:
+def _positions(file: Any, journaled: JournalContent) -> None:
+    stage, looks = journaled.streams["stage"], _looks(journaled)
     file.dimensions["look"] = len(stage)
-    _variable(file, "stage_time_s", ("look",), stage["t_s"], "s", "when the stage was asked where it is")
-    _variable(file, "stage_position", ("look",), stage["position"], unit, "where it was")
+    for name, values, unit, text in (
+        ("stage_time_s", looks.time_s, "s", "when the stage was where it was: the middle of question and answer"),
+        ("stage_bound_s", looks.bound_s, "s", "how far that may be off, to either side"),
+        ("stage_answer_s", stage["t_s"], "s", "when its answer had come, by the run's clock as it was read"),
+        ("stage_position", looks.position, journaled.header["unit"], "where it was"),
+    ):
+        _variable(file, name, ("look",), values, unit, text)
+
+
+def _looks(journaled: JournalContent) -> Looks:
+    return Looks.of(journaled.streams["stage"], journaled.header.get("clock_resolution_s", 0.0))
+
+
+def _timing(file: Any, journaled: JournalContent) -> list[str]:
+    """State what clocks and lines leave open, for who states a hysteresis; and a remark where that is notable."""
+    header, stage = journaled.header, journaled.streams["stage"]
+    lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]
+    timing = Timing.of(stage, header.get("clock_resolution_s", 0.0), lines)
+    for name, value in timing.attributes.items():
+        file.attrs[name] = value
+    protocol = Protocol(**header["protocol"])
+    reach = float(np.ptp(stage["position"])) if len(stage) else 0.0
+    remark = timing.remark(protocol.fastest, reach, protocol.unit)
+    return [] if remark is None else [remark]
 
 
 def _sensor(file: Any, sensor: Mapping[str, Any], parts: list[Columns]) -> int:
@@ -317,9 +344,8 @@ def _columns(
     """Columns of readings that are kept, but for those of cycles that were cut short."""
     for cut_s, rest_s in cuts:
         kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
-    stage, header = journaled.streams["stage"], journaled.header
-    time = found.time_s[kept]
-    position = between_looks(time, stage["t_s"], stage["position"])
+    header, time = journaled.header, found.time_s[kept]
+    position = _looks(journaled).at(time)
     return {
         "time_s": time,
         "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),
@@ -330,23 +356,6 @@ def _columns(
         "right_clipped": found.clipped[kept, 0].astype(np.uint8),
         "left_clipped": found.clipped[kept, 1].astype(np.uint8),
     }
-
-
-def between_looks(time_s: FloatArray, look_s: FloatArray, position: FloatArray) -> FloatArray:
-    """Position of a stage at ascending times, between the times at which it was asked; NaN where it never was.
-
-    Where it speeds up, straight lines between looks of 20 ms are off by up to 0.01 deg, always to the same side; a
-    monotone cubic is off by a quarter of that, and goes nowhere where the stage was not.
-    """
-    if len(look_s) == 0 or len(time_s) == 0:
-        return np.full(len(time_s), np.nan)
-    first, last = np.searchsorted(look_s, time_s[[0, -1]])
-    near = slice(max(int(first) - 3, 0), int(last) + 3)
-    at, kept = np.unique(look_s[near], return_index=True)
-    if len(at) < 2:
-        return np.full(len(time_s), position[near][0])
-    curve = PchipInterpolator(at, position[near][kept])
-    return np.asarray(curve(np.clip(time_s, at[0], at[-1])))
 
 
 def _variable(group: Any, name: str, dims: tuple[str, ...], values: NDArray[Any], unit: str, text: str) -> None:

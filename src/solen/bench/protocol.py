@@ -18,6 +18,9 @@ from solen.spec.strict import NotNegative, Number, Positive, Text, refused
 LONGEST_S = 7 * 86_400.0
 """A protocol that moves for longer than a week is a slip of the pen."""
 
+SLOW_SHARE = 1.0 / 3.0
+"""Velocity of slow cycles as a share of that of the others."""
+
 
 class Step(BenchTable):
     """One move and the rest after it."""
@@ -54,6 +57,11 @@ class Step(BenchTable):
         """How fast, in its unit per s."""
         return self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0
 
+    def slowed(self, share: float) -> Self:
+        """The step at a share of its velocity."""
+        key = "velocity_deg_per_s" if self.unit == "deg" else "velocity_mm_per_s"
+        return self.model_copy(update={key: share * self.velocity})
+
 
 class Protocol(BenchTable):
     """Steps, how often, and the rest before and after them."""
@@ -61,6 +69,12 @@ class Protocol(BenchTable):
     name: Text = Field(description="what the protocol is called.")
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(1, description="How often the steps are done.")
     rest_s: NotNegative = Field(1.0, description="Rest before the first cycle and after the last, in s.")
+    slow_cycles: Annotated[int, Field(strict=True, ge=0, le=100_000)] = Field(
+        0, description="Further cycles at a lower velocity: what differs between the two is time, not hysteresis."
+    )
+    slow_share: Annotated[Number, Field(gt=0, lt=1)] | None = Field(
+        None, description="Velocity of the slow cycles, as a share of that of the others; default: a third."
+    )
     position_rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
         50.0, description="How often the stage is asked where it is, per second."
     )
@@ -70,6 +84,8 @@ class Protocol(BenchTable):
     def _alike(self) -> Self:
         if len({step.unit for step in self.step}) > 1:
             raise refused("step", "must all be in deg, or all in mm")
+        if self.slow_share is not None and self.slow_cycles == 0:
+            raise refused("slow_share", "has no use without slow_cycles", value=self.slow_share)
         if self.shortest_s > LONGEST_S:
             days = self.shortest_s / 86_400.0
             raise refused("cycles", f"take {days:.3g} days; a protocol takes a week at most", value=self.cycles)
@@ -86,13 +102,32 @@ class Protocol(BenchTable):
         return max(abs(step.target) for step in self.step)
 
     @property
+    def all_cycles(self) -> int:
+        """Cycles at full velocity, and slow ones."""
+        return self.cycles + self.slow_cycles
+
+    @property
+    def fastest(self) -> float:
+        """Its highest velocity, in its unit per s."""
+        return max(step.velocity for step in self.step)
+
+    def steps_of(self, cycle: int) -> tuple[Step, ...]:
+        """Steps of a cycle, which counts from 1; slow cycles come after the others."""
+        return self.step if cycle <= self.cycles else tuple(step.slowed(self._share) for step in self.step)
+
+    @property
     def shortest_s(self) -> float:
         """How long it takes with a stage that is at its velocity at once."""
-        here, cycle = self.step[-1].target, 0.0
+        here, way_s = self.step[-1].target, 0.0
         for step in self.step:
-            cycle += abs(step.target - here) / step.velocity + step.hold_s
+            way_s += abs(step.target - here) / step.velocity
             here = step.target
-        return 2.0 * self.rest_s + self.cycles * cycle
+        holds_s = self.all_cycles * sum(step.hold_s for step in self.step)
+        return 2.0 * self.rest_s + holds_s + way_s * (self.cycles + self.slow_cycles / self._share)
+
+    @property
+    def _share(self) -> float:
+        return self.slow_share or SLOW_SHARE
 
 
 def load_protocol(path: Path) -> Protocol:

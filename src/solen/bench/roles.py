@@ -73,6 +73,9 @@ class EmitterBoard(Protocol):
     def read(self) -> Periods:
         """Periods that came since the last call."""
 
+    def time_s(self) -> float | None:
+        """Its own time now, in s, as it stamps periods; NaN where it answers without, None where it does not answer."""
+
     def stop(self) -> None:
         """Emitters off, no more samples."""
 

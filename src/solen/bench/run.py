@@ -9,6 +9,7 @@ The interface: `Instruments`; `begin` writes a header, `run` the rest of the jou
 """
 
 import datetime as dt
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,12 +22,19 @@ from solen.bench.journal import Journal, JournalContent
 from solen.bench.protocol import Protocol, Step
 from solen.bench.roles import Daq, EmitterBoard, Stage
 from solen.bench.sampling import Counts, sampling_of
+from solen.bench.timing import EXCHANGE, STAGE
 from solen.errors import BenchError, SolenError
 
 ARRIVE_S = 10.0
 """How much longer than its way needs a move may take before it counts as stuck."""
 SILENT_S = 2.0
 """A board that says nothing for so long is a fault."""
+SETTLE_S = 0.5
+"""After a move's shortest time, a stage that does not come to rest is asked all the same whether it has arrived."""
+RESTING = 0.01
+"""Share of its velocity below which a stage counts as at rest."""
+EXCHANGE_EVERY_S, EXCHANGES = 1.0, 5
+"""While the stage rests, clocks are compared so often, and so many times at once."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +85,9 @@ Watch = Callable[[Tick], None]
 def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
     """A new journal for a run; its header states protocol, rig and instruments."""
     sampling, stage = sampling_of(instruments.board), instruments.stage
-    positions = np.dtype([("part", "<u2"), ("t_s", "<f8"), ("position", "<f8")])
-    return Journal.create(
-        path,
-        {**header, **sampling.header(), "stage": stage.name, "unit": stage.unit},
-        {**sampling.streams(), "stage": positions},
-    )
+    of_run = {"stage": stage.name, "unit": stage.unit, "clock_resolution_s": instruments.clock.resolution_s}
+    streams = {**sampling.streams(), "stage": STAGE, "exchange": EXCHANGE}
+    return Journal.create(path, {**header, **sampling.header(), **of_run}, streams)
 
 
 def run(
@@ -139,7 +144,9 @@ class _Runner:
     _due_s: float = 0.0
     _last: Counts | None = None
     _cycle: int = 0
-    _looks: list[tuple[int, float, float]] = field(default_factory=list)
+    _looks: list[tuple[int, float, float, float]] = field(default_factory=list)
+    _last_two: list[tuple[float, float]] = field(default_factory=list)
+    _compared_s: float = -math.inf
 
     def __post_init__(self) -> None:
         self._sampling = sampling_of(self.on.board)
@@ -153,16 +160,16 @@ class _Runner:
         self.on.stage.reference()
         utc = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
         self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc)
-        self.on.board.start()
+        self._exchange(self._sampling.start)
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
         self._go(self.protocol.step[-1])  # to where a cycle begins
         self.journal.event(self.now_s, "at rest")
         self._stay(self.protocol.rest_s)
-        for cycle in range(self.done + 1, self.protocol.cycles + 1):
+        for cycle in range(self.done + 1, self.protocol.all_cycles + 1):
             self._cycle = cycle
             self.journal.event(self.now_s, "cycle", number=cycle)
-            for number, step in enumerate(self.protocol.step, 1):
+            for number, step in enumerate(self.protocol.steps_of(cycle), 1):
                 self.journal.event(self.now_s, "step", number=number, target=step.target)
                 self._go(step)
                 self.journal.event(self.now_s, "arrived", number=number)
@@ -185,31 +192,68 @@ class _Runner:
         self._write_looks()
 
     def _go(self, step: Step) -> None:
-        """Move and wait until it is there."""
-        way = abs(step.target - self.on.stage.position())
+        """Move and wait until it is there; while it moves it is asked for its position alone."""
+        start = self._look()
+        shortest_s = abs(step.target - start) / step.velocity
         self.on.stage.begin_move(step.target, step.velocity)
-        stuck_s = self.now_s + way / step.velocity + ARRIVE_S
-        while not self.on.stage.on_target():
-            if self.now_s > stuck_s:
-                limit = f"has not arrived at {step.target:g} {step.unit} in {way / step.velocity + ARRIVE_S:.0f} s"
+        arrives_s = self.now_s + shortest_s
+        while not self._arrived(step, arrives_s):
+            if self.now_s > arrives_s + ARRIVE_S:
+                limit = f"has not arrived at {step.target:g} {step.unit} in {shortest_s + ARRIVE_S:.0f} s"
                 raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
             self._tick(self.now_s + 1.0)
+
+    def _arrived(self, step: Step, arrives_s: float) -> bool:
+        """Whether the stage has arrived; it is asked from the earliest time on, and only where it seems to rest."""
+        if self.now_s < arrives_s:
+            return False
+        if self.now_s < arrives_s + SETTLE_S and len(self._last_two) == 2:
+            (before_s, before), (at_s, at) = self._last_two
+            if abs(at - before) > RESTING * step.velocity * (at_s - before_s):
+                return False
+        return self.on.stage.on_target()
 
     def _stay(self, duration_s: float) -> None:
         until = self.now_s + duration_s
         while until - self.now_s > 1e-9:
+            if self.now_s - self._compared_s >= EXCHANGE_EVERY_S:
+                self._compare()
             self._tick(until)
+
+    def _compare(self) -> None:
+        """Compare the sampler's clock with the run's, as long as it answers with its time."""
+        for _ in range(EXCHANGES):
+            if not self._exchange(self._sampling.time_s):
+                break
+        self._compared_s = self.now_s
+
+    def _exchange(self, ask: Callable[[], float | None]) -> bool:
+        """Write down the sampler's time and when it was asked; False where it has none to state."""
+        sent_s = self.now_s
+        device_s = ask()
+        if device_s is not None:
+            row = np.array([(self.part, sent_s, self.now_s, device_s)], self.journal.dtype("exchange"))
+            self.journal.rows("exchange", row)
+        return device_s is not None
+
+    def _look(self) -> float:
+        """Ask the stage where it is; question and answer are stamped."""
+        sent_s = self.now_s
+        position = self.on.stage.position()
+        at_s = self.now_s
+        self._looks.append((self.part, sent_s, at_s, position))
+        self._last_two = [*self._last_two[-1:], (at_s, position)]
+        return position
 
     def _tick(self, until_s: float) -> None:
         """Wait for the next time to look, then look."""
         self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
         self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
-        position = self.on.stage.position()
-        self._looks.append((self.part, self.now_s, position))
+        position = self._look()
         if self.now_s - self._read_s >= self.on.read_every_s:
             self._read()
             if self.watch is not None:
-                self.watch(Tick(self.now_s, self._cycle, self.protocol.cycles, position, self._last))
+                self.watch(Tick(self.now_s, self._cycle, self.protocol.all_cycles, position, self._last))
 
     def _read(self) -> None:
         """Take what was sampled, and write it down; where the stage was comes before it."""

@@ -73,6 +73,15 @@ class BoardSampling:
             "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("number", "<i8")]),
         }
 
+    def start(self) -> float | None:
+        """Begin to sample; the first period begins when the board likes."""
+        self._board.start()
+        return None
+
+    def time_s(self) -> float | None:
+        """The board's own time; NaN where it answers without, None where it does not answer."""
+        return self._board.time_s()
+
     def read(self) -> Taken:
         """Periods since the last call."""
         periods = self._board.read()
@@ -117,6 +126,15 @@ class DaqSampling:
             "samples": np.dtype([("part", "<u2"), ("stretch", "<u2"), ("number", "<i8"), ("counts", "<i2", counts)]),
             "came": np.dtype([("part", "<u2"), ("t_s", "<f8"), ("stretch", "<u2"), ("number", "<i8")]),
         }
+
+    def start(self) -> float | None:
+        """Begin to sample; the first sample, at time 0 of the instrument, is taken within this call."""
+        self._daq.start()
+        return 0.0
+
+    def time_s(self) -> float | None:
+        """None: the instrument's time is that of its samples."""
+        return None
 
     def read(self) -> Taken:
         """Whole frames since the last call."""

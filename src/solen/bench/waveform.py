@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solen.analysis.demodulation import Clock, Demodulated, slots_of, subtract
 from solen.arrays import BoolArray, FloatArray
@@ -22,6 +21,7 @@ from solen.bench.clock_fit import ClockLine, fit_clock
 from solen.bench.daq import Setup, volts_of
 from solen.bench.journal import JournalContent
 from solen.bench.phases import clock_of, states
+from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
 
 Sensor = Mapping[str, Any]
@@ -80,7 +80,7 @@ class Waveform:
         self._counts = create_variable(file, "counts", ("sample", "channel"), shape, np.int16, "1", text, CHUNK)
         self._counts.attrs["channels"] = " ".join(self._setup.channels)
         self._fill(journaled)
-        self._stretches = list(self._lined(journaled.streams["came"]))
+        self._stretches = list(self._lined(journaled))
 
     @property
     def lines(self) -> dict[str, ClockLine]:
@@ -111,8 +111,9 @@ class Waveform:
             self._counts[at * frame : (at + len(rows)) * frame] = counts
             at += len(rows)
 
-    def _lined(self, came: NDArray[np.void]) -> Iterator[_Stretch]:
+    def _lined(self, journaled: JournalContent) -> Iterator[_Stretch]:
         """Stretches in their order; a sample has come when it was taken."""
+        came = journaled.streams["came"]
         which = np.stack([self.part, self.stretch], axis=1).astype(np.int64)
         edges = (np.flatnonzero(np.diff(which, axis=0).any(axis=1)) + 1).tolist()
         for begin, end in zip([0, *edges], [*edges, len(which)], strict=True):
@@ -121,7 +122,8 @@ class Waveform:
             part, stretch = which[begin]
             mine = came[(came["part"] == part) & (came["stretch"] == stretch)]
             taken_s = mine["number"] / self._rate_hz if len(mine) else np.zeros(1)
-            line = fit_clock(taken_s, mine["t_s"] if len(mine) else np.zeros(1))
+            came_s = came_by(mine, journaled) if len(mine) else np.zeros(1)
+            line = fit_clock(taken_s, came_s, exchanges(journaled, int(part), came_s) if stretch == 0 else None)
             self.time_s[begin:end] = line.at(self.number[begin:end] / self._rate_hz)
             yield _Stretch(begin, end, line, f"{part}.{stretch}")
 

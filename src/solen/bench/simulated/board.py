@@ -79,6 +79,11 @@ class SimulatedBoard:
             parts.append(self._periods(min(complete - self._next, AT_ONCE)))
         return Periods.joined(parts, self.layout)
 
+    def time_s(self) -> float:
+        """Its own time, as it stamps periods."""
+        since_s = self.clock.now_s() - (self.clock.now_s() if self._begun_s is None else self._begun_s)
+        return since_s * (1.0 + 1e-6 * self.ppm)
+
     def stop(self) -> None:
         """Emitters off."""
         self._begun_s = None

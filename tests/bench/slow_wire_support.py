@@ -1,0 +1,130 @@
+"""A stage at the end of a slow line, a clock that advances in steps, and a sensor without any hysteresis.
+
+The interface: `SlowWire`, a `Link` whose answers take their time; `CoarseClock`; `StraightBoard`, whose volts follow
+the angle at once; `recorded` runs a protocol on them and closes it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.bench.clock import Clock, SimulatedClock
+from solen.bench.frames import Layout, Losses, Periods
+from solen.bench.gcs2 import Gcs2Stage
+from solen.bench.journal import read_journal
+from solen.bench.netcdf import RecordedRun, write_recording
+from solen.bench.protocol import Protocol
+from solen.bench.run import Instruments, begin, run
+from tests.bench.gcs2_controller_support import Gcs2Controller
+from tests.bench.wire_support import Answers
+
+PERIOD_S = 0.005
+SENSOR = {"name": "A", "design": "", "lens": True, "emitter": 1, "right": 1, "left": 2}
+
+
+@dataclass
+class CoarseClock:
+    """A clock that shows another in steps, as a Windows tick does."""
+
+    fine: SimulatedClock
+    resolution_s: float
+
+    def now_s(self) -> float:
+        return math.floor(self.fine.now_s() / self.resolution_s + 1e-9) * self.resolution_s
+
+    def sleep(self, duration_s: float) -> None:
+        self.fine.sleep(duration_s)
+
+
+@dataclass
+class SlowWire:
+    """A line whose round trip takes its time, of which a share passes before the instrument hears the question."""
+
+    instrument: Answers
+    clock: Clock
+    round_trip_s: float
+    share: float = 0.5
+    name: str = "slow"
+    sent: list[tuple[float, bytes]] = field(default_factory=list)
+    _coming: list[tuple[float, bytes]] = field(default_factory=list)
+
+    def write(self, data: bytes) -> None:
+        begun = self.clock.now_s()
+        self.sent.append((begun, data))
+        self.clock.sleep(self.share * self.round_trip_s)
+        if answer := self.instrument.answer(data):
+            self._coming.append((begun + self.round_trip_s, answer))
+
+    def read(self, most: int, timeout_s: float) -> bytes:
+        due = self._coming[0][0] - self.clock.now_s() if self._coming else math.inf
+        self.clock.sleep(max(0.0, min(due, timeout_s)))
+        data = self._coming.pop(0)[1] if due <= timeout_s else b""
+        if len(data) > most:
+            self._coming.insert(0, (self.clock.now_s(), data[most:]))
+        return data[:most]
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+
+@dataclass
+class StraightBoard:
+    """An `EmitterBoard` whose two receivers follow the angle along straight lines, without noise."""
+
+    clock: Clock
+    angle_deg: Callable[[FloatArray], FloatArray]
+    name: str = "straight"
+    layout: Layout = field(default_factory=lambda: Layout(1, 2))
+    period_s: float = PERIOD_S
+    volts_per_count: float = 5.0 / 65_536
+    losses: Losses = field(default_factory=Losses)
+    keeps_time: bool = True
+    _begun_s: float = 0.0
+    _next: int = 0
+
+    def start(self) -> None:
+        self._begun_s = self.clock.now_s()
+
+    def read(self) -> Periods:
+        number = np.arange(self._next, int((self.clock.now_s() - self._begun_s) / PERIOD_S + 1e-9))
+        self._next += len(number)
+        on_s: FloatArray = np.asarray(self._begun_s + (number + 0.5) * PERIOD_S, np.float64)
+        counts = np.full((len(number), 1, 2, 2), 60_000, np.uint16)
+        for place, slope in enumerate((5_000, -5_000)):
+            counts[:, 0, 0, place] = np.rint(30_000 + slope * self.angle_deg(on_s))
+        return Periods(number, np.rint(1e6 * number * PERIOD_S).astype(np.int64), np.zeros(len(number), "u1"), counts)
+
+    def time_s(self) -> float | None:
+        return self.clock.now_s() - self._begun_s if self.keeps_time else None
+
+    def stop(self) -> None:
+        """Emitters off."""
+
+    def close(self) -> None:
+        """Emitters off."""
+
+
+def recorded(
+    folder: Path, protocol: Protocol, *, round_trip_s: float, share: float = 0.5, step_s: float = 0.0
+) -> tuple[RecordedRun, SlowWire, Gcs2Controller]:
+    """A protocol run on a stage behind a slow line, by a clock with a step, and closed."""
+    fine = SimulatedClock(0.00123)
+    clock = CoarseClock(fine, step_s) if step_s else fine
+    controller = Gcs2Controller(fine, offset=0.0, reference_s=0.05)
+    wire = SlowWire(controller, fine, round_trip_s, share)
+    stage = Gcs2Stage(wire, clock, stage="M-060.DG")
+    on = Instruments(stage, StraightBoard(fine, lambda time_s: controller.axis.positions(time_s)), clock)
+    header = {
+        "solen": "0", "simulated": True, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": protocol.name,
+        "rig_name": "slow", "sensors": [SENSOR], "zero": 0.0, "lever_mm": None, "top_count": 65_535,
+        "protocol": protocol.model_dump(mode="json"),
+    }  # fmt: skip
+    path = folder / "slow.journal"
+    path.unlink(missing_ok=True)
+    with begin(path, on, header) as journal:
+        run(protocol, on, journal)
+    return write_recording(read_journal(path), folder / "slow.nc"), wire, controller
