@@ -175,9 +175,6 @@ class Silent:
     def read(self) -> Periods:
         return Periods.joined([], self.layout)
 
-    def time_s(self) -> None:
-        return None
-
     def stop(self) -> None:
         self.calls.append("stop")
 

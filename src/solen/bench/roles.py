@@ -3,7 +3,7 @@
 The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
 of them it is, only the rig file knows.
 
-The interface: `Stage`, `EmitterBoard`, `Daq`.
+The interface: `Stage`, `EmitterBoard`, `KeepsTime`, `Daq`.
 Every call raises `BenchError` where the instrument does not do what it is asked.
 """
 
@@ -73,14 +73,19 @@ class EmitterBoard(Protocol):
     def read(self) -> Periods:
         """Periods that came since the last call."""
 
-    def time_s(self) -> float | None:
-        """Its own time now, in s, as it stamps periods; NaN where it answers without, None where it does not answer."""
-
     def stop(self) -> None:
         """Emitters off, no more samples."""
 
     def close(self) -> None:
         """Stop and release the instrument."""
+
+
+@runtime_checkable
+class KeepsTime(Protocol):
+    """A board that can be asked for its time, so that more is known than what listening shows."""
+
+    def time_s(self) -> float | None:
+        """Its own time now, in s, as it stamps periods; NaN where it answers without, None where it does not answer."""
 
 
 @runtime_checkable

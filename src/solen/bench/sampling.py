@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.bench.journal import Rows
-from solen.bench.roles import Daq, EmitterBoard
+from solen.bench.roles import Daq, EmitterBoard, KeepsTime
 
 Counts = NDArray[np.uint16]
 
@@ -79,8 +79,8 @@ class BoardSampling:
         return None
 
     def time_s(self) -> float | None:
-        """The board's own time; NaN where it answers without, None where it does not answer."""
-        return self._board.time_s()
+        """The board's own time; NaN where it answers without, None where it cannot be asked."""
+        return self._board.time_s() if isinstance(self._board, KeepsTime) else None
 
     def read(self) -> Taken:
         """Periods since the last call."""
