@@ -7,7 +7,7 @@ import pytest
 
 from solen.errors import DataError, SolenError
 from solen.material import Cauchy, Constant, Optical, Sellmeier, Tabulated, library, library_resin, load_resin, optical
-from solen.spec import Design, Material, load
+from solen.spec import Design, Material, load, template
 
 HEAD = 'schema = 1\nname = "mine"\nsource = "measured"\n'
 N = '[index]\nkind = "number"\nn = 1.5\n'
@@ -162,7 +162,16 @@ def test_a_resin_file_lies_beside_its_design_and_a_stated_absorption_overrules_i
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     found = optical(designed(tmp_path, f'resin = "mine.toml"\n{stated}'))
-    assert found == Optical(1.5, 0.001, expected, "mine: measured")
+    assert (found.index, found.u_index, found.absorption_per_mm) == (1.5, 0.001, expected)
+    assert found.source == "mine: measured"
+    assert any("mine, 0.03 per mm" in text for text in found.warnings) is bool(stated)
+
+
+def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(tmp_path: Path) -> None:
+    written(tmp_path, f'{HEAD}[index]\nkind = "number"\nn = 1.44\n[loss]\nabsorption_per_mm = 0.03\n')
+    file = tmp_path / "sensor.toml"
+    file.write_text(re.sub(r"(?m)^index = 1.44", 'resin = "mine.toml"', template()), encoding="utf-8")
+    assert optical(load(file)).absorption_per_mm == 0.03
 
 
 def test_a_wavelength_that_the_resin_does_not_know_is_told(tmp_path: Path) -> None:

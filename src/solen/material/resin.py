@@ -23,7 +23,7 @@ from solen.files import read_text
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
 from solen.results import HIDDEN, reported
-from solen.spec import Design
+from solen.spec import Design, Material
 from solen.spec.shipped import ShippedFiles
 from solen.spec.strict import (
     Document,
@@ -307,8 +307,18 @@ def optical(design: Design) -> Optical:
         ": ".join(filter(None, (resin.name, resin.source))),
         resin.index,
         None if stated else resin.loss.u_absorption_per_mm,
-        (*resin.warnings, *([] if stated else loss_apart(resin.loss, wavelength_nm))),
+        (*resin.warnings, *(_overruled(material, resin) if stated else loss_apart(resin.loss, wavelength_nm))),
     )
+
+
+def _overruled(material: Material, resin: Resin) -> list[str]:
+    """Warning where a design's absorption of 0 hides a loss of its resin: what an example left behind looks like so."""
+    if material.absorption_per_mm > 0.0 or not resin.loss.absorption_per_mm > 0.0:
+        return []
+    return [
+        f"material.absorption_per_mm = 0 overrules the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} per "
+        "mm: the sensor is traced without loss; remove that line to take the resin's"
+    ]
 
 
 def resin_of(name: str, path: Path | None) -> Resin:

@@ -2,8 +2,10 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
 
-from solen.cli.app import FigureFile, Sheet, lines
+from solen.cli.app import FLAT, FigureFile, Sheet, lines
+from solen.material.rows import RowOptions
 from solen.recording.spectrum import Listing
 from solen.results import Outcome
 
@@ -12,6 +14,7 @@ def spectra(
     file: Path,
     /,
     *,
+    rows: Annotated[RowOptions, FLAT] = RowOptions(),
     sheet: Sheet = None,
     trace: tuple[str, ...] = (),
     figure: FigureFile = None,
@@ -27,7 +30,7 @@ def spectra(
     """
     from solen.pipeline.resin import spectra as pipeline
 
-    return pipeline.spectra(file, sheet=sheet, trace=trace, figure=figure)
+    return pipeline.spectra(file, rows, sheet=sheet, trace=trace, figure=figure)
 
 
 @lines.register

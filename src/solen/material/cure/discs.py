@@ -17,9 +17,10 @@ from solen.material.cure.cautions import cautions
 from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.regression import group_means
+from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused, stated_once
 from solen.recording import Channel, Measured, Recording
 from solen.results import reported
-from solen.spec.strict import Finite, Options, Wavelength, refused
+from solen.spec.strict import Finite, Wavelength, refused
 from solen.units import factor
 
 THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured thickness")
@@ -29,11 +30,12 @@ DISCS, REPLICATES = ("disc", "disk", "sample", "specimen", "id"), ("replicate", 
 DOSE = "mJ/cm2"
 MOST_LAYERS = 100_000
 """More than any printer prints: a metre of layers of 10 µm."""
+_ROUNDED_DOSE = 0.05  # how far a stated dose may be from time times irradiance
 USUAL_DP_UM = (1.0, 1e4)
 """Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
 
 
-class CureOptions(Options):
+class CureOptions(RowOptions):
     """How discs are evaluated, and how a part is printed."""
 
     irradiance_mW_per_cm2: Finite | None = Field(None, gt=0.0)
@@ -57,7 +59,7 @@ class CureOptions(Options):
     keep_all: bool = False
     """Keep outliers."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the lamp, stated in the result."""
+    """Wavelength of the lamp, stated in the result; default: what the table states for all rows."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -170,7 +172,9 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
     DataError
         Without such columns, or where no curve follows.
     """
+    recording = chosen_rows(recording, options)
     table = discs(recording, options.irradiance_mW_per_cm2)
+    beside = refuse_unused(recording, options, (*table.columns, *REPEATS))
     curve = working_curve(
         table.dose,
         table.thickness_um,
@@ -183,13 +187,14 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
     return MeasuredCurve(
         **vars(curve),
         irradiance_mW_per_cm2=options.irradiance_mW_per_cm2,
-        wavelength_nm=options.wavelength_nm,
+        wavelength_nm=options.wavelength_nm or stated_once(recording, ("wavelength",), "nm"),
         layer=_need(curve, options),
         exposure=exposure,
         stack=None if exposure is None else _stack(curve.Dp_um, options),
         sources=(recording.provenance,),
         warnings=(
-            *recording.warnings,
+            *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in table.columns),
+            *beside,
             *table.warnings,
             *cautions(curve),
             *_unusual(curve),
@@ -200,22 +205,26 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, and warnings."""
+    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, names of the columns used, and warnings."""
 
     dose: FloatArray
     thickness_um: FloatArray
     rows: list[int]
+    columns: list[str]
     warnings: list[str]
 
 
 def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     """Discs of a table. Rows of one dose and one disc are readings of it, and averaged."""
-    thickness_um = recording.need(*THICKNESSES).to("um")
-    dose = _doses(recording, irradiance_mW_per_cm2)
+    thickness = recording.need(*THICKNESSES)
+    thickness_um = thickness.to("um")
+    dose, used = _doses(recording, irradiance_mW_per_cm2)
+    used = [thickness.name, *used]
     columns = [texts for name in DISCS if (texts := recording.label(name)) is not None and len(set(texts)) > 1]
     if not columns:
-        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), [])
+        return Table(dose, thickness_um, list(range(1, len(dose) + 1)), used, [])
     columns += [texts for name in REPLICATES if (texts := recording.label(name)) is not None]
+    used += [name for name, texts in recording.texts.items() if texts in columns]
     names = (" ".join(texts).strip() for texts in zip(*columns, strict=True))
     keys = [(value, name or f"row {row}") for row, (value, name) in enumerate(zip(dose.tolist(), names, strict=True))]
     means = group_means(keys, thickness_um)
@@ -223,23 +232,38 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     if len(means) < len(keys):
         warnings = [f"{len(keys)} rows are readings of {len(means)} discs: those of one disc are averaged"]
     doses = np.array([value for value, _ in means])
-    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], warnings)
+    return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 
 
-def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> FloatArray:
-    """Doses in mJ/cm², as stated or from times."""
-    if (dose := _with_unit(recording, DOSES, DOSE)) is not None:
-        return dose.to(DOSE)
-    time = _with_unit(recording, TIMES, "s")
+def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, list[str]]:
+    """Doses in mJ/cm², as stated or from times, and the columns that they are from."""
+    dose, time = _with_unit(recording, DOSES, DOSE), _with_unit(recording, TIMES, "s")
+    rate = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
+    if dose is not None:
+        agree = [] if time is None or rate is None else _agreeing(recording, dose, time, rate)
+        return dose.to(DOSE), [dose.name, *agree]
     if time is None:
         unknown = recording.find(*DOSES, *TIMES) or recording.need("dose", "energy", "time")
-        return unknown.to(DOSE)  # raises, with the remedy
-    if (rate := _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")) is not None:
-        return time.to("s") * rate.to("mW/cm2")
+        return unknown.to(DOSE), []  # raises, with the remedy
+    if rate is not None:
+        return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
     if irradiance_mW_per_cm2 is not None:
-        return time.to("s") * irradiance_mW_per_cm2
+        return time.to("s") * irradiance_mW_per_cm2, [time.name]
     limit = "states exposure times, and the curve is of dose"
     raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
+
+
+def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
+    """Names of time and irradiance, whose product the stated doses are; `DataError` where they are not."""
+    product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
+    off = np.abs(product - stated) > _ROUNDED_DOSE * stated
+    if off.any():
+        row = int(np.flatnonzero(off)[0])
+        limit = f"is not {time.name} times {rate.name}, {product[row]:.4g} mJ/cm²"
+        raise DataError(
+            f"{recording.provenance.file}: {dose.name} in row {row + 1}", value=f"{stated[row]:.4g}", limit=limit
+        )
+    return [time.name, rate.name]
 
 
 def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:

@@ -23,17 +23,19 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index import Length, measured, reading
 from solen.material.regression import fitted, t_tail
-from solen.recording import Recording, Spectrum, spectra
+from solen.material.rows import RowOptions, chosen_rows, refuse_unused
+from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import Measured
 from solen.recording.optical import kind_of
 from solen.results import HIDDEN
-from solen.spec.strict import Finite, Options, Wavelength
+from solen.spec.strict import Finite, Wavelength
 from solen.units import factor
 
 WAVELENGTHS_NM = (450.0, 500.0, 860.0)
 """Those of the paper's three designs."""
 TIMES = ("exposure", "exposure time", "time", "t")
 """Names of a column of exposures."""
+_SAMPLES = ("sample", "specimen", "name", "replicate")
 _TIME_IN_NAME = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*(?:s|sec|sek|seconds)(?![a-zA-Z])")
 _FEW = 4
 _REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
@@ -42,7 +44,7 @@ _NEAR_NM = 10.0
 Above0 = Annotated[Finite, Field(gt=0)]
 
 
-class ExposureOptions(Options):
+class ExposureOptions(RowOptions):
     """How layers are compared by their exposure."""
 
     wavelength_nm: tuple[Wavelength, ...] = ()
@@ -156,20 +158,22 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     DataError, SpecError
         Where an exposure is not stated, or there are fewer than two.
     """
+    recordings = [chosen_rows(each, options) for each in recordings]
+    beside = [note for each in recordings for note in _unused(each, options)]
     layers = sorted((one for each in recordings for one in samples_of(each)), key=lambda one: one.exposure_s)
     seconds = np.array([one.exposure_s for one in layers])
     if (kinds := len(set(seconds.tolist()))) < 2:
         raise DataError("exposures", value=kinds, limit="a trend needs two at least")
     at = [_at(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)]
     irradiance = options.irradiance_mW_per_cm2
-    notes = [note for each in recordings for note in each.warnings]
+    notes = [note for each in recordings if _time(each) is None for note in each.warnings]
     return ExposureTrends(
         samples=tuple(one.name for one in layers),
         exposure_s=seconds,
         dose_mJ_per_cm2=None if irradiance is None else seconds * irradiance,
         wavelengths=tuple(at),
         sources=tuple(each.provenance for each in recordings),
-        warnings=(*notes, *_warnings(layers, kinds, at, options.thickness_um)),
+        warnings=(*notes, *beside, *_warnings(layers, kinds, at, options.thickness_um)),
         layers=tuple(layers),
     )
 
@@ -193,8 +197,7 @@ def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
 
 def samples_of(recording: Recording) -> list[Sample]:
     """Layers of a recording, each with its exposure."""
-    times = [recording.find(name) for name in TIMES]
-    time = next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
+    time = _time(recording)
     traces = [(kind_of(one.channel), one) for one in spectra(recording)]
     traces = [(kind, one) for kind, one in traces if kind in {"T", "R"}]
     if time is not None:
@@ -206,6 +209,25 @@ def samples_of(recording: Recording) -> list[Sample]:
     if not samples:
         raise DataError(recording.provenance.file, limit="holds no transmittance", remedy=_REMEDY)
     return samples
+
+
+def _time(recording: Recording) -> Channel | None:
+    """Column of exposures of a table with a row for each exposure and wavelength; None of any other file."""
+    times = [recording.find(name) for name in TIMES]
+    return next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
+
+
+def _unused(recording: Recording, options: ExposureOptions) -> list[str]:
+    """As `refuse_unused`: of traces side by side by what names their rows, of a long table by every column."""
+    time, every = _time(recording), spectra(recording)
+    if time is None:
+        return refuse_unused(recording, options, (), labels_only=True)
+    firsts: dict[str | None, str] = {}
+    for one in every:
+        firsts.setdefault(kind_of(one.channel), one.channel.name)
+    axes = {one.channel.axis for one in every}
+    used = [time.name, *axes, *_SAMPLES, *(name for kind, name in firsts.items() if kind in {"T", "R"})]
+    return refuse_unused(recording, options, used)
 
 
 def _exposure_in_name(recording: Recording, name: str) -> float:
@@ -234,13 +256,18 @@ def _long(recording: Recording, by_kind: dict[str | None, Spectrum], seconds: Fl
     """Samples of a table with a row for each exposure and wavelength."""
     if "T" not in by_kind:
         raise DataError(recording.provenance.file, limit="holds no transmittance", remedy="name its column T")
-    names = recording.label("sample", "specimen", "name", "replicate") or ("",) * len(seconds)
+    labels = [texts for name in _SAMPLES if (texts := recording.label(name)) is not None]
+    names = [" ".join(row).strip() for row in zip(*labels, strict=True)] or [""] * len(seconds)
     keys = list(zip(names, seconds.tolist(), strict=True))
     samples = []
     for name, value in dict.fromkeys(keys):
         here = np.array([key == (name, value) for key in keys])
-        nm, t = _ascending(by_kind["T"].wavelength_nm[here], by_kind["T"].ratio()[here])
-        r = _ascending(by_kind["R"].wavelength_nm[here], by_kind["R"].ratio()[here])[1] if "R" in by_kind else None
+        (nm, t), *others = (
+            _ascending(by_kind[kind].wavelength_nm[here], by_kind[kind].ratio()[here])
+            for kind in ("T", "R")
+            if kind in by_kind
+        )
+        r = np.interp(nm, *others[0]) if others and others[0][0].size else None
         samples.append(Sample(f"{name} {value:g} s".strip(), value, nm, t, r))
     return samples
 

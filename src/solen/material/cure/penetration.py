@@ -24,11 +24,12 @@ from pydantic import Field, model_validator
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.illuminant import Illuminant, led, named_light
+from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
 from solen.results import HIDDEN
-from solen.spec.strict import Finite, Options, refused
+from solen.spec.strict import Finite, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
 """Depths between which the slope of a working curve is given: the paper's thinnest layer and its stated cure depth."""
@@ -40,7 +41,7 @@ _BENT = 0.05  # how far Dp may run with depth
 Above0 = Annotated[Finite, Field(gt=0)]
 
 
-class PenetrationOptions(Options):
+class PenetrationOptions(RowOptions):
     """How a penetration depth is computed from an absorbance."""
 
     path_um: Above0
@@ -165,6 +166,8 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         Where the recording holds no absorbance, or the lamp shines where nothing absorbs.
     """
     light, path_um = options.lamp, options.path_um
+    recording = chosen_rows(recording, options)
+    beside = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, {"T": (), "R": (), "A": options.absorbance})
     absorbance, warnings = _absorbance(recording, spectra)
     nm = spectra.wavelength_nm
@@ -194,7 +197,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         spectral_Dp_um=spectral,
         traces=next(iter(spectra.names.values())),
         sources=(recording.provenance,),
-        warnings=(*spectra.warnings, *warnings, limits),
+        warnings=(*spectra.warnings, *beside, *warnings, limits),
         attenuation=decay,
     )
 

@@ -24,13 +24,14 @@ from solen.material.index.options import IndexOptions
 from solen.material.index.reading import Reading, reading
 from solen.material.index.routes import BASES, is_absorbance, lossless_index
 from solen.material.index.spectrum import IndexSpectrum
+from solen.material.rows import chosen_rows, refuse_unused
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
 from solen.results import HIDDEN
 
 _ABOVE = 0.02  # share of the wavelengths with T > 1 from which on a baseline on a substrate is suspected
-_MOST_UNUSED = 3  # traces that are named when they are not used
+_MOST_UNUSED = 3  # traces that are named where they are not used
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -133,6 +134,8 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         Where traces must be chosen, something must be stated, or no index follows from what was measured.
     """
     chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
+    recording = chosen_rows(recording, options)
+    beside = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, chosen)
     spectrum = _routed(spectra, options)
     bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
@@ -187,6 +190,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         warnings=(
             *spectrum.warnings,
             *spectra.warnings,
+            *beside,
             *_other_baseline(spectra, options),
             *repeats,
             *_about_instrument(spectrum, spectra, options, bandwidth_nm),
@@ -334,6 +338,7 @@ def _about_instrument(
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
             warnings.append("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
-    if 0 < len(spectra.unused) <= _MOST_UNUSED:
-        warnings.append(f"not used: {', '.join(spectra.unused)}")
+    if others := [name for name in spectra.unused if name not in options.ignore]:
+        more = len(others) - _MOST_UNUSED
+        warnings.append(f"not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}")
     return warnings

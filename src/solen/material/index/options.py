@@ -12,7 +12,8 @@ from solen.material.index.literature import RESINS, Polymer
 from solen.material.index.reading import Length
 from solen.material.index.stack import Baseline, Setup, Side, Substrate
 from solen.material.resin import library_resin, load_resin
-from solen.spec.strict import Finite, Options, Wavelength, refused, told_of
+from solen.material.rows import RowOptions
+from solen.spec.strict import Finite, Wavelength, refused, told_of
 
 _NM_PER_MM = 1e6
 _MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
@@ -37,7 +38,7 @@ Fraction = Annotated[float | None, BeforeValidator(_fraction)]
 Above0 = Annotated[Finite, Field(gt=0)]
 
 
-class IndexOptions(Options):
+class IndexOptions(RowOptions):
     """How the index of a layer is computed from its spectra."""
 
     thickness_um: Above0 | None = None

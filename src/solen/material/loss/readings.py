@@ -13,12 +13,14 @@ from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
+from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused, stated_once
 from solen.recording import Channel, Recording
-from solen.spec.strict import Finite, Options, Wavelength
+from solen.spec.strict import Finite, Wavelength
 from solen.units import factor, is_unit
 
 LENGTHS = ("length", "guide length")
 POWERS = ("power", "signal", "voltage", "current", "transmittance", "level", "output", "intensity", "counts", "T")
+WAVELENGTHS = ("wavelength", "lambda", "wl")
 LOSSES = ("loss", "insertion loss", "attenuation")
 GUIDES = ("guide", "piece", "sample", "specimen", "part", "print", "id", "name", "probe")
 ORIENTATIONS = (
@@ -36,7 +38,7 @@ _LINEAR = ("W", "V", "A")
 _SHARES = {1.0: "1", 0.01: "%"}
 
 
-class CutbackOptions(Options):
+class CutbackOptions(RowOptions):
     """How a cut-back is evaluated."""
 
     unit: str | None = None
@@ -46,7 +48,7 @@ class CutbackOptions(Options):
     launched: Finite | None = None
     """Power launched into the guides, in that unit; gives the coupling loss."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the light, stated in the result."""
+    """Wavelength of the light, stated in the result; default: what the table states for all rows."""
     keep_all: bool = False
     """Keep outliers."""
 
@@ -63,6 +65,8 @@ class Readings:
         Of the readings; empty for readings proportional to power.
     guide, orientation
         Texts of the rows; None without such a column.
+    columns
+        Names of the columns that were used.
     warnings
         What was assumed or left out.
     """
@@ -73,6 +77,7 @@ class Readings:
     level_dB: FloatArray
     guide: list[str] | None
     orientation: list[str] | None
+    columns: tuple[str, ...]
     warnings: list[str]
 
 
@@ -84,20 +89,23 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     DataError
         Without a column of lengths or powers, or where no loss with an uncertainty follows.
     """
+    recording = chosen_rows(recording, options)
     rows = readings(recording, options.unit, options.dark)
+    beside = refuse_unused(recording, options, (*rows.columns, *REPEATS))
     launched_dB = full_level_dB(rows.unit, options.launched, rows.values)
     loss = cut_back(
         rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=options.keep_all, launched_dB=launched_dB
     )
     return replace(
         loss,
-        wavelength_nm=options.wavelength_nm,
+        wavelength_nm=options.wavelength_nm or stated_once(recording, WAVELENGTHS, "nm"),
         power_unit=rows.unit or None,
         dark=options.dark,
         falls_with_light=pulls_down(rows.values, rows.unit, options.dark),
         sources=(recording.provenance,),
         warnings=(
-            *recording.warnings,
+            *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in rows.columns),
+            *beside,
             *rows.warnings,
             *_launch_unknown(launched_dB),
             *loss.warnings,
@@ -108,7 +116,8 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
 
 def readings(recording: Recording, unit: str | None = None, dark: float | None = None) -> Readings:
     """Rows of a table with a length and a power; the others are left out and counted in a warning."""
-    length = recording.need(*LENGTHS).to("mm")
+    lengths = recording.need(*LENGTHS)
+    length = lengths.to("mm")
     channel = recording.find(*POWERS) or recording.find(*LOSSES) or recording.need(*POWERS[:3])
     unit, warnings = _unit(channel, unit)
     complete = np.isfinite(length) & np.isfinite(channel.values)
@@ -118,7 +127,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     if not complete.any():
         raise DataError(recording.provenance.file, limit="has no row with a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
-    guide, orientation = _texts(recording, complete, GUIDES), _texts(recording, complete, ORIENTATIONS)
+    (of_guide, guide), (of_way, orientation) = (_texts(recording, complete, names) for names in (GUIDES, ORIENTATIONS))
     if guide is None:
         warnings.append(
             "no column names the guide (guide): readings of one length are averaged as those of one guide, "
@@ -128,7 +137,10 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         warnings.append(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
     if unit in {"V", "mV"} and dark is None:
         warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
-    return Readings(length[complete], values, unit, levels_dB(values, unit, dark), guide, orientation, warnings)
+    columns = (lengths.name, channel.name, *of_guide, *of_way)
+    return Readings(
+        length[complete], values, unit, levels_dB(values, unit, dark), guide, orientation, columns, warnings
+    )
 
 
 def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
@@ -151,14 +163,15 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[str]]:
     return given, []
 
 
-def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> list[str] | None:
-    """Texts of the column that names the rows; None without one, or where it is empty."""
+def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
+    """The column that names the rows, one or none, and its texts; None where there is none or it is empty."""
     texts = recording.label(*names)
+    column = [name for name, one in recording.texts.items() if one is texts]
     if texts is None and (channel := recording.find(*names)) is not None:
-        texts = tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
+        column, texts = [channel.name], tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
     if texts is None or not any(texts):
-        return None
-    return [text for text, kept in zip(texts, complete.tolist(), strict=True) if kept]
+        return [], None
+    return column[:1], [text for text, kept in zip(texts, complete.tolist(), strict=True) if kept]
 
 
 def _launch_unknown(launched_dB: float | None) -> list[str]:

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from solen.material.regression import t_quantile
+from solen.material.rows import RowOptions
 from solen.material.stiffness.cycles import Cycle, Softening, cycles_of, loading_curve, rereferenced, softening
 from solen.material.stiffness.hyperelastic import Curve, Weighting
 from solen.material.stiffness.models import Kind
@@ -35,14 +36,14 @@ from solen.material.stiffness.specimen import held_ends
 from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
 from solen.results import Result, reported
-from solen.spec.strict import Finite, Options, refused
+from solen.spec.strict import Finite, refused
 
 _WORTH = 8.0  # effective points below which an interval is known to be too narrow
 _BENT = 0.05  # departure of an ideal rubber's slope from its first one that is worth saying
 _LOSSY = 0.1
 
 
-class StiffnessOptions(Options):
+class StiffnessOptions(RowOptions):
     """How mechanical tests are evaluated, and models fitted to them."""
 
     mode: TestMode | None = None

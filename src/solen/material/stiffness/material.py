@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.errors import DataError
+from solen.material.rows import chosen_rows, refuse_unused
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
 from solen.material.stiffness.evaluation import Evaluated, MeanModulus, StiffnessOptions, evaluate, mean_modulus
@@ -138,10 +139,13 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     DataError
         Where a column, unit or dimension is missing, or the range of the modulus holds too few points.
     """
+    tests = [replace(each, recording=chosen_rows(each.recording, options)) for each in tests]
+    used = (*_SPECIMEN, *_MATERIAL)
+    remarks = [note for each in tests for note in refuse_unused(each.recording, options, used, labels_only=True)]
     specimens = _specimens(tests, options)
     labels = list(dict.fromkeys(specimen.label for specimen in specimens))
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
-    warnings = tuple(dict.fromkeys(warning for group in groups for warning in group.warnings))
+    warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
         beside = f"modulus and model beside groups are those of {labels[0]} alone; groups holds all {len(labels)}"
         warnings = (*warnings, beside)
@@ -185,11 +189,14 @@ def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Rang
 
 def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
     """Specimens of a recording, each with its name and its material, by the columns that name them."""
-    names, groups = recording.label(*_SPECIMEN), recording.label(*_MATERIAL)
-    if names is None and groups is None:
+    columns = [
+        [texts for name in names if (texts := recording.label(name)) is not None] for names in (_MATERIAL, _SPECIMEN)
+    ]
+    if not any(columns):
         return [("", "", recording)]
     length = len(recording.channels[0].values) if recording.channels else 0
-    keys = list(zip(groups or ("",) * length, names or ("",) * length, strict=True))
+    words = [[" ".join(row).strip() for row in zip(*texts, strict=True)] or [""] * length for texts in columns]
+    keys = list(zip(*words, strict=True))
     parts = []
     for group, name in dict.fromkeys(keys):
         rows = np.array([key == (group, name) for key in keys])

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.recording.spectrum import Listing, listing
@@ -10,9 +11,16 @@ from solen.results import Outcome
 
 
 def spectra(
-    file: Path, *, sheet: str | None = None, trace: tuple[str, ...] = (), figure: Path | None = None
+    file: Path,
+    rows: RowOptions = RowOptions(),
+    *,
+    sheet: str | None = None,
+    trace: tuple[str, ...] = (),
+    figure: Path | None = None,
 ) -> Outcome[Listing]:
     """Traces of a file, all or those of some names, with what each is and how far it reaches."""
     check_outputs(None, figure)
-    result = listing(read(file, sheet=sheet), trace)
+    recording = chosen_rows(read(file, sheet=sheet), rows)
+    refuse_unused(recording, rows, (), labels_only=True)
+    result = listing(recording, trace)
     return write(result, "spectra", None, {"figure": (figure, lambda: plot(result))})

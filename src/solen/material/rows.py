@@ -1,0 +1,159 @@
+"""Rows of a table that belong together: one resin, one wavelength, one specimen, and no column overlooked.
+
+The idea: a table of several resins, or of several wavelengths, pooled into one fit gives a number of none of them. A
+column that varies says that the rows differ; what an evaluation does not use is therefore refused by its name, unless
+the user takes the rows of one value of it or says that it does not matter. Remarks and dates are named in a warning.
+
+The interface: `RowOptions` for the options of a command, `chosen_rows` for the rows they choose, `refuse_unused` for
+what is left, `stated_once` for a column that says the same in all rows.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solen.errors import DataError, SpecError
+from solen.recording import Channel, Recording
+from solen.recording.words import plain
+from solen.spec.strict import Options
+
+REPEATS = ("replicate", "repeat", "wiederholung", "reading", "run")
+"""Columns that number readings of one thing: what averages them uses them."""
+_REMARKS = frozenset(
+    {"note", "notes", "comment", "comments", "remark", "remarks", "kommentar", "bemerkung", "date", "datum"}
+    | {"timestamp", "file", "datei", "picture", "image", "operator", "nr", "nr.", "no", "no.", "#", "row", "column 1"}
+)
+"""Columns beside a measurement that do not say what was measured."""
+_SHOWN = 4
+_SAME = 1e-6  # relative scatter of a ratio of two columns that state one thing in two units
+
+
+class RowOptions(Options):
+    """Which rows of a table belong together."""
+
+    where: tuple[str, ...] = ()
+    """Take the rows with one value of a column, as in material=RA-139; repeatable."""
+    ignore: tuple[str, ...] = ()
+    """A column that varies and makes no difference; repeatable."""
+
+
+def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
+    """The rows that have the stated values.
+
+    Raises
+    ------
+    SpecError
+        Where a condition is none, or no row meets it.
+    DataError
+        Where the table has no such column.
+    """
+    for condition in options.where:
+        name, equals, value = (part.strip() for part in condition.partition("="))
+        if not (name and equals and value):
+            raise SpecError("--where", value=condition, limit="is no condition", remedy="write as in material=RA-139")
+        column = _column(recording, name, "--where")
+        keep = np.array([_is(text, value) for text in _texts(recording, column)])
+        if not keep.any():
+            raise SpecError(
+                "--where", value=condition, limit=f"no row has it; {column} is {_values(recording, column)}"
+            )
+        recording = replace(
+            recording,
+            channels=tuple(replace(one, values=one.values[keep]) for one in recording.channels),
+            texts={
+                key: tuple(text for text, kept in zip(texts, keep.tolist(), strict=True) if kept)
+                for key, texts in recording.texts.items()
+            },
+        )
+    return recording
+
+
+def refuse_unused(
+    recording: Recording, options: RowOptions, used: Collection[str], *, labels_only: bool = False
+) -> list[str]:
+    """Raise where a column varies and is not used; else what must be known of those that are left out.
+
+    Parameters
+    ----------
+    used
+        Names of the columns that the evaluation uses.
+    labels_only
+        Whether numbers stand side by side, as traces do, and only what names the rows can mix them up.
+
+    Raises
+    ------
+    DataError
+        With the name of the column and its values.
+    """
+    ignored = {_column(recording, name, "--ignore") for name in options.ignore}
+    known = ignored | {plain(name) for name in used} | set(used)
+    traces = {one.name for one in recording.channels if one.axis}
+    names = [name for name in recording.texts if name not in traces]
+    names += [] if labels_only else [name for name in recording.names if name not in names]
+    varying = [name for name in names if not {name, plain(name)} & known and len(set(_texts(recording, name))) > 1]
+    left = [name for name in varying if plain(name) not in _REMARKS and not _restates(recording, name, used)]
+    if left:
+        value = next(iter(_texts(recording, left[0])))
+        raise DataError(
+            f"{recording.provenance.file or 'table'}: column {left[0]}",
+            value=_values(recording, left[0]),
+            limit="differs from row to row and is not used: rows that differ must not be pooled",
+            remedy=f"take the rows of one value, --where {left[0]}={value}, or say that it makes no difference, "
+            f"--ignore {left[0]}",
+        )
+    remarks = [name for name in varying if plain(name) in _REMARKS]
+    return [f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}"] if remarks else []
+
+
+def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:
+    """Number that a column states for all rows, in a unit; None without one, or where it differs."""
+    channel = recording.find(*names)
+    if channel is None:
+        return None
+    values = channel.to(unit)
+    return float(values[0]) if values.size and np.all(values == values[0]) else None
+
+
+def _column(recording: Recording, name: str, option: str) -> str:
+    """A column as the recording calls it; `DataError` where there is none."""
+    for column in (*recording.texts, *recording.names):
+        if plain(column) == plain(name):
+            return column
+    if (channel := recording.find(name)) is not None:
+        return channel.name
+    every = ", ".join(dict.fromkeys((*recording.texts, *recording.names)))
+    raise DataError(f"{option} {name}", limit=f"no such column; there are {every}")
+
+
+def _texts(recording: Recording, column: str) -> tuple[str, ...]:
+    """A column's cells as texts."""
+    texts = recording.texts.get(column)
+    return texts if texts is not None else tuple(f"{value:.9g}" for value in recording.channel(column).values)
+
+
+def _is(text: str, value: str) -> bool:
+    """Whether a cell holds a value, as a word or as a number."""
+    try:
+        return float(text.replace(",", ".")) == float(value.replace(",", "."))
+    except ValueError:
+        return text.strip().casefold() == value.casefold()
+
+
+def _values(recording: Recording, column: str) -> str:
+    values = list(dict.fromkeys(_texts(recording, column)))
+    return ", ".join(values[:_SHOWN]) + (f" and {len(values) - _SHOWN} more" if len(values) > _SHOWN else "")
+
+
+def _restates(recording: Recording, column: str, used: Collection[str]) -> bool:
+    """Whether a column of numbers is a used one in another unit."""
+    if column in recording.texts:
+        return False
+    others = [one for one in recording.channels if one.name in used]
+    return any(_proportional(recording.channel(column), one) for one in others)
+
+
+def _proportional(one: Channel, other: Channel) -> bool:
+    with np.errstate(all="ignore"):
+        ratio = one.values / other.values
+    return bool(np.isfinite(ratio).all() and np.ptp(ratio) <= _SAME * abs(float(np.mean(ratio))))
