@@ -18,11 +18,13 @@ from solen.lens.optics import tangency
 from solen.material.dispersion import Cauchy
 from solen.plane import Point, Rigid, along, heading, left_of, minus, unit
 from solen.scene import (
+    AngleTable,
     Beam,
     Chip,
     Coating,
     Fan,
     Gaussian,
+    Grating,
     HarveyShack,
     Interface,
     Lambertian,
@@ -31,6 +33,7 @@ from solen.scene import (
     Rays,
     Region,
     Scatter,
+    ScatterTable,
     Scene,
     Surface,
     Texture,
@@ -354,24 +357,39 @@ def _treated(rng: np.random.Generator, interface: Interface) -> Interface:
         Lambertian(float(rng.random())),
         Gaussian(float(rng.uniform(0.01, 0.5)), float(rng.random())),
         HarveyShack(float(rng.uniform(0.01, 0.3)), float(rng.uniform(0.8, 4.0)), float(rng.random())),
+        ScatterTable((0.0, 0.1, 0.4, 1.5), tuple(map(float, rng.uniform(0.1, 1.0, 4))), float(rng.random())),
     ]
     surface = Surface(
         reflectance=float(rng.uniform(0.3, 1.0)),
         transmitted=float(rng.random()),
         partial=bool(rng.random() < 0.8),
         band_nm=band,
-        scatter=scatters[int(rng.integers(4))],
+        scatter=scatters[int(rng.integers(5))],
         texture=Texture(50.0, float(rng.uniform(0.0, 3.0))) if rng.random() < 0.3 else None,
     )
     if interface.behaviour == "mirror" and isinstance(interface.curve, Segment) and rng.random() < 0.5:
         focused = replace(surface, focal_mm=float(rng.choice([-8.0, 15.0])))
         return replace(interface, behaviour="lens" if in_one else "mirror", surface=focused)
+    if interface.behaviour == "mirror" and in_one and rng.random() < 0.4:
+        orders = tuple((m, float(share)) for m, share in zip((0, 1, -1, 2), rng.dirichlet(np.ones(5)), strict=False))
+        ruled = Surface(grating=Grating(float(rng.uniform(200.0, 1500.0)), orders, bool(rng.random() < 0.5)))
+        return replace(interface, behaviour="grating", surface=ruled)
     if interface.behaviour == "mirror" and in_one and rng.random() < 0.5:
         return replace(interface, behaviour="splitter", surface=surface)
     if interface.behaviour == "refracting" and rng.random() < 0.4:
         films = (Layer(float(rng.uniform(1.0, 2.5)), float(rng.uniform(0.0, 300.0)), float(rng.choice([0.0, 0.2]))),)
         surface = replace(surface, coating=Coating(films + (Layer(1.0, 120.0),) * int(rng.integers(2))))
+    elif rng.random() < 0.4:
+        tables = [_table(rng, transmits=interface.behaviour == "refracting") for _ in range(2)]
+        surface = replace(surface, table=tables[0], table_right=tables[1])
     return replace(interface, surface=surface)
+
+
+def _table(rng: np.random.Generator, transmits: bool) -> AngleTable:
+    shares = rng.dirichlet(np.ones(3), (2, 4))
+    columns = [tuple(map(float, shares[i, :, j])) for j in range(2) for i in range(2)]
+    on = columns[2:] if transmits else [(), ()]
+    return AngleTable((0.0, 20.0, 60.0, 90.0), columns[0], on[0], columns[1], on[1])
 
 
 def _spectrum(rng: np.random.Generator) -> tuple[Line, ...]:

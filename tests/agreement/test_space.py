@@ -10,6 +10,7 @@ import pytest
 from solen.curve import Arc, Segment
 from solen.errors import DesignError
 from solen.scene import (
+    AngleTable,
     Coating,
     Emitter,
     Extrusion,
@@ -22,6 +23,7 @@ from solen.scene import (
     Monitor,
     Rays,
     Region,
+    ScatterTable,
     Scene,
     Source,
     Surface,
@@ -169,6 +171,11 @@ class _Rising(Rays):
         return x, np.zeros_like(x), z, math.cos(rise) * dx, np.full_like(x, math.sin(rise)), math.cos(rise) * dz
 
 
+TABLED = Surface(
+    table=AngleTable((0.0, 30.0, 60.0, 90.0), (0.1, 0.2, 0.7, 0.9), (0.8, 0.6, 0.1, 0.0), (0.2, 0.1, 0.9, 0.9)),
+    table_right=AngleTable((0.0, 90.0), (0.05, 0.6), (0.9, 0.2), (0.05, 0.3), (0.9, 0.4)),
+    scatter=ScatterTable((0.0, 0.1, 0.5), (1.0, 0.3, 0.0), 0.4),
+)
 BODIES = {
     "bar": lambda rays: bar(chip(rays), 1.44),
     "bar that leaks": lambda rays: bar(chip(rays), 1.3),
@@ -183,6 +190,7 @@ BODIES = {
     "coated bar": lambda rays: bar(
         chip(rays), 1.6, Surface(coating=Coating((Layer(1.0, 300.0), Layer(1.8, 100.0, 0.05))))
     ),
+    "tabled bar": lambda rays: bar(chip(rays), 1.5, TABLED),
     "wedge": lambda rays: wedge(replace(chip(rays, 120.0), axis_deg=-25.0, s_share=1.0)),
     "sensor": lambda rays: sensor(-0.5, rays, width_mm=0.2, height_mm=0.2),
 }

@@ -17,10 +17,23 @@ from solen.scene.sources import (
     Rays,
     Source,
 )
-from solen.scene.surface import Coating, Gaussian, HarveyShack, Lambertian, Layer, Scatter, Surface, Texture
+from solen.scene.surface import (
+    AngleTable,
+    Coating,
+    Gaussian,
+    Grating,
+    HarveyShack,
+    Lambertian,
+    Layer,
+    Scatter,
+    ScatterTable,
+    Surface,
+    Texture,
+)
 
 __all__ = [
     "Ambient",
+    "AngleTable",
     "Beam",
     "Chip",
     "Coating",
@@ -29,6 +42,7 @@ __all__ = [
     "Extrusion",
     "Fan",
     "Gaussian",
+    "Grating",
     "HarveyShack",
     "Interface",
     "Isotropic",
@@ -41,6 +55,7 @@ __all__ = [
     "Rays",
     "Region",
     "Scatter",
+    "ScatterTable",
     "Scene",
     "Source",
     "Surface",

@@ -1,8 +1,8 @@
 """A scene: everything the tracer sees, and nothing it does not need.
 
 *Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
-right, with a behaviour: refracting, mirror, absorbing, receiver, or the ideal elements splitter and lens; a `Surface`
-adds coatings, scatter and the like. *Sources* launch rays. Detectors come in two kinds:
+right, with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens; a
+`Surface` adds coatings, tables, scatter and the like. *Sources* launch rays. Detectors come in two kinds:
 a **receiver** is made of interfaces; it absorbs what arrives, and what arrives on its left, its face, is detected and
 enters the ledger. A **monitor** is a line that counts the power crossing it, positive towards its left, changes no ray
 and is not in the ledger. There may be any number of each; the model is independent of the kind of body.
@@ -13,7 +13,7 @@ Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from solen.curve import Curve, Segment, check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
@@ -23,10 +23,10 @@ from solen.scene.closed_media import check_closed
 from solen.scene.sources import Source
 from solen.scene.surface import Surface
 
-Behaviour = Literal["refracting", "mirror", "absorbing", "receiver", "splitter", "lens"]
+Behaviour = Literal["refracting", "mirror", "absorbing", "receiver", "splitter", "lens", "grating"]
 ON_IT_MM = 1e-9
 """How near to an interface a monitor lies on it."""
-BEHAVIOURS: tuple[Behaviour, ...] = ("refracting", "mirror", "absorbing", "receiver", "splitter", "lens")
+BEHAVIOURS: tuple[Behaviour, ...] = get_args(Behaviour)
 
 
 @dataclass(frozen=True)
@@ -199,6 +199,9 @@ class Scene:
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
         is_ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
         absorbs, coated = behaviour in ("absorbing", "receiver"), surface.coating is not None
+        ruled, tables = behaviour == "grating", [t for t in (surface.table, surface.table_right) if t is not None]
+        transmits = any(any(table.transmitted + table.transmitted_p) for table in tables)
+        both = "has one table: light from its two sides meets different media"
         straight, one_medium = isinstance(interface.curve, Segment), interface.left == interface.right
         refusals = (
             (behaviour == "lens" and not focuses, None, "a lens needs surface.focal_mm"),
@@ -208,12 +211,22 @@ class Scene:
             (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"has no meaning for behaviour {behaviour}"),
             (absorbs and (surface.is_random or coated), behaviour, "absorbs all light: no scatter, texture or coating"),
             (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
+            (ruled != (surface.grating is not None), behaviour, "a grating, and only a grating, has surface.grating"),
+            (ruled and (surface.scatter or surface.texture), behaviour, "has orders: no scatter or texture"),
+            (
+                tables and behaviour not in ("refracting", "mirror"),
+                behaviour,
+                "has no table",
+            ),
+            (tables and (coated or focuses), "table", "has its shares: no coating or focal_mm beside it"),
+            (transmits and behaviour == "mirror", "table", "a mirror transmits nothing"),
+            (transmits and surface.table_right is None and not one_medium, "table", both),
         )
         for wrong, value, limit in refusals:
             if wrong:
                 raise DesignError(what, value=value, limit=limit)
-        if surface.coating and not self.wavelengths_nm:
-            limit = "a coating needs wavelengths"
+        if (coated or ruled) and not self.wavelengths_nm:
+            limit = f"a {'coating' if coated else 'grating'} needs wavelengths"
             raise DesignError(what, value="sources without spectrum", limit=limit, remedy="give the sources a spectrum")
         if interface.height_mm is not None:
             check_numbers(f"{what} height_mm", *interface.height_mm)

@@ -1,9 +1,10 @@
 """What a surface is beyond smooth, clean and bare: films on it, roughness, the texture of a print, a grey mirror.
 
-A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. *Scatter* sends a share of what
+A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. A *table* states measured
+shares by the angle of incidence, a *grating* sends light into its orders. *Scatter* sends a share of what
 leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the surface itself by chance; a
 *coating* is a stack of thin films between the interface's two media, computed as waves. Counting, which has no
-powers, sees of all this scatter, texture, and films thicker than the wavelength, by their total reflection.
+powers, sees of all this scatter, texture, orders, and films thicker than the wavelength, by their total reflection.
 
 Scatter is stated in direction cosines along the surface: in the plane one number from −1 to 1, in an extruded scene a
 point of the unit disc. A profile is centred on the direction that the smooth surface would give, and cut off where the
@@ -12,6 +13,7 @@ direction would leave its half-space; what it takes in is the stated share, so t
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 from solen.curve import check_numbers, check_range
@@ -90,7 +92,118 @@ class HarveyShack:
         check_range("harvey-shack slope", self.slope, 0.5, 10.0)
 
 
-Scatter = Lambertian | Gaussian | HarveyShack
+@dataclass(frozen=True)
+class ScatterTable:
+    """The ``share`` is spread as measured: ``density`` at each ``offset`` Δ in direction cosines, linear in between.
+
+    Offsets ascend from 0 to at most 2; beyond the last there is no light. Densities are relative, as of a measured
+    BSDF: only their ratios count.
+    """
+
+    offset: tuple[float, ...]
+    density: tuple[float, ...]
+    share: float = 1.0
+    kind: Literal["table"] = "table"
+
+    def __post_init__(self) -> None:
+        check_range("scatter share", self.share, 0.0, 1.0)
+        _check_axis("scatter table offset", self.offset, 2.0, full=False)
+        _check_column("scatter table density", self.density, self.offset, math.inf)
+        if not any(self.density):
+            raise DesignError("scatter table density", value=0, limit="must be above 0 somewhere")
+
+
+Scatter = Lambertian | Gaussian | HarveyShack | ScatterTable
+
+
+@dataclass(frozen=True)
+class AngleTable:
+    """Shares of the power that a surface reflects and transmits, as measured by the angle of incidence.
+
+    Attributes
+    ----------
+    angle_deg
+        True angle of incidence in degrees, ascending from 0 to 90; shares are linear in between.
+    reflected, transmitted
+        Shares at these angles; without ``transmitted`` none. What is neither is absorbed.
+    reflected_p, transmitted_p
+        The same for light polarised in the plane of incidence, where the two differ: the others are then those of
+        light polarised across it.
+    """
+
+    angle_deg: tuple[float, ...]
+    reflected: tuple[float, ...]
+    transmitted: tuple[float, ...] = ()
+    reflected_p: tuple[float, ...] = ()
+    transmitted_p: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_axis("surface table angle_deg", self.angle_deg, 90.0, full=True)
+        for name in ("reflected", "transmitted", "reflected_p", "transmitted_p"):
+            if name == "reflected" or getattr(self, name):
+                _check_column(f"surface table {name}", getattr(self, name), self.angle_deg, 1.0)
+        for angle_deg, reflected_s, reflected_p, transmitted_s, transmitted_p in self.rows:
+            most = max(reflected_s + transmitted_s, reflected_p + transmitted_p)
+            if most > 1.0 + SHARES:
+                limit = f"reflected and transmitted together are at most 1, at {angle_deg:g} deg too"
+                raise DesignError("surface table", value=most, limit=limit)
+
+    @property
+    def rows(self) -> tuple[tuple[float, float, float, float, float], ...]:
+        """Angle in degrees, shares reflected in s and p, transmitted in s and p."""
+        on = self.transmitted or (0.0,) * len(self.angle_deg)
+        columns = (self.reflected, self.reflected_p or self.reflected, on, self.transmitted_p or on)
+        return tuple(zip(self.angle_deg, *columns, strict=True))
+
+
+SHARES = 1e-9
+"""By how much shares may add up to more than 1: rounding."""
+
+
+def _check_axis(what: str, values: tuple[float, ...], most: float, full: bool) -> None:
+    check_numbers(what, *values)
+    ends = len(values) > 1 and values[0] == 0.0 and (values[-1] == most if full else values[-1] <= most)
+    if not ends or any(a >= b for a, b in pairwise(values)):
+        shown = f"{len(values)} values" + (f" from {values[0]:g} to {values[-1]:g}" if values else "")
+        reach = f"0 to {most:g}" if full else f"0 to at most {most:g}"
+        raise DesignError(what, value=shown, limit=f"must be two or more that ascend from {reach}")
+
+
+def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...], most: float) -> None:
+    check_numbers(what, *values)
+    if len(values) != len(axis):
+        raise DesignError(what, value=f"{len(values)} values", limit=f"must be one for each of {len(axis)}")
+    for value in values:
+        check_range(what, value, 0.0, most)
+
+
+@dataclass(frozen=True)
+class Grating:
+    """A thin grating in the plane: order m changes the tangential wave number by m times that of its lines.
+
+    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light's way, from whichever side it comes.
+
+    Attributes
+    ----------
+    orders
+        Each order's number and its share of the light that arrives, the same at all angles; what is left, and what
+        belongs to orders that do not propagate, is absorbed. Shares that add up to more than 1, as a scene of
+        ray-optics may have, are followed by that program's rule alone.
+    mirrored
+        Whether it sends the orders back instead of through.
+    """
+
+    lines_per_mm: float
+    orders: tuple[tuple[int, float], ...]
+    mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        check_range("grating lines_per_mm", self.lines_per_mm, above=0.0)
+        numbers = [order for order, _ in self.orders]
+        if not numbers or len(set(numbers)) < len(numbers):
+            raise DesignError("grating orders", value=f"{len(numbers)} orders", limit="must be some, each once")
+        for _, share in self.orders:
+            check_range("grating orders", share, 0.0)
 
 
 @dataclass(frozen=True)
@@ -139,7 +252,11 @@ class Surface:
     band_nm
         Wavelengths from which to which the behaviour holds; at others the interface is a bare refracting one. From the
         higher to the lower: those outside it.
-    coating, scatter, texture
+    table, table_right
+        Shares by the angle of incidence of light from the left, and from the right where that differs. They replace
+        the reflectance of a mirror, or partial reflection where light is refracted. Where no light can go on, what the
+        table transmits is reflected.
+    coating, scatter, texture, grating
         See there.
     """
 
@@ -151,6 +268,9 @@ class Surface:
     coating: Coating | None = None
     scatter: Scatter | None = None
     texture: Texture | None = None
+    table: AngleTable | None = None
+    table_right: AngleTable | None = None
+    grating: Grating | None = None
 
     def __post_init__(self) -> None:
         for what, share in (("reflectance", self.reflectance), ("transmitted", self.transmitted)):
@@ -159,6 +279,8 @@ class Surface:
             raise DesignError("surface focal_mm", value=self.focal_mm, limit="must be finite and not 0")
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
+        if self.table_right is not None and self.table is None:
+            raise DesignError("surface table_right", limit="needs a table of the left as well")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
         """Whether the interface's behaviour holds at a wavelength."""
@@ -173,4 +295,4 @@ class Surface:
     @property
     def is_random(self) -> bool:
         """Whether what it does is drawn by chance."""
-        return self.scatter is not None or self.texture is not None
+        return self.scatter is not None or self.texture is not None or self.grating is not None

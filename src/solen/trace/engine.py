@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.extras import need
-from solen.scene import Extrusion, Scene
+from solen.scene import Extrusion, Scene, Surface
 from solen.trace.chunks import (
     DTYPES,
     Chunk,
@@ -151,8 +151,11 @@ def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> No
         if asked:
             raise DesignError(what, value=value, limit="is for scenes of the plane", remedy="leave it out")
     for interface in scene.interfaces:
-        if interface.surface is not None and interface.surface.focal_mm is not None:
-            raise DesignError(f"interface {interface.name}", value="focal_mm", limit="ideal elements are of the plane")
+        surface = interface.surface or Surface()
+        for key in ("focal_mm", "grating"):
+            if getattr(surface, key) is not None:
+                limit = "ideal elements and gratings are of the plane"
+                raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="leave extrusion out")
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, loop.Sums]]:

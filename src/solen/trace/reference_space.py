@@ -10,9 +10,11 @@ import random
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from solen.errors import DesignError
-from solen.scene import Extrusion, Gaussian, HarveyShack, Interface, Region, Scene, Surface, Texture
-from solen.trace.reference_surfaces import film_fields
+from solen.scene import Extrusion, Gaussian, HarveyShack, Interface, Region, ScatterTable, Scene, Surface, Texture
+from solen.trace.reference_surfaces import film_fields, shares_of
 from solen.trace.result import Limits
 
 Vector = tuple[float, float, float]
@@ -230,6 +232,11 @@ class _Tracer:
         self, behaviour: str, surface: Surface, from_right: bool, n1: float, n2: float, cos: float
     ) -> "Amplitudes":
         """What both fields are multiplied by on either side."""
+        if surface.table is not None:
+            share = shares_of(surface, from_right, cos)
+            if behaviour == "mirror" or n1 * n1 * (1.0 - cos * cos) >= n2 * n2:
+                return Amplitudes(-math.sqrt(share.rs + share.ts), math.sqrt(share.rp + share.tp), 0.0, 0.0)
+            return Amplitudes(-math.sqrt(share.rs), math.sqrt(share.rp), math.sqrt(share.ts), math.sqrt(share.tp))
         if behaviour == "mirror":
             r = math.sqrt(surface.reflectance)
             return Amplitudes(-r, r, 0.0, 0.0)
@@ -275,6 +282,8 @@ class _Tracer:
                 value = math.exp(-0.5 * (off / scatter.sigma) ** 2)
             elif isinstance(scatter, HarveyShack):
                 value = float((1.0 + (off / scatter.shoulder) ** 2) ** (-0.5 * scatter.slope))
+            elif isinstance(scatter, ScatterTable):
+                value = float(np.interp(off, scatter.offset, scatter.density, right=0.0)) / max(scatter.density)
             if self.draw.random() < value:
                 cos = math.sqrt(1.0 - along * along - up * up)
                 new = (cos * normal[0] + along * across[0], up, cos * normal[2] + along * across[2])

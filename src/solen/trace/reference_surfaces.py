@@ -9,11 +9,13 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from solen.interface import fresnel, reflected, refracted
-from solen.plane import Point, cross, dot, left_of, minus, unit
-from solen.scene import Coating, Gaussian, HarveyShack, Interface, Surface, Texture
+from solen.plane import Point, cross, dot, left_of, minus, right_of, unit
+from solen.scene import Coating, Gaussian, Grating, HarveyShack, Interface, ScatterTable, Surface, Texture
 from solen.trace.kernel.surface import chance_of
-from solen.trace.kernel.treated import BACK, FACET, ON, TRIES
+from solen.trace.kernel.treated import BACK, FACET, KEEP, ON, ORDER, TRIES
 
 Draw = Callable[[int], float]
 """The n-th number in [0, 1) that belongs to a ray and a hit."""
@@ -48,6 +50,8 @@ class Arrival(NamedTuple):
 
 def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
     """What goes on through the surface and what goes back, before anything is cut off; the rest is absorbed."""
+    if surface.grating is not None:
+        return _diffracted(surface.grating, ray, draw, counting)
     tilted = ray
     if surface.texture is not None and surface.texture.direction == "along":
         tilted = ray._replace(facing=_facet(surface.texture, ray, draw))
@@ -58,6 +62,8 @@ def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, co
         on, back = _coated(surface.coating, tilted, on, back)
     elif surface.coating is not None and _shut(surface.coating, tilted):
         on, back = on._replace(s=0.0, p=0.0), back._replace(s=ray.s, p=ray.p)
+    if surface.table is not None and not counting:
+        on, back = _tabulated(surface, tilted, on, back, interface.behaviour)
     away = (-ray.facing[0], -ray.facing[1])
     return _scattered(surface, on, away, draw, ON), _scattered(surface, back, ray.facing, draw, BACK)
 
@@ -107,6 +113,65 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
     rs, ts = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "s")
     rp, tp = film_powers(films, ray.cos, ray.n1, ray.n2, ray.wavelength_nm, "p")
     return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+
+
+def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
+    """Shares of a table of the side that the ray comes from; all goes back where Snell's law has no way on."""
+    shares = shares_of(surface, ray.from_right, ray.cos)
+    through = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
+    ts, tp = (shares.ts, shares.tp) if through is not None else (0.0, 0.0)
+    rs, rp = (shares.rs + shares.ts - ts, shares.rp + shares.tp - tp)
+    return on._replace(s=ts * ray.s, p=tp * ray.p), back._replace(s=rs * ray.s, p=rp * ray.p)
+
+
+class Shares(NamedTuple):
+    """Shares of power reflected and transmitted."""
+
+    rs: float
+    rp: float
+    ts: float
+    tp: float
+
+
+def shares_of(surface: Surface, from_right: bool, cos: float) -> Shares:
+    """Shares of a surface's table at an angle of incidence."""
+    table = surface.table_right if from_right and surface.table_right is not None else surface.table
+    if table is None:
+        raise AssertionError("a surface with shares has a table")
+    columns = np.array(table.rows).T
+    at_deg = math.degrees(math.acos(min(cos, 1.0)))
+    return Shares(*(float(np.interp(at_deg, columns[0], column)) for column in columns[1:]))
+
+
+def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
+    """All orders of a grating that propagate, with their powers."""
+    if ray.wavelength_nm is None:
+        raise AssertionError("a scene with gratings has wavelengths")
+    index = ray.n1 if grating.mirrored else ray.n2
+    ahead = (-ray.facing[0], -ray.facing[1])
+    right = right_of(ahead)
+    outwards = ray.facing if grating.mirrored else ahead
+    found = []
+    for order, share in grating.orders:
+        wave = ray.n1 * dot(ray.direction, right) + order * ray.wavelength_nm * 1e-6 * grating.lines_per_mm
+        sine = wave / index
+        if abs(sine) < 1.0 and share > 0.0:
+            cos = math.sqrt(1.0 - sine * sine)
+            direction = (sine * right[0] + cos * outwards[0], sine * right[1] + cos * outwards[1])
+            found.append(Part(direction, share * ray.s, share * ray.p))
+    return found
+
+
+def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
+    """One order with the power of all, drawn by their powers."""
+    nothing, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
+    if not orders:
+        return nothing, nothing
+    shares = np.array([part.s + part.p for part in orders])
+    chosen = int(np.searchsorted(np.cumsum(shares), draw(ORDER) * shares.sum(), side="right"))
+    whole = 1.0 if counting else float(shares.sum()) / (ray.s + ray.p)
+    part = orders[min(chosen, len(orders) - 1)]._replace(s=whole * ray.s, p=whole * ray.p)
+    return (nothing, part) if grating.mirrored else (part, nothing)
 
 
 def _shut(coating: Coating, ray: Arrival) -> bool:
@@ -187,6 +252,11 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
             if two >= _kept(scatter, off):
                 continue
             sine = smooth + scatter.shoulder * off
+        elif isinstance(scatter, ScatterTable):
+            off, density = _from_envelope(scatter, one)
+            if draw(purpose + KEEP + i) >= density:
+                continue
+            sine = smooth + (off if two < 0.5 else -off)
         else:
             sine = 2.0 * one - 1.0
         if abs(sine) < 1.0:
@@ -194,6 +264,16 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
             direction = (cos * normal[0] + sine * along[0], cos * normal[1] + sine * along[1])
             return part._replace(direction=direction)
     return part
+
+
+def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
+    """Offset below which so much of the profile's envelope of steps lies, and the density there over the envelope's."""
+    off, density = np.array(scatter.offset), np.array(scatter.density)
+    steps = np.maximum(density[1:], density[:-1])
+    below = np.concatenate([[0.0], np.cumsum(steps * np.diff(off))])
+    at = float(np.interp(share * below[-1], below, off))
+    cell = min(int(np.searchsorted(below, share * below[-1], side="right")) - 1, len(steps) - 1)
+    return at, float(np.interp(at, off, density)) / float(steps[cell])
 
 
 def _kept(scatter: HarveyShack, off: float) -> float:

@@ -19,16 +19,18 @@ from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus, right_of, unit
 from solen.scene import Interface, Scene
 from solen.scene.model import BEHAVIOURS
-from solen.scene.surface import Gaussian, Lambertian, Surface
+from solen.scene.surface import AngleTable, Gaussian, HarveyShack, Lambertian, Scatter, ScatterTable, Surface
 from solen.trace.grid import grid_of
 from solen.trace.kernel import rows
 
 WIDTH = len(rows.Oval._fields)
+LISTED = 5
 CORNER_RAD = 1e-6
 """A joint of two cubics that turns by less is smooth."""
 BOX_MARGIN_MM, BOX_MARGIN = 1e-6, 1e-6
 """What a box reaches beyond its curve: beyond anything that rounding does in either precision."""
 STRAIGHT = 1e-9
+SHARE_ROUNDING = 1e-9
 Row = tuple[float, ...]
 
 
@@ -70,9 +72,11 @@ class Tables(NamedTuple):
     wavelength: NDArray[np.floating[Any]]
     """(W,) nm; NaN where no source has a spectrum"""
     treatments: NDArray[np.floating[Any]]
-    """(T, 15) surfaces"""
+    """(T, 21) surfaces"""
     layers: NDArray[np.floating[Any]]
-    """(L, 3) films of all coatings: index, extinction, thickness in nm"""
+    """(L, 5) rows of films (index, extinction, thickness in nm), of tables (angle of incidence in rad, shares reflected
+    in s and p, transmitted in s and p), of gratings (order, share) and of profiles of scatter (offset, density,
+    cumulative envelopes in the plane and in space)"""
     monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
     bins: IntArray
@@ -126,7 +130,7 @@ def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> T
         anisotropy=np.array([[region.anisotropy for region in scene.regions] for _ in colours], dtype),
         wavelength=np.array([math.nan if nm is None else nm for nm in colours], dtype),
         treatments=np.array(treatments, dtype).reshape(-1, len(rows.Treatment._fields)),
-        layers=np.array(layers, dtype).reshape(-1, 3),
+        layers=np.array([row + (0.0,) * (LISTED - len(row)) for row in layers], dtype).reshape(-1, LISTED),
         monitor=np.array([_segment(monitor.segment) for monitor in scene.monitors], dtype).reshape(-1, 5),
         bins=bins,
         first_bin=np.cumsum(bins) - bins,
@@ -143,30 +147,68 @@ def _whole(numbers: Any) -> IntArray:
 
 
 def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
-    """By interface the row of its treatment or −1, those rows, and the films of all coatings."""
+    """By interface the row of its treatment or −1, those rows, and what they have more of: films, tables, orders."""
     which: list[int] = []
     found: list[rows.Treatment] = []
-    layers: list[Row] = []
+    more: list[Row] = []
     for interface in scene.interfaces:
         surface = interface.surface
         which.append(-1 if surface is None else len(found))
         if surface is not None:
-            found.append(_treatment(surface, len(layers)))
-            films = surface.coating.layers if surface.coating else ()
-            layers += [(film.index, film.extinction, film.thickness_nm) for film in films]
-    return which, found, layers
+            tables = (_table(surface.table), _table(surface.table_right))
+            lists = (_films(surface), *tables, _orders(surface), _profile(surface.scatter))
+            found.append(_treatment(surface, len(more), *map(len, lists)))
+            more += [row for rows_of in lists for row in rows_of]
+    return which, found, more
 
 
-def _treatment(surface: Surface, first_layer: int) -> rows.Treatment:
+def _films(surface: Surface) -> list[Row]:
+    films = surface.coating.layers if surface.coating else ()
+    return [(film.index, film.extinction, film.thickness_nm) for film in films]
+
+
+def _table(table: AngleTable | None) -> list[Row]:
+    return [] if table is None else [(math.radians(row[0]), *row[1:]) for row in table.rows]
+
+
+def _orders(surface: Surface) -> list[Row]:
+    """Orders of a grating; `DesignError` where they send out more than arrives, which no power could add up to."""
+    if surface.grating is None:
+        return []
+    total = math.fsum(share for _, share in surface.grating.orders)
+    if total > 1.0 + SHARE_ROUNDING:
+        limit = "its orders take at most all that arrives"
+        raise DesignError("grating orders", value=f"a sum of {total:.6g}", limit=limit, remedy="make the shares less")
+    return [(float(order), share) for order, share in surface.grating.orders]
+
+
+def _profile(scatter: Scatter | None) -> list[Row]:
+    """Rows of a tabulated profile, with the cumulative sums of what holds it, cell by cell, in plane and space."""
+    if not isinstance(scatter, ScatterTable):
+        return []
+    off, density = np.array(scatter.offset), np.array(scatter.density)
+    highest = np.maximum(density[1:], density[:-1])
+    flat, disc = (np.cumsum([0.0, *(highest * np.diff(off**power))]) for power in (1, 2))
+    return list(
+        zip(off.tolist(), density.tolist(), (flat / flat[-1]).tolist(), (disc / disc[-1]).tolist(), strict=True)
+    )
+
+
+def _treatment(
+    surface: Surface, first: int, films: int, left: int, right: int, orders: int, offs: int
+) -> rows.Treatment:
     low, high = sorted(surface.band_nm) if surface.band_nm else (-math.inf, math.inf)
-    scatter, texture = surface.scatter, surface.texture
-    kind, width, wing, share = rows.SMOOTH, 0.0, 0.0, 0.0
+    scatter, texture, grating = surface.scatter, surface.texture, surface.grating
+    kind, width, wing = rows.SMOOTH, 0.0, 0.0
     if isinstance(scatter, Lambertian):
-        kind, share = rows.LAMBERTIAN, scatter.share
+        kind = rows.LAMBERTIAN
     elif isinstance(scatter, Gaussian):
-        kind, width, share = rows.GAUSSIAN, scatter.sigma, scatter.share
+        kind, width = rows.GAUSSIAN, scatter.sigma
+    elif isinstance(scatter, HarveyShack):
+        kind, width, wing = rows.HARVEY_SHACK, scatter.shoulder, scatter.slope
     elif scatter is not None:
-        kind, width, wing, share = rows.HARVEY_SHACK, scatter.shoulder, scatter.slope, scatter.share
+        kind = rows.BY_TABLE
+    lines = 0.0 if grating is None else 1e-6 * grating.lines_per_mm
     return rows.Treatment(
         reflectance=surface.reflectance,
         transmitted=surface.transmitted,
@@ -178,11 +220,17 @@ def _treatment(surface: Surface, first_layer: int) -> rows.Treatment:
         scatter=float(kind),
         width=width,
         wing=wing,
-        share=share,
+        share=0.0 if scatter is None else scatter.share,
         tilt=texture.slope if texture else 0.0,
         across=float(texture is not None and texture.direction == "across"),
-        first_layer=float(first_layer),
-        layers=float(len(surface.coating.layers) if surface.coating else 0),
+        first_layer=float(first),
+        layers=float(films),
+        first_row=float(first + films),
+        rows=float(left + orders),
+        rows_right=float(right),
+        lines=-lines if grating is not None and grating.mirrored else lines,
+        first_off=float(first + films + left + right + orders),
+        offs=float(offs),
     )
 
 

@@ -18,10 +18,10 @@ from solen.trace.kernel.compiled import compiled
 Floats = NDArray[np.floating]
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
-REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS = range(len(BEHAVIOURS))
+REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS, GRATING = range(len(BEHAVIOURS))
 TREATED = 8
 """Added to the behaviour of an interface whose surface is more than smooth, clean and bare."""
-SMOOTH, LAMBERTIAN, GAUSSIAN, HARVEY_SHACK = range(4)
+SMOOTH, LAMBERTIAN, GAUSSIAN, HARVEY_SHACK, BY_TABLE = range(5)
 
 
 class Precision(NamedTuple):
@@ -160,13 +160,22 @@ class Treatment(NamedTuple):
     across: float  # 1 where its crests stand one above another along y
     first_layer: float
     layers: float
+    first_row: float  # shares by the angle of incidence from the left, or orders of a grating
+    rows: float
+    rows_right: float  # the same from the right, behind those
+    lines: float  # of a grating per nm, negative where it reflects; 0: none
+    first_off: float  # profile of scatter
+    offs: float
 
 
 @compiled
 def treatment_row(treatments: Floats, i: int) -> Treatment:
     """Row of a treated surface."""
     t = treatments[i]
-    return Treatment(t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14])
+    return Treatment(
+        t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14], t[15], t[16],
+        t[17], t[18], t[19], t[20],
+    )  # fmt: skip
 
 
 def as_in(sample: float, number: float) -> float:

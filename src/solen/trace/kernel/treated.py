@@ -1,4 +1,4 @@
-"""Surfaces that are more than smooth, clean and bare: grey mirrors, ideal elements, thin films, texture and scatter.
+"""Surfaces that are more than smooth, clean and bare: mirrors, ideal elements, films, tables, gratings, scatter.
 
 One function, `at_treated`, stands for `solen.trace.kernel.surface.at_surface` where an interface says that it is
 treated. What is drawn belongs to the ray's number, the hits it has had and the number of the draw.
@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import (
+    BY_TABLE,
     GAUSSIAN,
+    GRATING,
     HARVEY_SHACK,
     LENS,
     MIRROR,
@@ -26,10 +28,12 @@ from solen.trace.kernel.rows import (
 from solen.trace.kernel.surface import BRANCHES, COUNT, at_surface, chance_of
 from solen.trace.tables import Tables
 
-FREE_PATH, PHASE, FACET, ON, BACK = 1, 2, 1 << 10, 1 << 11, 1 << 12
+FREE_PATH, PHASE, ORDER, FACET, ON, BACK = 1, 2, 3, 1 << 10, 1 << 11, 1 << 12
 """Where each purpose begins to count its draws."""
 TRIES = 256
 """Draws that may be turned down before the smooth direction is taken instead."""
+KEEP = 2 * TRIES + 1
+"""Where a purpose begins to count the draws that decide whether others are turned down."""
 OPAQUE = 300.0
 """Imaginary phase of a film from which on nothing comes through that a number could hold."""
 
@@ -58,7 +62,7 @@ def acting(tables: Tables, c: int, colour: int) -> int:
 
 
 @called
-def at_treated(
+def at_treated(  # noqa: C901  one case for each kind of surface
     k: Precision,
     tables: Tables,
     splitting: int,
@@ -86,6 +90,8 @@ def at_treated(
     from_right = dx * nx + dz * nz > 0.0
     if from_right:
         nx, nz = -nx, -nz
+    if behaviour == GRATING:
+        return at_grating(k, tables, t, splitting, seed, colour, ray, hits, dx, dz, nx, nz, n1, n2, s, p)
     fx, fz = nx, nz
     if t.tilt > 0.0 and t.across == 0.0:
         fx, fz = facet(seed, ray, hits, t.tilt, dx, dz, nx, nz, n1, n2)
@@ -110,17 +116,66 @@ def at_treated(
             bx, bz = as_in(k.zero, ex - (cos + cos) * nx), as_in(k.zero, ez - (cos + cos) * nz)
     if t.layers > 0.0 and splitting == COUNT and shut(tables, t, colour, dx * fx + dz * fz, n1):
         on_s, on_p, back_s, back_p = k.zero, k.zero, s, p
-    if t.layers > 0.0 and splitting != COUNT:
-        cos_in = -(dx * fx + dz * fz)
-        found = film(tables, t, colour, from_right, cos_in, n1, n2)
+    if (t.layers > 0.0 or t.rows > 0.0) and splitting != COUNT:
+        cos_in, no_way_on = -(dx * fx + dz * fz), tx == k.zero and tz == k.zero
+        found = (
+            film(tables, t, colour, from_right, cos_in, n1, n2)
+            if t.layers > 0.0
+            else by_angle(tables, t, from_right, cos_in, no_way_on)
+        )
         on_s, on_p = as_in(k.zero, found.on_s * s), as_in(k.zero, found.on_p * p)
         back_s, back_p = as_in(k.zero, found.back_s * s), as_in(k.zero, found.back_p * p)
     if t.scatter != SMOOTH:
-        ex, ez = scattered(t, seed, ray, hits, ON, tx, tz, -nx, -nz)
+        ex, ez = scattered(tables, t, seed, ray, hits, ON, tx, tz, -nx, -nz)
         tx, tz = as_in(k.zero, ex), as_in(k.zero, ez)
-        ex, ez = scattered(t, seed, ray, hits, BACK, bx, bz, nx, nz)
+        ex, ez = scattered(tables, t, seed, ray, hits, BACK, bx, bz, nx, nz)
         bx, bz = as_in(k.zero, ex), as_in(k.zero, ez)
     return tx, tz, bx, bz, on_s, on_p, back_s, back_p
+
+
+@compiled
+def at_grating(
+    k: Precision,
+    tables: Tables,
+    t: Treatment,
+    splitting: int,
+    seed: int,
+    colour: int,
+    ray: int,
+    hits: int,
+    dx: float,
+    dz: float,
+    nx: float,
+    nz: float,
+    n1: float,
+    n2: float,
+    s: float,
+    p: float,
+) -> tuple[float, float, float, float, float, float, float, float]:
+    """As `at_treated`, at a grating whose normal faces the ray: one order, drawn by its share, has the power of all.
+
+    Positive orders lie to the right of the light's way.
+    """
+    after = n1 if t.lines < 0.0 else n2
+    sine, step = (dz * nx - dx * nz) * n1 / after, abs(t.lines) * tables.wavelength[colour] / after
+    total = 0.0
+    for i in range(int(t.rows)):
+        row = tables.layers[int(t.first_row) + i]
+        total += row[1] if abs(sine + row[0] * step) < 1.0 else 0.0
+    left, chosen = chance_of(seed, ray, hits, ORDER) * total, 0.0
+    for i in range(int(t.rows)):
+        row = tables.layers[int(t.first_row) + i]
+        if left >= 0.0 and row[1] > 0.0 and abs(sine + row[0] * step) < 1.0:
+            left, chosen = left - row[1], sine + row[0] * step
+    if splitting == COUNT and total > 0.0:
+        total = 1.0
+    cos = math.sqrt((1.0 - chosen) * (1.0 + chosen))
+    ax, az = as_in(k.zero, -chosen * nz), as_in(k.zero, chosen * nx)
+    outx, outz = as_in(k.zero, cos * nx), as_in(k.zero, cos * nz)
+    s, p = as_in(k.zero, total * s), as_in(k.zero, total * p)
+    if t.lines < 0.0:
+        return k.zero, k.zero, ax + outx, az + outz, k.zero, k.zero, s, p
+    return ax - outx, az - outz, k.zero, k.zero, s, p, k.zero, k.zero
 
 
 @compiled
@@ -169,7 +224,16 @@ def facet(
 
 @compiled
 def scattered(
-    t: Treatment, seed: int, ray: int, hits: int, purpose: int, dx: float, dz: float, nx: float, nz: float
+    tables: Tables,
+    t: Treatment,
+    seed: int,
+    ray: int,
+    hits: int,
+    purpose: int,
+    dx: float,
+    dz: float,
+    nx: float,
+    nz: float,
 ) -> tuple[float, float]:
     """Direction of a part that leaves on the side of the normal: as it was, or drawn from the profile about it."""
     if not chance_of(seed, ray, hits, purpose) < t.share:
@@ -185,10 +249,57 @@ def scattered(
             sine = smooth + t.width * far
             if not harvey_shack_kept(t.width, t.wing, far) > two:
                 continue
+        elif t.scatter == BY_TABLE:
+            far, kept = offset(tables, t, one, False)
+            if not kept > chance_of(seed, ray, hits, purpose + KEEP + i):
+                continue
+            sine = smooth + (far if two < 0.5 else -far)
         if abs(sine) < 1.0:
             cos = math.sqrt((1.0 - sine) * (1.0 + sine))
             return cos * nx - sine * nz, cos * nz + sine * nx
     return dx, dz
+
+
+@compiled
+def offset(tables: Tables, t: Treatment, share: float, in_space: bool) -> tuple[float, float]:
+    """Offset where a profile's envelope has so much below it, and the chance with which it stands for the profile."""
+    column, power = (3, 2.0) if in_space else (2, 1.0)
+    low, high = int(t.first_off), int(t.first_off + t.offs) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if tables.layers[middle, column] <= share:
+            low = middle
+        else:
+            high = middle
+    a, b = tables.layers[low], tables.layers[high]
+    part = min(max((share - a[column]) / max(b[column] - a[column], 1e-300), 0.0), 1.0)
+    off = (a[0] ** power + part * (b[0] ** power - a[0] ** power)) ** (1.0 / power)
+    density = a[1] + (b[1] - a[1]) * (off - a[0]) / (b[0] - a[0])
+    return off, density / max(a[1], b[1], 1e-300)
+
+
+@compiled
+def by_angle(tables: Tables, t: Treatment, from_right: bool, cos: float, shut: bool) -> Amplitudes:
+    """Shares of a table at an angle of incidence, linear between its rows; all goes back where no light can go on.
+
+    A table has no phases: fields keep theirs as at a perfect mirror and on the way through air.
+    """
+    low = int(t.first_row + t.rows) if from_right and t.rows_right > 0.0 else int(t.first_row)
+    high = low + int(t.rows_right if from_right and t.rows_right > 0.0 else t.rows) - 1
+    angle = math.acos(min(max(cos, 0.0), 1.0))
+    while high - low > 1:
+        middle = (low + high) // 2
+        if tables.layers[middle, 0] <= angle:
+            low = middle
+        else:
+            high = middle
+    a, b = tables.layers[low], tables.layers[high]
+    share = min(max((angle - a[0]) / (b[0] - a[0]), 0.0), 1.0)
+    back_s, back_p = a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+    on_s, on_p = a[3] + share * (b[3] - a[3]), a[4] + share * (b[4] - a[4])
+    if shut:
+        back_s, back_p, on_s, on_p = back_s + on_s, back_p + on_p, 0.0 * on_s, 0.0 * on_p
+    return Amplitudes(back_s, back_p, -math.sqrt(back_s * back_p), 0.0, on_s, on_p, math.sqrt(on_s * on_p), 0.0)
 
 
 @compiled

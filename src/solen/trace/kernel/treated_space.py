@@ -1,13 +1,14 @@
 """Treated surfaces in space: what `solen.trace.kernel.treated` does in the plane.
 
 Profiles of scatter are round in the disc of direction cosines, what is scattered is unpolarised, and a texture tilts
-the surface along the interface or along y. Ideal elements are of the plane alone.
+the surface along the interface or along y. Ideal elements and gratings are of the plane alone.
 """
 
 import math
 
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import (
+    BY_TABLE,
     GAUSSIAN,
     HARVEY_SHACK,
     MIRROR,
@@ -29,7 +30,19 @@ from solen.trace.kernel.space import (
     upright,
 )
 from solen.trace.kernel.surface import COUNT, chance_of
-from solen.trace.kernel.treated import BACK, FACET, ON, TRIES, Amplitudes, acting, film, shut
+from solen.trace.kernel.treated import (
+    BACK,
+    FACET,
+    KEEP,
+    ON,
+    TRIES,
+    Amplitudes,
+    acting,
+    by_angle,
+    film,
+    offset,
+    shut,
+)
 from solen.trace.tables import Tables
 
 
@@ -58,7 +71,10 @@ def treated_parts(
     f = facet(t, seed, ray, hits, d, n, n1, n2) if t.tilt > 0.0 else n
     counting = splitting == COUNT
     cos = -scalar(d, f)
-    if behaviour == MIRROR:
+    if t.rows > 0.0 and not counting:
+        no_way_on = behaviour == MIRROR or bare(n1, n2, n1 * cos).on_s == 0.0
+        a = by_angle(tables, t, from_right, cos, no_way_on)
+    elif behaviour == MIRROR:
         rho = 1.0 if counting else t.reflectance
         a = Amplitudes(rho, rho, -rho, 0.0, 0.0, 0.0, 0.0, 0.0)
     elif behaviour == SPLITTER:
@@ -80,10 +96,10 @@ def treated_parts(
     if t.scatter != SMOOTH:
         away = Vector(-n.x, -n.y, -n.z)
         if chance_of(seed, ray, hits, ON) < t.share:
-            on_d = scattered(t, seed, ray, hits, ON, on_d, away)
+            on_d = scattered(tables, t, seed, ray, hits, ON, on_d, away)
             on_e, on_light = upright(on_d), unpolarised(on_light)
         if chance_of(seed, ray, hits, BACK) < t.share:
-            back_d = scattered(t, seed, ray, hits, BACK, back_d, n)
+            back_d = scattered(tables, t, seed, ray, hits, BACK, back_d, n)
             back_e, back_light = upright(back_d), unpolarised(back_light)
     return Parts(on_d, back_d, found.s, on_light, back_light), on_e, back_e
 
@@ -112,7 +128,9 @@ def facet(t: Treatment, seed: int, ray: int, hits: int, d: Vector, n: Vector, n1
 
 
 @compiled
-def scattered(t: Treatment, seed: int, ray: int, hits: int, purpose: int, d: Vector, n: Vector) -> Vector:
+def scattered(
+    tables: Tables, t: Treatment, seed: int, ray: int, hits: int, purpose: int, d: Vector, n: Vector
+) -> Vector:
     """Direction drawn from the profile about the smooth one, on the side of the normal of a wall."""
     flat = d.x * -n.z + d.z * n.x
     for i in range(TRIES):
@@ -122,6 +140,10 @@ def scattered(t: Treatment, seed: int, ray: int, hits: int, purpose: int, d: Vec
             radius = t.width * math.sqrt(-2.0 * math.log(1.0 - one))
         elif t.scatter == HARVEY_SHACK:
             radius = t.width * harvey_shack_radius(t.width, t.wing, one)
+        elif t.scatter == BY_TABLE:
+            radius, kept = offset(tables, t, one, True)
+            if not kept > chance_of(seed, ray, hits, purpose + KEEP + i):
+                continue
         else:
             along, up = 0.0, 0.0
         along += radius * math.cos(2.0 * math.pi * two)
