@@ -122,6 +122,64 @@ def test_a_resin_file_holds_what_was_found_and_where_from(shell: Shell) -> None:
     assert tomllib.loads(text)["schema"] == 1
 
 
+def k_of(loss_dB_per_cm: float, nm: float) -> float:
+    """Extinction coefficient of a loss: 4πk/λ is the absorption, 10 lg e of which is the loss."""
+    return loss_dB_per_cm * math.log(10.0) / 10.0 / 1e7 * nm / (4.0 * math.pi)
+
+
+@pytest.mark.parametrize(("layer", "guide", "differ"), [(12.7, 1.8, True), (1.9, 1.8, False), (None, 1.8, False)])
+def test_a_layers_k_is_compared_with_the_cutback(layer: float | None, guide: float, differ: bool, shell: Shell) -> None:
+    nm = [850.0, 860.0, 870.0]
+    k = [None if layer is None else k_of(layer, one) for one in nm]
+    index = INDEX | {"wavelength_nm": nm, "k": k, "u_k": [k_of(1.0, one) for one in nm]}
+    index["interval95_k"] = [[0.0, k_of(20.0, one)] for one in nm]
+    per_mm = guide * math.log(10.0) / 100.0
+    cutback = CUTBACK | {"loss_dB_per_cm": guide, "absorption_per_mm": per_mm, "u_absorption_per_mm": 0.1 * per_mm}
+    for name, data in (("index", index), ("cutback", cutback)):
+        Path(f"{name}.json").write_text(json.dumps(data), encoding="utf-8")
+    found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
+    told = [text for text in found["warnings"] if "cut-back says 1.8 ± 0.2 dB/cm" in text]
+    assert bool(told) is differ
+    assert all("13 ± 1" in text for text in told)
+    assert load_resin("r.toml").loss.absorption_per_mm == pytest.approx(per_mm)
+
+
+def test_a_guide_that_loses_more_than_the_layer_allows_is_told(shell: Shell) -> None:
+    index = INDEX | {"wavelength_nm": [860.0], "n": [1.49], "u_n": [0.01], "k": [None], "u_k": [k_of(0.1, 860.0)]}
+    index |= {"interval95_k": [[0.0, k_of(0.2, 860.0)]], "fit": FORMULA}
+    Path("index.json").write_text(json.dumps(index), encoding="utf-8")
+    cutback = CUTBACK | {"u_absorption_per_mm": 0.001}
+    Path("cutback.json").write_text(json.dumps(cutback), encoding="utf-8")
+    found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
+    assert any("above what the layer's spectra allow, 0.2 dB/cm" in text for text in found["warnings"])
+
+
+FORMULA = {"kind": "cauchy", "A": 1.48, "B_um2": 0.005, "C_um4": 0.0, "covariance": [[1e-6, 0, 0], [0] * 3, [0] * 3]}
+
+
+@pytest.mark.parametrize(("n", "differ"), [(1.4945, False), (1.52, True)])
+def test_an_index_by_spectra_is_compared_with_the_refractometers(n: float, differ: bool, shell: Shell) -> None:
+    Path("index.json").write_text(json.dumps(INDEX | {"fit": FORMULA}), encoding="utf-8")
+    shell.lines("resin", "refractometer", str(n), "--u", "0.0002", "--out", "refractometer.json")
+    both = ("--index", "index.json", "--refractometer", "refractometer.json")
+    found = shell.json("resin", "build", "r.toml", *WHO, *both)
+    assert any("by the refractometer" in text for text in found["warnings"]) is differ
+    assert load_resin("r.toml").index.mode == "measured"
+    shell.lines("resin", "build", "s.toml", *WHO, *both[2:])
+    assert load_resin("s.toml").index.mode == "refractometer"
+
+
+@pytest.mark.parametrize(("absorbance", "differ"), [(0.223, False), (0.35, True)])
+def test_a_working_curve_is_compared_with_an_absorbance(absorbance: float, differ: bool, shell: Shell) -> None:
+    rows = "".join(f"{nm},{absorbance}\n" for nm in range(380, 431, 5))
+    Path("liquid.csv").write_text(f"wavelength_nm,absorbance\n{rows}", encoding="utf-8")
+    shell.lines("resin", "penetration", "liquid.csv", "--path-um", "93", "--led-nm", "405", "--out", "liquid.json")
+    line = shell.refused("resin", "build", "r.toml", *WHO, "--penetration", "liquid.json")
+    assert "--cure" in line
+    found = shell.json("resin", "build", "r.toml", *WHO, "--cure", "cure.json", "--penetration", "liquid.json")
+    assert any("Dp is 181 µm" in text for text in found["warnings"]) is differ
+
+
 def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
     shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
     line = shell.refused("resin", "build", "r.toml", *WHO, "--cure", "cure.json")
@@ -158,7 +216,11 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (list, "solen resin build; has nothing to write; add --index, --cutback, --cure, --stiffness or --formulation"),
+        (
+            list,
+            "solen resin build; has nothing to write; add --index, --cutback, --cure, --stiffness, --refractometer or "
+            "--formulation",
+        ),
         (lambda: ["--index", "cure.json"], "cure.json: kind = 'cure'; --index takes index or refractometer; it is for"),
         (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; it is for"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),

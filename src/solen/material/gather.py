@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
+from solen.material.cross_checks import Row, index_apart, loss_apart, penetration_apart
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.mix import named_number
 from solen.material.resin import Cure, Interval, Loss, LossOf, Part, Resin, Source, Stiffness
@@ -114,6 +115,9 @@ class IndexResult(_Result):
     wavelength_nm: tuple[Positive, ...] = ()
     n: tuple[Number | None, ...] = ()
     u_n: tuple[NotNegative | None, ...] = ()
+    k: tuple[Number | None, ...] = ()
+    u_k: tuple[NotNegative | None, ...] = ()
+    interval95_k: tuple[tuple[Number | None, Number | None], ...] = ()
     fit: dict[str, Any] | None = None
 
     @model_validator(mode="after")
@@ -134,6 +138,12 @@ class IndexResult(_Result):
         kind = KINDS[self.fit["kind"]]
         kept = {key: value for key, value in formula.items() if key in kind.model_fields and value is not None}
         return kind(**kept | {"kind": self.fit["kind"], "mode": self.mode, "warnings": self.remarks})
+
+    @property
+    def extinction(self) -> list[Row]:
+        """K with its uncertainty and upper bound along the wavelengths; empty of a refractometer."""
+        upper = [high for _, high in self.interval95_k]
+        return list(zip(self.wavelength_nm, self.k, self.u_k, upper, strict=False))
 
     def _tabulated(self) -> Tabulated:
         rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
@@ -291,6 +301,20 @@ class CureResult(_Result, Cure):
         return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
 
 
+class PenetrationResult(_Result):
+    """Of `solen resin penetration`: what a working curve is compared with."""
+
+    kinds: ClassVar[tuple[str, ...]] = ("penetration",)
+    of: ClassVar[str] = "penetration"
+
+    Dp_um: Positive | None = None
+    between_Dp_um: Positive | None = None
+    u_Dp_um: NotNegative | None = None
+
+    def as_table(self, selection: Selection = _EVERYTHING) -> None:
+        """Nothing: a resin keeps the working curve's."""
+
+
 class _Model(_Result):
     """Hyperelastic model of a material."""
 
@@ -356,12 +380,14 @@ class StiffnessResult(_Modulus):
         return groups[label]
 
 
-Reader = IndexResult | CutbackResult | CureResult | StiffnessResult
+Reader = IndexResult | CutbackResult | CureResult | StiffnessResult | PenetrationResult
 READERS: dict[str, type[Reader]] = {
     "index": IndexResult,
     "cutback": CutbackResult,
     "cure": CureResult,
     "stiffness": StiffnessResult,
+    "refractometer": IndexResult,
+    "penetration": PenetrationResult,
 }
 """Results by the option of `solen resin build` that names their file."""
 _NEEDS = {
@@ -391,17 +417,24 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
         if (value := getattr(options, name)) and option not in results:
             raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add that")
     if not (results or options.formulation):
-        remedy = f"add {', '.join(f'--{option}' for option in READERS)} or --formulation"
+        remedy = f"add {', '.join(f'--{option}' for option in READERS if option != 'penetration')} or --formulation"
         raise SpecError("solen resin build", limit="has nothing to write", remedy=remedy)
+    if "penetration" in results and "cure" not in results:
+        raise SpecError("--penetration", limit="is compared with a working curve", remedy="add --cure")
     tables: dict[str, Any] = {"name": options.name}
     tables |= {key: text for key, text in (("source", options.source), ("notes", options.note)) if text}
     sources: list[Source] = []
+    found: dict[str, Reader] = {}
     for option, path in results.items():
         text = read_text(path, DataError)
         with told_of(str(path)):
-            result = result_of(text, option)
-            tables[result.of] = result.as_table(options)
+            result = found[option] = result_of(text, option)
+            table = result.as_table(options)
+        if table is not None:
+            tables.setdefault(result.of, table)
         sources += result.found_from(options)
+    for key, notes in _differences(found, tables).items():
+        tables[key] = tables[key].model_copy(update={"warnings": (*notes, *tables[key].warnings)})
     if options.formulation:
         parts = [named_number(part, "--formulation") for part in options.formulation.split(",")]
         with told_of("--formulation"):
@@ -409,6 +442,20 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     if sources:
         tables["sources"] = tuple(sources)
     return Resin(**tables)
+
+
+def _differences(found: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[str]]:
+    """By table of the resin, where results by two ways differ."""
+    notes: dict[str, list[str]] = {}
+    layer, other, liquid = (found.get(option) for option in ("index", "refractometer", "penetration"))
+    if isinstance(layer, IndexResult) and "loss" in tables:
+        notes["loss"] = loss_apart(layer.extinction, tables["loss"])
+    if isinstance(layer, IndexResult) and isinstance(other, IndexResult):
+        notes["index"] = index_apart(tables["index"], other.as_table(), layer.wavelength_nm)
+    depth = (liquid.between_Dp_um or liquid.Dp_um) if isinstance(liquid, PenetrationResult) else None
+    if isinstance(liquid, PenetrationResult) and depth is not None:
+        notes["cure"] = penetration_apart(tables["cure"], depth, liquid.u_Dp_um)
+    return notes
 
 
 def result_of(text: str, option: str) -> Reader:

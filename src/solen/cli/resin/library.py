@@ -23,6 +23,8 @@ def build(
     cutback: Path | None = None,
     cure: Path | None = None,
     stiffness: Path | None = None,
+    refractometer: Path | None = None,
+    penetration: Path | None = None,
     force: bool = False,
 ) -> Outcome[ResinFacts]:
     """Write a resin file from the results of other commands, written with --out.
@@ -33,6 +35,10 @@ def build(
         The resin file, a .toml.
     index
         Result of solen resin index or solen resin refractometer.
+    refractometer
+        Result of solen resin refractometer, which the index is compared with.
+    penetration
+        Result of solen resin penetration, which the working curve is compared with.
     cutback
         Result of solen resin cutback.
     cure
@@ -45,6 +51,7 @@ def build(
     from solen.pipeline.resin import library as pipeline
 
     given = {"index": index, "cutback": cutback, "cure": cure, "stiffness": stiffness}
+    given |= {"refractometer": refractometer, "penetration": penetration}
     results = {option: path for option, path in given.items() if path is not None}
     return pipeline.build(out, results, options, force=force)
 

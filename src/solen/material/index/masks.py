@@ -54,7 +54,7 @@ class Why(IntEnum):
     AMBIGUOUS = 7, "two indices fit as well, as happens inside strong absorption bands"
     NO_REFLECTION = 8, "T is not below 1: no reflection is left for an index"
     NEGATIVE = 9, "not resolved: R + T exceeds 1, within its uncertainty"
-    SMALL = 10, "not resolved: k is below its own uncertainty"
+    SMALL = 10, "not resolved: k is below three of its standard uncertainties"
     DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has a lower bound only"
     ASSUMED = 12, "not measured: this route assumes k = 0"
     PUBLISHED = 13, "no measurement: R was made of T alone"
@@ -103,10 +103,22 @@ def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArra
         tests = {
             Why.DARK: transmittance <= u_t.bound(THREE_SIGMAS),
             Why.NEGATIVE: k < 0.0,
-            Why.SMALL: k <= u_k.u,
+            Why.SMALL: unresolved(k, u_k),
         }
     lost = (no_n != Why.FINE) & (no_n != Why.AMBIGUOUS)
     return np.where(lost, no_n, first(tests)).astype(np.int8)
+
+
+def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
+    """Where k may be 0: below three standard uncertainties, or above at no more points than chance puts there.
+
+    Where no uncertainty is known, k is not judged by it.
+    """
+    with np.errstate(invalid="ignore"):
+        small = k <= u_k.bound(THREE_SIGMAS)
+        if np.sum(k > u_k.bound(THREE_SIGMAS)) <= _by_chance(k):
+            small = k <= u_k.bound(_surer(k))
+    return np.asarray(small)
 
 
 def first(tests: dict[Why, BoolArray]) -> Codes:
@@ -137,11 +149,18 @@ def counted(name: str, why: Codes, beside: Codes | None = None) -> list[str]:
 
 def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:
     """Where R + T exceeds 1 by more than its uncertainty explains."""
-    points = max(int(np.isfinite(excess).sum()), 1)
     beyond = _exceeds(excess, u_sum, THREE_SIGMAS)
-    if beyond.sum() > np.ceil(pdtrik(0.999, points * 0.5 * (1.0 - THREE_SIGMAS))):
-        return beyond
-    return _exceeds(excess, u_sum, max(THREE_SIGMAS, 1.0 - 0.02 / points))
+    return beyond if beyond.sum() > _by_chance(excess) else _exceeds(excess, u_sum, _surer(excess))
+
+
+def _by_chance(values: FloatArray) -> int:
+    """How many points of a spectrum noise puts beyond three standard uncertainties, but in one of a thousand."""
+    return int(np.ceil(pdtrik(0.999, max(int(np.isfinite(values).sum()), 1) * 0.5 * (1.0 - THREE_SIGMAS))))
+
+
+def _surer(values: FloatArray) -> float:
+    """Level that noise crosses once in a hundred spectra, three standard uncertainties at least."""
+    return max(THREE_SIGMAS, 1.0 - 0.02 / max(int(np.isfinite(values).sum()), 1))
 
 
 def _exceeds(excess: FloatArray, u_sum: Combined, level: float) -> BoolArray:

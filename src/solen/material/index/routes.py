@@ -31,7 +31,7 @@ from solen.material.index import masks
 from solen.material.index.inversion import Inverse, Slopes, invert, slopes
 from solen.material.index.literature import band
 from solen.material.index.masks import THREE_SIGMAS, UNRESOLVED, Codes, Why, counted, first
-from solen.material.index.reading import Combined, Length, Reading, Share, combined
+from solen.material.index.reading import Combined, Length, Reading, Share, combined, student
 from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
 from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
@@ -248,7 +248,13 @@ def _in_air(
         reflectance=r,
         transmittance=t,
         thickness=thickness,
-        warnings=(*_unstated(read), *remarks, *counted("n", no_n), *counted("k", no_k, no_n)),
+        warnings=(
+            *_unstated(read),
+            *remarks,
+            *_too_bright(found.k, u.k),
+            *counted("n", no_n),
+            *counted("k", no_k, no_n),
+        ),
     )
 
 
@@ -294,7 +300,7 @@ def _measured_on_substrate(
         reflectance=r,
         transmittance=t,
         thickness=thickness,
-        warnings=(*head, *counted("n", no_n), *counted("k", no_k, no_n)),
+        warnings=(*head, *_too_bright(found.k, u.k), *counted("n", no_n), *counted("k", no_k, no_n)),
     )
 
 
@@ -347,9 +353,28 @@ def _bright(found: FloatArray, k: Combined) -> BoolArray:
         return np.asarray(found < -k.bound(THREE_SIGMAS) - _ROUNDING)
 
 
+def _too_bright(found: FloatArray, k: Combined) -> list[str]:
+    """What all k together say where their weighted mean is below 0 by more than its own uncertainty explains."""
+    with np.errstate(all="ignore"):
+        weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
+    seen = np.isfinite(found) & np.isfinite(weight)
+    if not seen.any():
+        return []
+    share = weight[seen] / weight[seen].sum()
+    mean = float(share @ found[seen])
+    u = float(np.sqrt(share**2 @ k.random[seen] ** 2 + ((k.parts[:, seen] @ share) ** 2).sum()))
+    freedom = float(np.min(k.freedom[seen]))
+    if not mean < -u * float(student(THREE_SIGMAS, freedom)) - _ROUNDING:
+        return []
+    return [
+        f"all wavelengths together say k = {mean:.1e} ± {u:.1e}, below 0: no layer gives light back, so a 100 % "
+        "reading, a baseline or the substrate's index is wrong, and n with it"
+    ]
+
+
 def _why_no_k(no_n: Codes, found: FloatArray, k: Combined) -> Codes:
     with np.errstate(invalid="ignore"):
-        tests = {Why.BELOW: found < 0.0, Why.SMALL: found <= k.u}
+        tests = {Why.BELOW: found < 0.0, Why.SMALL: masks.unresolved(found, k)}
     return np.where(no_n != Why.FINE, no_n, first(tests)).astype(np.int8)
 
 
