@@ -112,8 +112,8 @@ def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
     found = guide_loss(read(write(tmp_path / "volts.csv", "\n".join(text) + "\n")), CutbackOptions(dark=4.9))
     assert (found.power_unit, found.dark, found.falls_with_light) == ("V", 4.9, True)
     assert 1.3 < found.loss_dB_per_cm < 2.1
-    without = guide_loss(read(tmp_path / "volts.csv"))
-    assert any("voltages without a dark reading" in told for told in without.warnings)
+    with pytest.raises(DataError, match="--dark"):
+        guide_loss(read(tmp_path / "volts.csv"))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Mistakes of a first table: swapped columns, wrong units, numbers that no print has."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,10 @@ import pytest
 
 from solen.errors import DataError, SpecError
 from solen.material.cure import CureOptions, curve_of_discs
-from solen.material.loss import guide_loss
+from solen.material.index.layer import index_of_layer
+from solen.material.index.options import IndexOptions
+from solen.material.index.stack import forward
+from solen.material.loss import CutbackOptions, guide_loss
 from solen.pipeline.resin.exposures import exposures
 from solen.recording import read
 
@@ -28,9 +32,58 @@ def discs(path: Path, unit_um: float = 1.0) -> Path:
 
 def test_thicknesses_in_mm_under_a_header_in_um_are_warned_of(tmp_path: Path) -> None:
     wrong = curve_of_discs(read(discs(tmp_path / "wrong.csv", unit_um=1000.0)))
-    assert any("check the unit of the thickness" in one for one in wrong.warnings)
     right = curve_of_discs(read(discs(tmp_path / "right.csv")))
-    assert not any("check the unit" in one for one in right.warnings)
+    assert f"mm under a header in µm: Dp would be {right.Dp_um:.3g} µm" in wrong.warnings[0]
+    assert not any("header" in one for one in right.warnings)
+
+
+def guides(path: Path, header: str, reading: Callable[[float], float], scale: float = 1.0) -> Path:
+    """Noisy guides of 1.3 dB/cm, read in some way."""
+    rng = np.random.default_rng(6)
+    rows = [f"{mm * scale},{reading(10 ** (-0.013 * mm) * rng.normal(1, 0.01)):.5f}" for mm in (10, 20, 30, 40, 50, 60)]
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def test_lengths_in_mm_under_a_header_in_um_are_guessed_first(tmp_path: Path) -> None:
+    found = guide_loss(read(guides(tmp_path / "a.csv", "length_um,power_mW", lambda power: power)))
+    assert "look like mm under a header in µm: the loss would be 1.3" in found.warnings[0]
+
+
+def test_voltages_that_fall_with_light_are_refused_until_the_dark_one_is_stated(tmp_path: Path) -> None:
+    file = guides(tmp_path / "a.csv", "length_mm,voltage_V", lambda power: 5.0 - 4.0 * power)
+    with pytest.raises(DataError, match=r"light lowers them.*--dark X, 4.\d+ V or above"):
+        guide_loss(read(file))
+    assert guide_loss(read(file), CutbackOptions(dark=5.0)).loss_dB_per_cm == pytest.approx(1.3, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("header", "names", "scale", "told"),
+    [
+        ("wavelength_nm,T,R", "TR", 1.0, ""),
+        ("wavelength_nm,T,R", "RT", 1.0, "look exchanged: as named they say .*, exchanged 1.49"),
+        ("wavelength_nm,T (%),R (%)", "RT", 100.0, "look exchanged"),
+        ("wavelength_nm,T (%),R (%)", "TR", 1.0, "fractions under a header in %: .* as fractions 1.49"),
+        ("wavelength_nm,T (%)", "T", 1.0, "fractions under a header in %: .* as fractions 1.49"),
+        ("wavelength_nm,T (%)", "T", 100.0, ""),
+    ],
+)
+def test_spectra_that_make_sense_only_otherwise_are_refused(
+    header: str, names: str, scale: float, told: str, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(1)
+    rows = []
+    for nm in range(500, 900, 10):
+        r, t = (float(one) * scale * rng.normal(1.0, 1e-3) for one in forward(1.49, 1e-6, 25.0, nm))
+        rows.append(",".join([str(nm), *(f"{t if name == 'T' else r:.6f}" for name in names)]))
+    file = tmp_path / "a.csv"
+    file.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+    options = IndexOptions(thickness_um=25.0, baseline="air")
+    if told:
+        with pytest.raises(DataError, match=told):
+            index_of_layer(read(file), options)
+    else:
+        assert np.nanmedian(index_of_layer(read(file), options).n) == pytest.approx(1.49, abs=5e-3)
 
 
 def test_swapped_columns_of_a_cut_back_are_warned_of(tmp_path: Path) -> None:

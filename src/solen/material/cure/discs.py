@@ -193,11 +193,11 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         stack=None if exposure is None else _stack(curve.Dp_um, options),
         sources=(recording.provenance,),
         warnings=(
+            *_unusual(curve),
             *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in table.columns),
             *beside,
             *table.warnings,
             *cautions(curve),
-            *_unusual(curve),
             *_outside(curve, options.layer_um, exposure),
         ),
     )
@@ -326,6 +326,12 @@ def _unusual(curve: WorkingCurve) -> list[str]:
     low, high = USUAL_DP_UM
     if low <= curve.Dp_um <= high:
         return []
+    for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
+        if low <= factor_ * curve.Dp_um <= high:
+            return [
+                f"the thicknesses look like {what}: Dp would be {factor_ * curve.Dp_um:.3g} µm instead of "
+                f"{curve.Dp_um:.3g} µm, which no printable resin has; correct the header"
+            ]
     return [
         f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
         "thickness in the table's header"

@@ -20,6 +20,7 @@ from solen.material.index.formula import formula_through, smoothed_scatter
 from solen.material.index.fringes import fringe_warnings
 from solen.material.index.illuminant import Evaluated, formula_in, index_in, lines, named_light
 from solen.material.index.literature import Band, band, check_dispersion, check_index
+from solen.material.index.mixups import refuse_mixups
 from solen.material.index.options import IndexOptions
 from solen.material.index.reading import Reading, reading
 from solen.material.index.routes import BASES, is_absorbance, lossless_index
@@ -137,6 +138,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     recording = chosen_rows(recording, options)
     beside = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, chosen)
+    refuse_mixups(spectra.rows, spectra.names)
     spectrum = _routed(spectra, options)
     bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
     fit, fit_warnings = formula_through(spectrum, options.fit, options.terms)

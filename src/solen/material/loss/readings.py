@@ -34,7 +34,9 @@ ORIENTATIONS = (
 )
 USUAL_DB_PER_CM = 50.0
 """Beyond it a centimetre passes 1e-5: no guide."""
+UM_PER_MM = 1e3
 _LINEAR = ("W", "V", "A")
+_VOLTS = ("V", "mV")
 _SHARES = {1.0: "1", 0.01: "%"}
 
 
@@ -96,6 +98,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     loss = cut_back(
         rows.length_mm, rows.level_dB, rows.guide, rows.orientation, keep_all=options.keep_all, launched_dB=launched_dB
     )
+    _refuse_rising(loss, rows, options.dark)
     return replace(
         loss,
         wavelength_nm=options.wavelength_nm or stated_once(recording, WAVELENGTHS, "nm"),
@@ -104,12 +107,12 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
         falls_with_light=pulls_down(rows.values, rows.unit, options.dark),
         sources=(recording.provenance,),
         warnings=(
+            *_unusual(loss, recording.need(*LENGTHS).unit),
             *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in rows.columns),
             *beside,
             *rows.warnings,
             *_launch_unknown(launched_dB),
             *loss.warnings,
-            *_unusual(loss),
         ),
     )
 
@@ -135,7 +138,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         )
     elif len(set(guide)) == 1 and len(guide) > 1:
         warnings.append(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
-    if unit in {"V", "mV"} and dark is None:
+    if unit in _VOLTS and dark is None:
         warnings.append("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
     columns = (lengths.name, channel.name, *of_guide, *of_way)
     return Readings(
@@ -182,10 +185,26 @@ def _launch_unknown(launched_dB: float | None) -> list[str]:
     ]
 
 
-def _unusual(loss: GuideLoss) -> list[str]:
+def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
+    """Raise where voltages rise with the length for certain, as those of a receiver do that light pulls down."""
+    if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
+        limit = "rise with the guide's length: light lowers them, as at a phototransistor that pulls its output down"
+        top = f"{float(np.max(rows.values)):.3g} {rows.unit} or above"
+        remedy = f"state the reading without light, --dark X, {top}; or check which column is the length"
+        raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
+
+
+def _unusual(loss: GuideLoss, length_unit: str) -> list[str]:
     """Warning of what swapped columns or a wrong unit of length look like."""
     if loss.loss_dB_per_cm <= USUAL_DB_PER_CM:
         return []
+    _, longest = loss.lengths_mm
+    in_mm = loss.loss_dB_per_cm / UM_PER_MM
+    if factor(length_unit, "um") == 1.0 and in_mm <= USUAL_DB_PER_CM:
+        return [
+            f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would be "
+            f"{in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; correct the header"
+        ]
     return [
         f"{loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
         "check which column is the length, and its unit"

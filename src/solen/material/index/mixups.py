@@ -1,0 +1,71 @@
+"""What a person mixes up in a table of spectra, by what the numbers would be if it were so.
+
+The idea: R and T under each other's names, or fractions under a header in %, give indices that no layer has, or none at
+all; exchanged, or taken as they are, they give one that layers do have. Then that is what happened, and it is said in
+place of the impossible number.
+
+The interface: `refuse_mixups` of spectra.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.index.inversion import invert
+
+_LAYERS = (1.2, 2.5)  # indices of what is printed, and of much else
+_IMPOSSIBLE = 5.0  # an index above that of silicon
+_FRACTION = 0.0105  # of T as 1.05 %: a fraction of 1 with noise
+
+
+def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:
+    """Raise where T and R make sense only under each other's names, or only as percentages that are fractions.
+
+    Parameters
+    ----------
+    rows, names
+        Spectra as fractions, and their names, as of `solen.recording.optical.OpticalSpectra`.
+
+    Raises
+    ------
+    DataError
+        With the index as it is and as it would be.
+    """
+    if "T" not in rows:
+        return
+    t = rows["T"].mean(axis=0)
+    r = rows["R"].mean(axis=0) if "R" in rows else 1.0 - t
+    stated = _index(r, t)
+    if _LAYERS[0] < stated < _IMPOSSIBLE:
+        return
+    traces = " and ".join(name for kind in ("T", "R") for name in names.get(kind, ()))
+    if np.nanmax(t, initial=0.0) <= _FRACTION and _is_layer(
+        other := _index(100.0 * r if "R" in rows else 1.0 - 100.0 * t, 100.0 * t)
+    ):
+        raise DataError(
+            f"traces {traces}",
+            limit=f"look like fractions under a header in %: as % they say {_said(stated)}, as fractions {other:.2f}",
+            remedy="take the % out of the header",
+        )
+    if "R" in rows and _is_layer(other := _index(t, r)):
+        raise DataError(
+            f"traces {traces}",
+            limit=f"look exchanged: as named they say {_said(stated)}, exchanged {other:.2f}",
+            remedy="exchange the two names",
+        )
+
+
+def _index(r: FloatArray, t: FloatArray) -> float:
+    """Index in the middle of a spectrum; NaN where there is none. Neither thickness nor wavelength change it."""
+    n = invert(r, t, 25.0, 600.0).n
+    return float(np.nanmedian(n)) if np.isfinite(n).any() else np.nan
+
+
+def _is_layer(n: float) -> bool:
+    return _LAYERS[0] < n < _LAYERS[1]
+
+
+def _said(n: float) -> str:
+    return "no index" if np.isnan(n) else f"n = {n:.3g}"
