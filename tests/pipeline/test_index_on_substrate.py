@@ -47,7 +47,9 @@ def test_a_layer_measured_against_its_bare_substrate(tmp_path: Path) -> None:
     result = found(tmp_path, {"T": t, "R": r}, **ON_PET, u_T="0.05%", u_R="0.05%")
     assert (result["mode"], result["baseline"]) == ("measured", "substrate")
     assert result["n"] == pytest.approx(N.tolist(), abs=1e-9)
-    assert result["k"] == pytest.approx([5e-5] * NM.size, abs=1e-12)
+    resolved = [k for k in result["k"] if k is not None]  # towards long wavelengths it is below three uncertainties
+    assert resolved == pytest.approx([5e-5] * len(resolved), abs=1e-12)
+    assert 20 < len(resolved) < 40
     assert result["u_n"][0] > 1.0 * 0.04
     assert warned(result, "most of u(n) = 0.04")
     assert warned(result, "0.01 in the substrate's index")
