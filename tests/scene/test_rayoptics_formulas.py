@@ -27,6 +27,7 @@ X = 0.37
         (r"\sin^2 x + \cos^{2} x", 1.0),
         ("sin^2(x)+cos^2(x)", 1.0),
         (r"\arctan\left(x\right)", math.atan(X)),
+        ("atan2(x, -2)", math.atan2(X, -2.0)),
         ("(1-x)^3*2+3*(1-x)^2*x", (1 - X) ** 3 * 2 + 3 * (1 - X) ** 2 * X),
         ("2x^2 - 3 x + 1", 2 * X**2 - 3 * X + 1),
         ("2(x+1)(x-1)", 2 * (X + 1) * (X - 1)),
@@ -51,7 +52,7 @@ def test_values(text: str, value: float) -> None:
 def test_every_function_has_a_value_somewhere() -> None:
     for name in FUNCTIONS:
         argument = 1.5 if name in ("acosh", "sec") else 0.5
-        arguments = "x, x" if name in ("max", "min") else "x"
+        arguments = "x, x" if name in ("max", "min", "atan2") else "x"
         assert math.isfinite(parse(f"{name}({arguments})", ["x"])(x=argument)), name
 
 
@@ -73,6 +74,7 @@ def test_where_there_is_no_value_there_is_none(text: str) -> None:
         ("x)", "cannot stand here"),
         ("sin()", "must be a number, a name or a bracket"),
         ("sin(x, x)", "sin takes one argument, not 2"),
+        ("atan2(x)", "atan2 takes two arguments, not 1"),
         ("max(x)", "max takes two arguments or more, not 1"),
         ("x+", "must be a number"),
         ("", "must be a number"),

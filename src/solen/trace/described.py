@@ -5,7 +5,8 @@ The interface: `open_scene` reads solen's JSON or that of ray-optics; `trace_sce
 """
 
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,6 +78,8 @@ class SceneTrace(Trace):
         What of a scene of ray-optics was left out.
     branches
         Paths of all rays, where they were asked for.
+    warnings
+        What makes the readings other than they look.
     """
 
     name: str
@@ -88,6 +91,7 @@ class SceneTrace(Trace):
     faces: dict[str, tuple[str, ...]]
     not_understood: tuple[rayoptics.NotUnderstood, ...] = ()
     branches: tuple[Branch, ...] | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,20 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
         faces=face_names(scene),
         not_understood=() if imported is None else tuple(imported.not_understood),
         branches=branches(trace, scene) if paths else None,
+        warnings=tuple(_brighter(scene)),
     )
+
+
+def _brighter(scene: Scene) -> Iterator[str]:
+    """Gratings that send out more than arrives, as ray-optics allows."""
+    for interface in scene.interfaces:
+        ruled = None if interface.surface is None else interface.surface.grating
+        total = math.fsum(share for _, share in ruled.orders) if ruled else 0.0
+        if total > 1.0:
+            yield (
+                f"{interface.name}: its orders add up to {total:.6g} times the light that arrives, as the file states; "
+                "the light added is taken from the ledger's truncated"
+            )
 
 
 def face_names(scene: Scene) -> dict[str, tuple[str, ...]]:

@@ -2,10 +2,10 @@
 
 The plain tracers follow one ray to its end and all its parts to the stated weight. Here, all rays are in one list; in a
 round each of them in turn meets the next thing on its way, a detector too, and a part that is split off is added at the
-end of the list, where its turn comes in the same round. A part that is split off with no more than the power ``weak``
-is dropped, but where rays follow one another onto one object, the part of every k-th place of the list goes on with k
-times its power, k being the least number that makes it more than `WEAK`. So what a monitor reads keeps its mean, with
-few rays, and is the same in both programs, ray by ray.
+end of the list, where its turn comes in the same round; all orders of a grating are. A part that is split off with no
+more than the power ``weak`` is dropped, but where rays follow one another onto one object, the part of every k-th place
+of the list goes on with k times its power, k being the least number that makes it more than `WEAK`. So what a monitor
+reads keeps its mean, with few rays, and is the same in both programs, ray by ray.
 
 This is slow, plain Python on the reference tracer; what is dropped counts as truncated, and what is added is taken from
 that again, so that the ledger is whole.
@@ -18,10 +18,11 @@ from dataclasses import dataclass, replace
 from solen.curve import check_count, check_range
 from solen.errors import DesignError
 from solen.plane import Point
-from solen.scene import Interface, Scene
+from solen.scene import Interface, Scene, Surface
 from solen.scene.rayoptics import Facets
 from solen.trace.reference import Ray, Tracer, launched
-from solen.trace.result import TRUNCATED, Limits, Trace
+from solen.trace.reference_surfaces import Arrival, orders_of
+from solen.trace.result import ABSORBED, TRUNCATED, Limits, Trace
 
 WEAK = 0.01
 """Power that makes a part worth following: of k weak parts the one that goes on has more."""
@@ -125,7 +126,7 @@ class _InTurns(Tracer):
         ray = self._step(place.ray, waiting)
         while ray is not None and ray.hits == place.ray.hits and not waiting:  # only past the end of a curve
             ray = self._step(ray, waiting)
-        self.places += [_Place(part, place.alone and not _transmitted(part), [], place.met) for part in waiting]
+        self.places += [_Place(part, _stands_alone(part, place), [], place.met) for part in waiting]
         if ray is None:
             self.places[self.turn] = None
         elif ray.power > self.turns.weakest:
@@ -141,6 +142,28 @@ class _InTurns(Tracer):
     def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:
         curve = interface.curve
         return curve.normal_met(at, direction) if isinstance(curve, Facets) else curve.normal_at(at)
+
+    def _treated(
+        self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
+    ) -> Ray | None:
+        """As in every tracer, but all orders of a grating are followed; what they take or add is in the ledger."""
+        interface = back.last
+        if surface.grating is None or interface is None:
+            return super()._treated(surface, ray, back, facing, beyond, waiting)
+        n1, n2 = (self.regions[name].index_at(ray.wavelength_nm) for name in (str(back.region), beyond))
+        arrival = Arrival(back.origin, ray.direction, ray.s, ray.p, facing, n1, n2, ray.wavelength_nm, False)
+        onwards = back if surface.grating.mirrored else ray.onwards(back.origin, ray.direction, beyond, interface)
+        left = ray.power
+        for part in orders_of(surface.grating, arrival):
+            left -= part.s + part.p
+            if part.s + part.p > self.turns.weak:
+                off = replace(onwards, direction=part.direction, s=part.s, p=part.p)
+                waiting.append(self._numbered(off, ray))
+            else:
+                self.sums[TRUNCATED] += part.s + part.p
+                self._truncated(back.origin)
+        self.sums[ABSORBED if left > 0.0 else TRUNCATED] += left
+        return None
 
     def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
         """Keep one part in its place; the other one is added, or dropped, or goes on for others that are dropped."""
@@ -174,6 +197,7 @@ def _object(name: str) -> str:
     return name.split(".")[0]
 
 
-def _transmitted(part: Ray) -> bool:
-    """Whether a part that was split off is what a beam splitter lets through: that one never stands alone at first."""
-    return part.last is not None and part.last.behaviour == "splitter"
+def _stands_alone(part: Ray, place: _Place) -> bool:
+    """Whether a part stands alone at first: an order of a grating does, what a splitter lets through does not."""
+    behaviour = None if part.last is None else part.last.behaviour
+    return behaviour == "grating" or (place.alone and behaviour != "splitter")

@@ -98,6 +98,9 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
         if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
             refused[head.name] = f"a {head.behaviour} on a surface of glass"
             continue
+        if isinstance(head, Element) and head.behaviour == "grating" and any(left + right):
+            refused[head.name] = "a grating in or on glass, where ray-optics takes the wavelength of air"
+            continue
         if sum(isinstance(owner, Element) for owner in owners) > 1:
             refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
         counts[head.name] = counts.get(head.name, 0) + 1

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from solen.plane import Point
+from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import Expression
 
 GREEN_NM = 540.0
@@ -103,6 +104,15 @@ class Fields:
             raise UnreadError(key, f"must be a list of objects, not {shown(value)}")
         return value
 
+    def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """A list of numbers."""
+        value = self._value(key)
+        if value is None:
+            return default
+        if not isinstance(value, list):
+            raise UnreadError(key, f"must be a list of numbers, not {shown(value)}")
+        return tuple(finite(f"{key}[{i}]", item) for i, item in enumerate(value))
+
     def formula(self, key: str, variable: str, default: str) -> Expression:
         """A formula of one variable."""
         value = self._value(key)
@@ -128,12 +138,9 @@ def finite(key: str, value: Any) -> float:
     """The value as a number."""
     if value is None:
         raise UnreadError(key, "is missing")
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    number = number_in(value)
+    if number is None:
         raise UnreadError(key, f"must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
     if not abs(number) <= LARGEST:
         raise UnreadError(key, f"must be a finite number of at most {LARGEST:g}, not {shown(value)}")
     return number

@@ -16,7 +16,7 @@ import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from solen.errors import DataError
 
@@ -44,6 +44,7 @@ FUNCTIONS: dict[str, Function] = {
     "asin": math.asin,
     "acos": math.acos,
     "atan": math.atan,
+    "atan2": math.atan2,
     "asinh": math.asinh,
     "acosh": math.acosh,
     "atanh": math.atanh,
@@ -65,6 +66,7 @@ OTHER_NAMES = {
     "sgn": "sign",
 }
 ANY_NUMBER_OF = ("max", "min")
+OF_TWO = ("atan2",)
 BINARY: tuple[dict[str, Function], ...] = (
     {"or": lambda a, b: bool(a) or bool(b)},
     {"and": lambda a, b: bool(a) and bool(b)},
@@ -83,6 +85,7 @@ NEGATION = 2
 """How strongly ``not`` binds."""
 LATEX_SIGNS = {"cdot": "*", "times": "*", "lt": "<", "gt": ">", "le": "<=", "ge": ">="}
 CLOSING = {"(": ")", "{": "}", "[": "]", "|": "|"}
+NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
 TOKEN = re.compile(
     r"(?P<space>\s+|\\[ ,;:!]|\\left\b|\\right\b|\\left(?=[^a-zA-Z])|\\right(?=[^a-zA-Z]))"
     r"|(?P<number>(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?)"
@@ -300,10 +303,10 @@ class _Reader:
             self.expect(")")
         else:
             arguments = [self.atom()]
-        if name in FUNCTIONS and name not in ANY_NUMBER_OF and len(arguments) != 1:
-            self.refuse(f"{name} takes one argument, not {len(arguments)}")
-        if name in ANY_NUMBER_OF and len(arguments) < 2:
-            self.refuse(f"{name} takes two arguments or more, not {len(arguments)}")
+        least = 2 if name in (*ANY_NUMBER_OF, *OF_TWO) else 1
+        if name in FUNCTIONS and (len(arguments) < least or (len(arguments) > least and name not in ANY_NUMBER_OF)):
+            takes = ("one argument", "two arguments")[least - 1] + " or more" * (name in ANY_NUMBER_OF)
+            self.refuse(f"{name} takes {takes}, not {len(arguments)}")
         node = _called(self.functions[name], *arguments)
         return node if exponent is None else _called(math.pow, node, exponent)
 
@@ -324,3 +327,15 @@ def _called(function: Function, *arguments: Node) -> Node:
             return math.nan
 
     return value
+
+
+def number_in(value: Any) -> float | None:
+    """A number, or the number that a text is, as ray-optics takes it; None where it is neither."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    if isinstance(value, str) and not NUMBER.fullmatch(value):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf

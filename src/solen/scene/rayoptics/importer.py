@@ -7,7 +7,7 @@ not a scene of ray-optics, or cannot be traced, is refused.
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -19,7 +19,8 @@ from solen.errors import DataError, DesignError, SolenError
 from solen.results import Result
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
-from solen.scene.rayoptics.fields import LARGEST, Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.fields import GREEN_NM, LARGEST, Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import unfolded
 from solen.scene.rayoptics.objects import READERS, World, line
 from solen.scene.rayoptics.sources import EMISSIONS, Lamps, rays
@@ -28,6 +29,8 @@ from solen.scene.sources import Rays
 VERSION = 5
 MERGING = 1e-6
 """What lies nearer, in length scales of the file, is one place."""
+GREEN = ((GREEN_NM, 1.0),)
+"""Spectrum of light without colours at a grating."""
 WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
 """Brightness up to which a part split off is dropped, and where brightness shall be correct."""
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
@@ -208,10 +211,13 @@ class _Scene:
             why = "; ".join(map(str, self.missed[:2]))
             limit = f"no source that is understood{f' ({why})' if why else ''}"
             raise DataError(self.where, limit=limit, remedy="add a source")
+        ruled = any(interface.behaviour == "grating" for interface in found.interfaces)
         scene = Scene(
             found.regions,
             found.interfaces,
-            tuple(self.sources),
+            tuple(
+                source if source.spectrum or not ruled else replace(source, spectrum=GREEN) for source in self.sources
+            ),
             tuple(monitor for detector in self.detectors for monitor in detector.monitors),
             str(self.data.get("name") or Path(self.where).stem),
             open_media=True,
@@ -350,8 +356,8 @@ def _span(objects: list[Any]) -> float:
         item = waiting.pop()
         if isinstance(item, dict):
             waiting += item.values()
-            numbers = (item.get(key) for key in ("x", "y"))
-            found += [float(x) for x in numbers if isinstance(x, int | float) and abs(x) <= LARGEST]
+            numbers = (number_in(item.get(key)) for key in ("x", "y"))
+            found += [x for x in numbers if x is not None and abs(x) <= LARGEST]
         elif isinstance(item, list):
             waiting += item
     return max(found) - min(found) if found else 0.0

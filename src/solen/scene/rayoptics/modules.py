@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from solen.errors import DataError
-from solen.scene.rayoptics.formula import Function, Values, parse
+from solen.scene.rayoptics.formula import Function, Values, number_in, parse
 
 MOST_TIMES = 1000
 """Rounds of a loop at most where the module names no limit; it may name a hundredfold."""
@@ -120,11 +120,12 @@ def _scope(definition: Mapping[str, Any], points: list[Any], parameters: Mapping
 
 
 def _number(what: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    number = number_in(value)
+    if number is None:
         raise DataError(what, value=value, limit="must be a number")
-    if not abs(value) < MOST_NUMBER:
+    if not abs(number) < MOST_NUMBER:
         raise DataError(what, limit=f"must be below {MOST_NUMBER:g} in size")
-    return float(value)
+    return number
 
 
 def _range(text: Any, scope: Scope) -> tuple[str, float, float, float, float]:

@@ -16,12 +16,16 @@ from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, expressi
 from solen.scene.rayoptics.formula import Function
 from solen.scene.rayoptics.formula_curves import At, fitted
 from solen.scene.rayoptics.modules import Expression
-from solen.scene.surface import Surface
+from solen.scene.surface import Grating, Surface
 
 FAR = 1e4
 """Length of the edge of a half-plane to either side, in units of what the scene spans."""
 HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
 CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
+CHECKED, ROUNDING = 200, 1e-9
+"""Places at which two curves of a glass are compared, and by how much of its length they may be wrong."""
+MOST_ORDERS, LEAST_ORDER = 1000, 1e-7
+"""Orders of a grating to either side at most, and the share of the light below which an order is left out."""
 SKIN = 1e-6
 """Length from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
 
@@ -237,13 +241,39 @@ def _between_formulas(fields: Fields, world: World) -> list[Curve]:
     base = line(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
+    _check_above(base, lower, upper)
     if world.facets:
         places = over_line(base.length_mm, world.length_scale)
         back = [upper(base.length_mm - place) for place in places]
         corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        return _facets(corners, (len(places),), "lengths", world)
+        whole = _facets(corners, (len(places),), "lengths", world)
+        low, high = _without_spike(_height(base, corners[1]), _height(base, corners[-2]))
+        return [replace(whole[0], low=low), replace(whole[1], high=len(corners) - 1.0 - high)]
     there, back_again = (fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2")))
     return closed_outline([there, reversed_curves(back_again)])
+
+
+def _height(base: Segment, point: Point) -> float:
+    return dot(minus(point, base.a), left_of(unit(minus(base.b, base.a))))
+
+
+def _check_above(base: Segment, lower: At, upper: At) -> None:
+    """Refuse, as ray-optics does, an upper curve that runs below the lower one."""
+    for i in range(CHECKED + 1):
+        place = base.length_mm * i / CHECKED
+        if _height(base, upper(place)) < _height(base, lower(place)) - ROUNDING * base.length_mm:
+            raise UnreadError("eqn2", f"runs below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
+
+
+def _without_spike(first: float, last: float) -> tuple[float, float]:
+    """What the first and the last chord of an outline from the base's end have in common, as shares of both.
+
+    The outline goes from there to the ``first`` height and comes back from the ``last``: if both are on one side, the
+    nearer stretch is walked there and back, and is no surface.
+    """
+    if not first * last > 0.0:
+        return 0.0, 0.0
+    return min(last / first, 1.0), min(first / last, 1.0)
 
 
 def _over(base: Segment, formula: Expression) -> At:
@@ -257,7 +287,7 @@ def _over(base: Segment, formula: Expression) -> At:
     return at
 
 
-def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Curve]:
+def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Facets]:
     """Polyline through corners, in parts that end at the joints, which may be corners of the outline."""
     whole = Facets.through(tuple(corners), blend, SKIN * world.length_scale)
     return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
@@ -305,7 +335,7 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
         else:
             parts.append(fitted(at, low, high, what))
     if world.facets and corners:
-        return [_facets(_closed(corners), joints, "units", world)]
+        return [[*_facets(_closed(corners), joints, "units", world)]]
     if not parts:
         raise UnreadError("pieces", "must be at least one")
     return parts
@@ -351,7 +381,7 @@ def _over_line(fields: Fields, world: World) -> list[Curve]:
     base = line(fields)
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if world.facets:
-        return _facets(sampled(at, over_line(base.length_mm, world.length_scale), "eqn"), (), "images", world)
+        return [*_facets(sampled(at, over_line(base.length_mm, world.length_scale), "eqn"), (), "images", world)]
     return fitted(at, 0.0, base.length_mm, "eqn")
 
 
@@ -380,6 +410,40 @@ def _transmitted(fields: Fields) -> float:
     return share
 
 
+def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
+    """Reader of a grating, whose orders are counted to the right of the light's way, or to its left for ``way`` −1."""
+
+    def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
+        lines, custom = fields.number_of("lineDensity", 1000.0, above=0.0), fields.flag("customBrightness")
+        stated, ratio = fields.numbers("brightnesses", (1.0, 0.5, 0.5)), fields.number_of("slitRatio", 0.5)
+        if not 0.0 <= ratio <= 1.0:
+            raise UnreadError("slitRatio", f"must be from 0 to 1, not {ratio:g}")
+        orders = _stated_orders(stated) if custom else _of_slits(ratio)
+        if not orders:
+            raise UnreadError("brightnesses" if custom else "slitRatio", "leaves no light")
+        back = fields.flag("mirrored") if mirrored is None else mirrored
+        ruled = Grating(lines, tuple((way * order, share) for order, share in orders), back)
+        return [Element(name, tuple(curves(fields, world)), "grating", Surface(grating=ruled))]
+
+    return read
+
+
+def _stated_orders(shares: Sequence[float]) -> list[tuple[int, float]]:
+    """Orders 0, 1, −1, 2, −2 and so on with their shares."""
+    if min(shares, default=0.0) < 0.0:
+        raise UnreadError("brightnesses", f"must be at least 0, not {min(shares):g}")
+    return [((i + 1) // 2 * (1 if i % 2 else -1), share) for i, share in enumerate(shares) if share > 0.0]
+
+
+def _of_slits(ratio: float) -> list[tuple[int, float]]:
+    """Orders of a wall with slits of this share of the interval: sin²(π m ratio) / (π m)², the same at all angles."""
+    found = [(0, ratio * ratio)]
+    for m in range(1, MOST_ORDERS + 1):
+        share = (math.sin(math.pi * m * ratio) / (math.pi * m)) ** 2
+        found += [(way * m, share) for way in (1, -1)]
+    return [(m, share) for m, share in found if share > LEAST_ORDER]
+
+
 READERS: dict[str, Reader] = {
     "Glass": _glass(_path_outline),
     "CircleGlass": _glass(_circle),
@@ -399,6 +463,8 @@ READERS: dict[str, Reader] = {
     "CustomMirror": _element("mirror", _over_line),
     "ParamMirror": _element("mirror", _parametric_curves),
     "CurveMirror": _element("mirror", _smooth_curve),
+    "DiffractionGrating": _grating(_line, 1),
+    "ConcaveDiffractionGrating": _grating(_arc, -1, mirrored=True),
     "BeamSplitter": _element("splitter", _line, transmitted=_transmitted),
 }
 """Readers by the type of the object; a new type is a line here."""
