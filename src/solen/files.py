@@ -10,13 +10,18 @@ import glob
 import os
 import secrets
 import shutil
+import struct
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TextIO
 
 from solen.errors import OutputError, SolenError
 
+SEALED = b"SOLENSEAL1"
+_SEAL = struct.Struct("<10sQI")
+_APART = 1 << 13
 Content = bytes | Callable[[Path], object]
 """What a file holds: its bytes, or what writes them to a path, as a library does that writes files by itself."""
 
@@ -113,6 +118,52 @@ def streamed(path: Path) -> Iterator[TextIO]:
         raise _unwritable(path, bad, "name another place") from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def seal(path: Path) -> None:
+    """Append a checksum of a file to it, twice and apart, so that one damage leaves one of them; HDF5 ignores both."""
+    size, crc = path.stat().st_size, _crc(path)
+    body = _SEAL.pack(SEALED, size, crc)
+    one = body + zlib.crc32(body).to_bytes(4, "little")
+    with path.open("ab") as file:
+        file.write(one + bytes(_APART) + one)
+
+
+def check_seal(path: Path, error: type[SolenError]) -> None:
+    """Raise ``error`` in one line where a sealed file is not what was written; one without a seal passes."""
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(0, size - 2 * _APART))
+            end = file.read()
+        stated = _stated(end)
+        if stated is None or (stated[0] <= size and _crc(path, stated[0]) == stated[1]):
+            return
+    except OSError as bad:
+        raise error(str(path), limit=f"cannot be read: {bad.strerror}", remedy="check the path") from None
+    limit = "is damaged: its content is not what was written, by the checksum at its end"
+    raise error(str(path), limit=limit, remedy="restore it from a copy, or from its journal")
+
+
+def _stated(end: bytes) -> tuple[int, int] | None:
+    """Size and checksum that a seal at a file's end states; None where no seal is whole."""
+    place = end.find(SEALED)
+    while place >= 0:
+        body, crc = end[place : place + _SEAL.size], end[place + _SEAL.size :][:4]
+        if zlib.crc32(body).to_bytes(4, "little") == crc:
+            _, size, stated = _SEAL.unpack(body)
+            return size, stated
+        place = end.find(SEALED, place + 1)
+    return None
+
+
+def _crc(path: Path, size: int | None = None) -> int:
+    """CRC-32 of a file's first bytes, or of all."""
+    crc, left = 0, path.stat().st_size if size is None else size
+    with path.open("rb") as file:
+        while left and (chunk := file.read(min(left, 1 << 20))):
+            crc, left = zlib.crc32(chunk, crc), left - len(chunk)
+    return crc
 
 
 def remove(path: Path) -> None:

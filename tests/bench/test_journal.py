@@ -1,15 +1,19 @@
 """The journal: what was written is there after any end, each row once, and it can be gone on with."""
 
+import json
+import struct
 import subprocess
 import sys
 import textwrap
 import time
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from solen.bench.journal import Journal, read_journal
+from solen.bench.records import MAGIC_1
 from solen.errors import BenchError, DataError
 
 ROW = np.dtype([("number", "<i8"), ("counts", "<u2", (2, 3))])
@@ -47,7 +51,7 @@ def test_cut_anywhere_it_gives_what_was_whole(tmp_path: Path) -> None:
     cut, seen = tmp_path / "cut.journal", set()
     for length in range(len(data)):
         cut.write_bytes(data[:length])
-        if length < 165:  # the header is not whole
+        if length < 173:  # the header is not whole
             with pytest.raises(DataError, match=r"^[^\n]*$"):
                 read_journal(cut)
             continue
@@ -70,15 +74,39 @@ def test_what_was_left_is_gone_on_with(tmp_path: Path) -> None:
     assert np.array_equal(read_journal(path).streams["board"], rows(0, 13))
 
 
-def test_a_changed_byte_ends_what_is_believed(tmp_path: Path) -> None:
+def test_a_changed_byte_costs_one_record_and_it_is_named(tmp_path: Path) -> None:
     path = written(tmp_path / "a.journal")
     data = bytearray(path.read_bytes())
     data[-60] ^= 4
     path.write_bytes(data)
     found = read_journal(path)
-    assert found.end is None
+    assert found.end == {"outcome": "done"}
     assert len(found.streams["board"]) == 10
-    assert found.lost_bytes > 0
+    assert (found.damaged, found.lost_bytes, found.damaged_bytes > 0) == (True, 0, True)
+    assert [str(one) for one in found.missing] == ["1 record between 0.10 s and the end"]
+
+
+def test_version_1_still_opens_and_is_not_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "old.journal"
+    data = MAGIC_1
+    header = {"streams": {"stage": [["t_s", "<f8", []], ["angle_deg", "<f8", []]]}}
+    rows = np.array([(0.1, 3.0)], STAGE).tobytes()
+    for kind, payload in (
+        (1, json.dumps(header).encode()),
+        (2, rows),
+        (3, b'{"t_s": 1.0, "what": "begun"}'),
+        (2, rows),
+    ):
+        head = struct.pack("<BBI", kind, 0, len(payload))
+        data += head + struct.pack("<I", zlib.crc32(payload, zlib.crc32(head))) + payload
+    path.write_bytes(data)
+    found = read_journal(path)
+    assert (found.version, found.damaged, len(found.streams["stage"]), found.parts) == (1, False, 2, 1)
+    with pytest.raises(BenchError, match="older solen"):
+        Journal.resume(path)
+    path.write_bytes(data[:-30] + b"\x00" + data[-29:])
+    found = read_journal(path)
+    assert (found.damaged, len(found.streams["stage"])) == (True, 1)
 
 
 def test_a_journal_is_never_written_over(tmp_path: Path) -> None:

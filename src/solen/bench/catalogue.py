@@ -15,8 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from solen import files
 from solen.bench.journal import SUFFIX as JOURNAL
-from solen.errors import DataError, OutputError, SpecError
+from solen.errors import DataError, OutputError, SolenError, SpecError
 from solen.results import Result, reported
 
 NAME = "recordings.sqlite"
@@ -153,10 +154,13 @@ def header_of(path: Path) -> dict[str, Any]:
 def _reading(path: Path) -> Iterator[Any]:
     import h5netcdf
 
+    files.check_seal(path, DataError)
     try:
         with h5netcdf.File(path, "r") as file:
             yield file
-    except (OSError, KeyError, ValueError) as bad:
+    except SolenError:
+        raise
+    except Exception as bad:  # a damaged file raises whatever fits what the reader stumbled over
         reason = " ".join(str(bad).split())
         raise DataError(str(path), limit=f"is not a recording of solen bench run: {reason}") from None
 

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.journal import END, ROWS, Rows, dtypes_of, read_journal, read_on
+from solen.bench.journal import Rows, dtypes_of, read_journal, read_on
 from solen.bench.netcdf import subtracted
+from solen.bench.records import END, ROWS
 from solen.errors import DataError
 
 

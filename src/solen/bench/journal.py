@@ -1,33 +1,23 @@
-r"""The journal of a run: samples on disk as they come, so that a kill loses none that were written.
+"""The journal of a run: samples on disk as they come, so that a kill or a damaged disk costs no more than it hits.
 
-The idea: a file that only ever grows. Each record carries its length and a checksum, and is handed to the operating
-system whole, in one call, before anything else is done with it; a killed process leaves at most one unfinished record
-at the end, which a reader recognises and leaves out. Records of a stream are rows of a table whose columns the header
-names, so that the journal knows nothing of boards or stages. Streams that the header names as ``bulky`` are not held in
-memory but read again, record by record. All numbers are little-endian:
+The idea: a file that only ever grows, of records (`solen.bench.records`) that are handed to the operating system whole,
+in one call, before anything else is done with them. A killed process leaves at most one unfinished record at the end;
+a damage costs the records it hits, and the reader names what is missing. The header, which nothing can be read without,
+is written again now and then. Records of a stream are rows of a table whose columns the header names, so that the
+journal knows nothing of boards or stages. Streams that the header names as ``bulky`` are not held in memory but read
+again, record by record.
 
-====== ===== ================================================================
-offset bytes what
-====== ===== ================================================================
-0      8     ``SOLENJ1\n``, once at the beginning of the file
-0      1     kind: 1 header, 2 rows, 3 event, 4 end; then for each record:
-1      1     number of the stream, in the header's order; 0 for others
-2      4     length of the payload, n
-6      4     CRC-32 of bytes 0 to 5 and the payload
-10     n     payload: JSON, or rows
-====== ===== ================================================================
-
-The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives its content.
+The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives its content,
+`read_on` what is new.
 """
 
 import json
 import os
-import struct
-import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from io import FileIO
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
@@ -35,15 +25,32 @@ from typing import Any, BinaryIO, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solen.bench.records import END, EVENT, HEADER, MAGIC, MAGIC_1, ROWS, Record, record, scan, unfinished, version_of
 from solen.errors import BenchError, DataError
 
-MAGIC = b"SOLENJ1\n"
 SUFFIX = ".journal"
-HEADER, ROWS, EVENT, END = 1, 2, 3, 4
-_HEAD = struct.Struct("<BBII")
-_LONGEST = 1 << 26
+FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
+"""Bytes after which the header is written again: at first, and at most, as the gap doubles each time."""
+_NEAR = 20
+"""Records on either side of a gap that are asked for a time."""
 
 Rows = NDArray[np.void]
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Records that a journal has lost: the numbers of the first and the last, and between which times they lie."""
+
+    first: int
+    last: int
+    after_s: float | None
+    before_s: float | None
+
+    def __str__(self) -> str:
+        count = self.last - self.first + 1
+        after = "the beginning" if self.after_s is None else f"{self.after_s:.2f} s"
+        before = "the end" if self.before_s is None else f"{self.before_s:.2f} s"
+        return f"{count} record{'s' * (count > 1)} between {after} and {before}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +68,17 @@ class JournalContent:
     end
         What was written when it was ended; None where the run was killed.
     whole_bytes, lost_bytes
-        Length of what could be read, and of the unfinished record after it.
+        Where the last whole record ends, and the length of the unfinished one after it.
+    damaged_bytes
+        Bytes that belong to no whole record and to no unfinished one.
+    missing
+        What those held, as far as the numbers of the others say.
+    version
+        Of the file.
     path
         The journal itself.
+    records
+        Its whole records in their order, each once.
     counts
         Rows of each stream.
     """
@@ -74,8 +89,17 @@ class JournalContent:
     end: dict[str, Any] | None
     whole_bytes: int
     lost_bytes: int
+    damaged_bytes: int
+    missing: tuple[Missing, ...]
+    version: int
     path: Path
+    records: tuple[Record, ...]
     counts: dict[str, int]
+
+    @property
+    def damaged(self) -> bool:
+        """Whether something is lost that was written."""
+        return bool(self.damaged_bytes or self.missing)
 
     @property
     def parts(self) -> int:
@@ -106,20 +130,21 @@ class JournalContent:
         dtypes = dtypes_of(self.header, self.path)
         number, dtype = list(dtypes).index(stream), dtypes[stream]
         with self.path.open("rb") as file:
-            file.seek(len(MAGIC))
-            for kind, one, payload in _records(file, self.whole_bytes):
-                if kind == ROWS and one == number:
-                    yield np.frombuffer(payload, dtype)
+            for one in self.records:
+                if (one.kind, one.stream) == (ROWS, number):
+                    yield np.frombuffer(one.payload(file), dtype)
 
 
 class Journal:
     """A journal that is being written. Use it in a ``with`` statement, or `close` it."""
 
-    def __init__(self, path: Path, file: BinaryIO, dtypes: Mapping[str, np.dtype[np.void]]) -> None:
+    def __init__(self, path: Path, file: BinaryIO, header: Mapping[str, Any], number: int = 0) -> None:
         self.path = path
         self._file = file
-        self._dtypes = dtypes
-        self._numbers = {name: number for number, name in enumerate(dtypes)}
+        self._dtypes = dtypes_of(header, path)
+        self._streams = {name: stream for stream, name in enumerate(self._dtypes)}
+        self._header, self._number = _json(header), number
+        self._since, self._gap = 0, FIRST_GAP
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
@@ -135,10 +160,10 @@ class Journal:
             ) from None
         except OSError as bad:
             raise BenchError(str(path), limit=f"cannot be written: {bad.strerror}") from None
-        journal = cls(path, file, dict(dtypes))
         streams = {name: _descr(dtype) for name, dtype in dtypes.items()}
+        journal = cls(path, file, {**header, "streams": streams})
         try:
-            journal._write(MAGIC + _record(HEADER, 0, _json({**header, "streams": streams})))
+            journal._write(MAGIC + journal._next(HEADER, 0, journal._header))
         except BenchError:
             file.close()
             path.unlink(missing_ok=True)
@@ -149,11 +174,16 @@ class Journal:
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
         """A journal that was left, to be continued after its last whole record, and its content."""
         found = read_journal(path)
-        if found.end is not None:
-            raise BenchError(str(path), limit="was ended", remedy="close it with solen bench recover")
-        with path.open("r+b") as file:
-            file.truncate(found.whole_bytes)
-        return cls(path, FileIO(path, "ab"), dtypes_of(found.header, path)), found
+        if found.end is not None or found.version == 1:
+            limit = "was ended" if found.version > 1 else "was begun by an older solen"
+            raise BenchError(str(path), limit=limit, remedy="close it with solen bench recover")
+        if found.lost_bytes:
+            with path.open("r+b") as file:
+                file.truncate(found.whole_bytes)
+        number = max((one.number for one in found.records), default=-1) + 1
+        journal = cls(path, FileIO(path, "ab"), found.header, number)
+        journal._put(HEADER, 0, journal._header)
+        return journal, found
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
         """Columns of a stream."""
@@ -164,15 +194,15 @@ class Journal:
         if len(rows) == 0:
             return
         data = np.ascontiguousarray(rows, self._dtypes[stream]).tobytes()
-        self._write(_record(ROWS, self._numbers[stream], data))
+        self._put(ROWS, self._streams[stream], data)
 
     def event(self, t_s: float, what: str, **more: Any) -> None:
         """Append an event."""
-        self._write(_record(EVENT, 0, _json({"t_s": t_s, "what": what, **more})))
+        self._put(EVENT, 0, _json({"t_s": t_s, "what": what, **more}))
 
     def end(self, **more: Any) -> None:
         """Append the end, and have it on the disk itself."""
-        self._write(_record(END, 0, _json(more)))
+        self._put(END, 0, _json(more))
         self.sync()
 
     def sync(self) -> None:
@@ -190,6 +220,18 @@ class Journal:
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
     ) -> None:
         self.close()
+
+    def _next(self, kind: int, stream: int, payload: bytes) -> bytes:
+        number, self._number = self._number, self._number + 1
+        return record(kind, stream, number, payload)
+
+    def _put(self, kind: int, stream: int, payload: bytes) -> None:
+        """Append a record, and now and then the header again."""
+        self._write(self._next(kind, stream, payload))
+        self._since += len(payload)
+        if self._since >= self._gap:
+            self._since, self._gap = 0, min(2 * self._gap, LONGEST_GAP)
+            self._write(self._next(HEADER, 0, self._header))
 
     def _write(self, data: bytes) -> None:
         try:
@@ -219,81 +261,109 @@ def read_journal(path: Path) -> JournalContent:
 def _read(file: BinaryIO, path: Path) -> JournalContent:
     """Two passes, so that a long journal needs little more memory than its rows: what there is, then the rows."""
     size = file.seek(0, os.SEEK_END)
+    version, intact = _version(file, path)
+    records: list[Record] = []
+    headers: list[bytes] = []
+    kept: dict[int, dict[str, Any]] = {}
+    for one, payload in scan(file, version, len(MAGIC), size):
+        records.append(one)
+        if one.kind == HEADER and not headers:
+            headers.append(payload)
+        elif one.kind in {EVENT, END}:
+            kept[one.number] = json.loads(payload)
+    whole = max((one.end for one in records), default=len(MAGIC))
+    lost = size - whole if unfinished(file, version, whole, size) else 0
+    damaged = size - lost - len(MAGIC) * intact - sum(one.end - one.begin for one in records)
+    if not headers:
+        raise _headless(path, len(records)) if records or damaged else _nothing(path)
+    header = json.loads(headers[0])
+    ordered = tuple({one.number: one for one in sorted(records, key=lambda one: one.number)}.values())
+    streams, counts = _streams(file, ordered, header, path)
+    ends = [kept[one.number] for one in ordered if one.kind == END]
+    return JournalContent(
+        header=header,
+        streams=streams,
+        events=tuple(kept[one.number] for one in ordered if one.kind == EVENT),
+        end=ends[-1] if ends else None,
+        whole_bytes=whole,
+        lost_bytes=lost,
+        damaged_bytes=damaged,
+        missing=tuple(_missing(file, ordered, dtypes_of(header, path))),
+        version=version,
+        path=path,
+        records=ordered,
+        counts=counts,
+    )
+
+
+def _version(file: BinaryIO, path: Path) -> tuple[int, bool]:
+    """Version of a journal, and whether its first bytes say so; where they are damaged it is known by its records."""
     file.seek(0)
     begun = file.read(len(MAGIC))
-    if begun != MAGIC and MAGIC.startswith(begun):
+    if len(begun) < len(MAGIC) and (MAGIC.startswith(begun) or MAGIC_1.startswith(begun)):
         raise _nothing(path)
-    if begun != MAGIC:
+    size = file.seek(0, os.SEEK_END)
+    version = version_of(begun)
+    if version == 0 and (path.suffix != SUFFIX or next(scan(file, 2, 0, size), None) is None):
         raise DataError(str(path), limit="is not a journal of solen", remedy=f"name a {SUFFIX} file")
-    header: dict[str, Any] | None = None
-    sizes: dict[int, int] = {}
-    events: list[dict[str, Any]] = []
-    end: dict[str, Any] | None = None
-    whole = len(MAGIC)
-    for kind, stream, payload in _records(file, size):
-        whole += _HEAD.size + len(payload)
-        if kind == HEADER and header is None:
-            header = json.loads(payload)
-        elif kind == ROWS:
-            sizes[stream] = sizes.get(stream, 0) + len(payload)
-        elif kind == EVENT:
-            events.append(json.loads(payload))
-        elif kind == END:
-            end = json.loads(payload)
-    if header is None:
-        raise _nothing(path)
-    dtypes = dtypes_of(header, path)
-    counts = {name: sizes.get(number, 0) // dtype.itemsize for number, (name, dtype) in enumerate(dtypes.items())}
-    held = {number: name for number, name in enumerate(dtypes) if name not in header.get("bulky", ())}
-    data = {number: bytearray(sizes.get(number, 0)) for number in held}
-    _fill(data, file, whole)
-    found = {name: np.frombuffer(data[number], dtypes[name]) for number, name in held.items()}
-    return JournalContent(header, found, tuple(events), end, whole, size - whole, path, counts)
+    return version or 2, version > 0
+
+
+def _streams(
+    file: BinaryIO, records: Sequence[Record], header: Mapping[str, Any], path: Path
+) -> tuple[dict[str, Rows], dict[str, int]]:
+    """Rows of each stream that is not bulky, and how many each has."""
+    found, counts = {}, {}
+    for number, (name, dtype) in enumerate(dtypes_of(header, path).items()):
+        mine = [one for one in records if (one.kind, one.stream) == (ROWS, number)]
+        size = sum(one.length for one in mine)
+        counts[name] = size // dtype.itemsize
+        if name not in header.get("bulky", ()):
+            data, at = bytearray(size), 0
+            for one in mine:
+                data[at : at + one.length] = one.payload(file)
+                at += one.length
+            found[name] = np.frombuffer(data, dtype)
+    return found, counts
+
+
+def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.dtype[np.void]]) -> Iterator[Missing]:
+    """Numbers that no record has, and the times of those beside them."""
+    kinds = list(dtypes.values())
+
+    def time_s(near: Iterable[Record], place: int) -> float | None:
+        for one in near:
+            if one.kind == EVENT:
+                return float(json.loads(one.payload(file))["t_s"])
+            if one.kind == ROWS and "t_s" in (kinds[one.stream].names or ()):
+                return float(np.frombuffer(one.payload(file), kinds[one.stream])["t_s"][place])
+        return None
+
+    if records and records[0].number > 0:
+        yield Missing(0, records[0].number - 1, None, time_s(records[:_NEAR], 0))
+    for place, (before, after) in enumerate(pairwise(records), 1):
+        if after.number > before.number + 1:
+            left = time_s(reversed(records[max(0, place - _NEAR) : place]), -1)
+            yield Missing(before.number + 1, after.number - 1, left, time_s(records[place : place + _NEAR], 0))
 
 
 def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
     """Whole records from a place on, 0 for the first: kind, stream and payload of each; and where the next begins."""
     with path.open("rb") as file:
+        version, _ = _version(file, path)
         size = file.seek(0, os.SEEK_END)
-        place = max(begin, len(MAGIC))
-        file.seek(place)
-        found = list(_records(file, size))
-    return found, place + sum(_HEAD.size + len(payload) for _, _, payload in found)
-
-
-def _fill(data: Mapping[int, bytearray], file: BinaryIO, whole: int) -> None:
-    """Rows of each stream, one after the other."""
-    at = dict.fromkeys(data, 0)
-    file.seek(len(MAGIC))
-    for kind, stream, payload in _records(file, whole):
-        if kind == ROWS and stream in data:
-            data[stream][at[stream] : at[stream] + len(payload)] = payload
-            at[stream] += len(payload)
+        found = list(scan(file, version, max(begin, len(MAGIC)), size))
+    end = found[-1][0].end if found else begin
+    return [(one.kind, one.stream, payload) for one, payload in found], end
 
 
 def _nothing(path: Path) -> DataError:
     return DataError(str(path), limit="holds nothing: its run was killed as it began", remedy="remove it")
 
 
-def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
-    """Kind, stream and payload of each whole record, up to the first that is not."""
-    while len(head := file.read(_HEAD.size)) == _HEAD.size:
-        kind, stream, length, crc = _HEAD.unpack(head)
-        if length > min(_LONGEST, size - file.tell()):
-            return
-        payload = file.read(length)
-        if len(payload) < length or _crc(head[:6], payload) != crc:
-            return
-        yield kind, stream, payload
-
-
-def _record(kind: int, stream: int, payload: bytes) -> bytes:
-    head = _HEAD.pack(kind, stream, len(payload), 0)[:6]
-    return head + struct.pack("<I", _crc(head, payload)) + payload
-
-
-def _crc(head: bytes, payload: bytes) -> int:
-    return zlib.crc32(payload, zlib.crc32(head))
+def _headless(path: Path, records: int) -> DataError:
+    limit = f"is damaged: {records} of its records are whole, but none is the header that says what they hold"
+    return DataError(str(path), limit=limit, remedy="restore it from a copy")
 
 
 def _json(data: Mapping[str, Any]) -> bytes:

@@ -35,6 +35,8 @@ from solen.results import HIDDEN, Result, reported
 
 Columns = dict[str, NDArray[Any]]
 
+_NAMED = 5
+"""Gaps of a damaged journal that are named one by one."""
 AT_ONCE = 16_384
 """Periods that are worked on and kept together, so that an hour needs little memory and is read in few pieces."""
 
@@ -59,6 +61,8 @@ class RecordedRun(Result):
         What the sampler lost, over all parts of the run.
     lost_bytes
         Of the journal's unfinished last record.
+    damaged_bytes, missing_records
+        Of the journal, where it was damaged: bytes that are no record any more, and records known to be missing.
     simulated
         Whether anything in it is simulated.
     remarks
@@ -73,6 +77,8 @@ class RecordedRun(Result):
     sensors: dict[str, int]
     losses: dict[str, int]
     lost_bytes: int
+    damaged_bytes: int
+    missing_records: int
     simulated: bool
     remarks: tuple[str, ...] = field(default=(), metadata=HIDDEN)
 
@@ -111,7 +117,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled)
             remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
-            remarks += _timing(file, journaled)
+            remarks += [*_timing(file, journaled), *_damage(journaled)]
             done.append(
                 RecordedRun(
                     path=path,
@@ -122,10 +128,13 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
                     sensors=readings,
                     losses=journaled.losses,
                     lost_bytes=journaled.lost_bytes,
+                    damaged_bytes=journaled.damaged_bytes,
+                    missing_records=sum(one.last - one.first + 1 for one in journaled.missing),
                     simulated=bool(journaled.header["simulated"]),
                     remarks=tuple(remarks),
                 )
             )
+        files.seal(target)
 
     files.write_all({path: write})
     return done[-1]
@@ -203,8 +212,11 @@ def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
         arrivals = came[held]
         # a period has come when it is over
         over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
-        came_s = came_by(arrivals, journaled) if len(arrivals) else over
-        line = fit_clock(over, came_s, exchanges(journaled, int(mine["part"][0]), came_s))
+        if len(arrivals):
+            came_s = came_by(arrivals, journaled)
+            line = fit_clock(over, came_s, exchanges(journaled, int(mine["part"][0]), came_s))
+        else:
+            line = fit_clock(over, over)
         lines.append(line)
         times[first:last] = line.at(board_s)
     return times, lines
@@ -261,6 +273,16 @@ def _positions(file: Any, journaled: JournalContent) -> None:
 
 def _looks(journaled: JournalContent) -> Looks:
     return Looks.of(journaled.streams["stage"], journaled.header.get("clock_resolution_s", 0.0))
+
+
+def _damage(journaled: JournalContent) -> list[str]:
+    """What a damaged journal lacks."""
+    if not journaled.damaged:
+        return []
+    places = ", ".join(map(str, journaled.missing[:_NAMED]))
+    more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
+    lacks = f"it lacks {places}{more}" if places else "what it lacks is unknown"
+    return [f"the journal is damaged and kept: {journaled.damaged_bytes} bytes are no records any more; {lacks}"]
 
 
 def _timing(file: Any, journaled: JournalContent) -> list[str]:

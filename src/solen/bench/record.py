@@ -132,7 +132,8 @@ def recover(path: Path) -> RecordedRun:
 def close_journal(path: Path, target: Path) -> RecordedRun:
     """Write the recording of a journal, enter it into the catalogue, and only then remove the journal.
 
-    A kill on the way leaves the journal; a recording that was written by then is written again.
+    A damaged journal is never removed. A kill on the way leaves the journal; a recording that was written by then is
+    written again.
     """
     files.remove_left(target)
     _check_room(path, target)
@@ -141,7 +142,8 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     row = Catalogue(target.parent).add(target)
     if row.periods != content.counts["samples" if "daq" in content.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
-    files.remove(path)
+    if not content.damaged:
+        files.remove(path)
     return recorded
 
 

@@ -115,7 +115,8 @@ class Waveform:
         """Stretches in their order; a sample has come when it was taken."""
         came = journaled.streams["came"]
         which = np.stack([self.part, self.stretch], axis=1).astype(np.int64)
-        edges = (np.flatnonzero(np.diff(which, axis=0).any(axis=1)) + 1).tolist()
+        jumps = np.diff(self.number) != self._setup.frame  # a damaged journal lacks frames
+        edges = (np.flatnonzero(np.diff(which, axis=0).any(axis=1) | jumps) + 1).tolist()
         for begin, end in zip([0, *edges], [*edges, len(which)], strict=True):
             if begin == end:
                 continue

@@ -20,6 +20,7 @@ import numpy as np
 
 from solen.errors import DataError
 from solen.extras import need
+from solen.files import check_seal
 from solen.recording.arrays import Array, recorded
 from solen.recording.model import Recording
 from solen.recording.source import Source
@@ -65,7 +66,10 @@ def groups(source: Source) -> tuple[str, ...]:
     if source.data.startswith(b"MATLAB"):
         return ()
     with _opened(source) as file:
-        return tuple(name for name, one in file.items() if hasattr(one, "items") and any(map(_is_time, one)))
+        try:
+            return tuple(name for name, one in file.items() if hasattr(one, "items") and any(map(_is_time, one)))
+        except Exception as bad:  # h5py raises whatever fits what it stumbled over
+            raise _damaged(source, bad) from None
 
 
 def _is_time(name: str) -> bool:
@@ -95,6 +99,7 @@ def _opened(source: Source) -> Any:
     need("h5py", what=str(source.path), doing="reading HDF5", otherwise="export a CSV", error=DataError)
     import h5py
 
+    check_seal(source.path, DataError)
     try:
         return h5py.File(source.path, "r")
     except Exception as bad:
