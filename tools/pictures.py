@@ -25,7 +25,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, encoded
 from solen.report.design.readout import readout_figure
 from solen.report.resin.index import index_figure
 from solen.sensor import Sensor
-from solen.sensor.readings import readings
+from solen.sensor.readings import design_readings
 from solen.spec import loads, template, with_values
 
 IMAGES = Path(__file__).parent.parent / "docs" / "images"
@@ -125,7 +125,7 @@ READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readou
 def readout_picture() -> Figure:
     """What ``solen readout --figure`` draws of the paper's sensor with a chip."""
     design = with_values(loads(template("solen-860")), READ_WITH)
-    return readout_figure(readings(Sensor.of(design)), design.name)
+    return readout_figure(design_readings(Sensor.of(design)))
 
 
 def ambient_light() -> Figure:

@@ -14,6 +14,7 @@ import datetime as dt
 import enum
 import functools
 import html
+import inspect
 import math
 import types
 import typing
@@ -222,16 +223,30 @@ def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
     for known, name in _JSON_TYPES:
         if issubclass(kind, known):
             return {"type": name}
+    if inspect.isabstract(kind) and (issubclass(kind, Result) or hasattr(kind, "model_json_schema")):
+        return {"anyOf": [schema_of(leaf) for leaf in kind.__subclasses__()]}
     if issubclass(kind, Mapping):
         return {"type": "object"} | ({"additionalProperties": schema_of(inside[1])} if len(inside) == 2 else {})
     if dataclasses.is_dataclass(kind):
         return _object_schema(kind)
     if hasattr(kind, "model_json_schema"):
-        return typing.cast("dict[str, Any]", kind.model_json_schema())
+        schema = kind.model_json_schema(mode="serialization")
+        return typing.cast("dict[str, Any]", _inlined(schema, schema.get("$defs", {})))
     if issubclass(kind, Sequence | Set):
         alike = len(inside) == 1 or inside[1:] == (...,)
         return {"type": "array"} | ({"items": schema_of(inside[0])} if alike else {})
     return {}
+
+
+def _inlined(schema: Any, definitions: Mapping[str, Any]) -> Any:
+    """A schema with its definitions in the places that refer to them, so that it can stand inside another."""
+    if isinstance(schema, list):
+        return [_inlined(part, definitions) for part in schema]
+    if not isinstance(schema, dict):
+        return schema
+    referred = definitions[schema["$ref"].rpartition("/")[2]] if "$ref" in schema else {}
+    whole = {**referred, **schema}
+    return {key: _inlined(part, definitions) for key, part in whole.items() if key not in {"$ref", "$defs"}}
 
 
 def _object_schema(kind: type) -> dict[str, Any]:
@@ -250,7 +265,13 @@ def _object_schema(kind: type) -> dict[str, Any]:
         name: schema_of(one) | ({"description": words[name]} if name in words else {}) for name, one in kinds.items()
     }
     found: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
-    return found | ({"title": kind.__name__} if kind.__doc__ else {})
+    text = inspect.getdoc(kind) if kind.__doc__ else None
+    return found | ({"title": kind.__name__, "description": _summary_line(text)} if text else {})
+
+
+def _summary_line(text: str) -> str:
+    """First paragraph of a docstring, in one line."""
+    return " ".join(text.partition("\n\n")[0].split())
 
 
 def described(kind: type) -> dict[str, str]:
@@ -265,7 +286,7 @@ def described(kind: type) -> dict[str, str]:
             elif text:
                 words |= {name: f"{words.get(name, '')} {text}".strip() for name in names}
     for name in _reported(kind):
-        words[name] = (getattr(kind, name).__doc__ or "").strip().partition("\n")[0]
+        words[name] = _summary_line(inspect.getdoc(getattr(kind, name)) or "")
     return words
 
 

@@ -17,7 +17,7 @@ from solen.pipeline.design import run as pipeline
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.design.trace import trace
 from solen.report.design import html
-from solen.sensor import Study, study
+from solen.sensor import DesignStudy, study
 from solen.spec import template
 
 STEP = "motion.step_deg=6"
@@ -137,12 +137,12 @@ def test_interrupted_while_tracing_an_old_folder_stays_as_it_was(design: Path, t
 
 
 @pytest.fixture(scope="module")
-def studied(design: Path) -> Study:
+def studied(design: Path) -> DesignStudy:
     return study(open_design(design, [STEP]), practical=True)
 
 
 @pytest.fixture
-def quick(out: Path, found: dict[str, Any], studied: Study, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
+def quick(out: Path, found: dict[str, Any], studied: DesignStudy, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
     """What a run is to write, with its study and figures made before, so that writing is all that is left to do."""
     assert found
     drawn = {name.removesuffix(".svg"): (out / name).read_text(encoding="utf-8") for name in PICTURES}

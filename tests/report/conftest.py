@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from solen.report.design.html import figures
-from solen.sensor import Study, study
+from solen.sensor import DesignStudy, study
 from solen.spec import loads, template, with_values
 
 DESIGNS: dict[str, dict[str, object]] = {
@@ -51,17 +51,17 @@ wavelength_nm = 940
 PRACTICAL = ("paper", "mismatched", "no lens", "one-sided", "dark", "chip", "in space", "uncertain")
 """Designs that are compared with their neighbours as well."""
 
-Studies = Callable[[str], Study]
+Studies = Callable[[str], DesignStudy]
 Drawn = Callable[[str], dict[str, str]]
 
 
 @pytest.fixture(scope="session")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
-    kept: dict[str, Study] = {}
+    kept: dict[str, DesignStudy] = {}
     folder = tmp_path_factory.mktemp("designs")
     (folder / "uncertain.toml").write_text(UNCERTAIN, encoding="utf-8")
 
-    def get(name: str) -> Study:
+    def get(name: str) -> DesignStudy:
         if name not in kept:
             design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
             design = design.in_folder(folder)

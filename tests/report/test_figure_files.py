@@ -6,8 +6,9 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.canvas import encoded, svg
-from solen.report.design.figures import profile_figure, rays_figure, response_figure, sensor_view
+from solen.report.design.figures import rays_figure, response_figure, sensor_view
 from solen.report.design.html import figures
+from solen.report.design.lens import profile_figure
 from tests.report.conftest import Drawn, Studies
 
 

@@ -6,13 +6,13 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.design.words import findings, headline, warnings
-from solen.sensor import Study
+from solen.sensor import DesignStudy
 from tests.report.conftest import DESIGNS, Studies
 
 NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
-def said(study: Study) -> dict[str, str]:
+def said(study: DesignStudy) -> dict[str, str]:
     told = findings(study)
     words = dict(told)
     assert len(words) == len(told)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from solen.report.design.table import csv_table
-from solen.sensor import Study
+from solen.sensor import DesignStudy
 from solen.spec import Design
 from tests.report.conftest import Studies
 
@@ -27,7 +27,7 @@ def strict(text: str) -> Any:
     return json.loads(text, parse_constant=refuse)
 
 
-def table(study: Study) -> list[dict[str, str]]:
+def table(study: DesignStudy) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(csv_table(study))))
 
 

@@ -8,10 +8,11 @@ from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from solen.curve import Segment
-from solen.fabricate import Mesh, Part, Prism, mesh_of
+from solen.fabricate import Export, Mesh, Part, Prism, mesh_of
 from solen.geometry import Face
 from solen.report import canvas
-from solen.report.print.fabricate import rendered, solid_figure
+from solen.report.print.fabricate import export_figure, rendered
+from solen.sensor import Sensor
 from tests.fabricate.solid_support import design, part_of, seated
 
 
@@ -61,7 +62,7 @@ def test_what_is_nearer_hides_what_is_behind() -> None:
 def test_the_figure_is_drawn_with_seats_and_without() -> None:
     for chosen in (design(), seated()):
         part = part_of(chosen)
-        figure = solid_figure(part, mesh_of(part, 1e-2))
+        figure = export_figure(Export(chosen, Sensor.of(chosen).body(), 1e-2))
         texts = [text.get_text() for text in figure.findobj(Text)]
         assert any("SOLen 860 nm" in text for text in texts)
         assert any("slots" in text for text in texts) == bool(part.cuts)

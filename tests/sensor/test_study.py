@@ -5,7 +5,7 @@ import pytest
 
 import solen.sensor
 from solen.errors import DesignError
-from solen.sensor import Case, Study, study
+from solen.sensor import Case, DesignStudy, study
 from solen.spec import Design, loads, template, with_values
 
 
@@ -21,17 +21,17 @@ def told() -> list[float]:
 
 
 @pytest.fixture(scope="module")
-def paper(told: list[float]) -> Study:
+def paper(told: list[float]) -> DesignStudy:
     return study(design(), told.append)
 
 
 @pytest.fixture(scope="module")
-def flat(paper: Study) -> Case:
+def flat(paper: DesignStudy) -> Case:
     assert paper.no_lens is not None
     return paper.no_lens
 
 
-def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: Study, flat: Case) -> None:
+def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: DesignStudy, flat: Case) -> None:
     assert paper.with_lens is not None
     assert paper.case is paper.with_lens
     assert paper.cases == {"lens": paper.with_lens, "no_lens": flat}
@@ -46,14 +46,14 @@ def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: Study, fl
         assert (case.power.rays > 200).all()
 
 
-def test_the_lens_separates_the_receivers_and_the_flat_face_does_not(paper: Study, flat: Case) -> None:
+def test_the_lens_separates_the_receivers_and_the_flat_face_does_not(paper: DesignStudy, flat: Case) -> None:
     assert paper.with_lens is not None
     assert paper.with_lens.power.contrast[0] > 0.99
     assert paper.with_lens.power.contrast[-1] < -0.99
     assert np.abs(flat.power.contrast).max() < 0.12
 
 
-def test_the_slope_of_a_case_is_at_its_null(paper: Study, flat: Case) -> None:
+def test_the_slope_of_a_case_is_at_its_null(paper: DesignStudy, flat: Case) -> None:
     assert paper.with_lens is not None
     for case in (paper.with_lens, flat):
         assert case.null_deg == case.power.null_deg() == pytest.approx(0.0, abs=1e-3)
@@ -64,7 +64,7 @@ def test_the_slope_of_a_case_is_at_its_null(paper: Study, flat: Case) -> None:
     assert paper.with_lens.slope_per_deg < -2.0 < flat.slope_per_deg < 0.0
 
 
-def test_the_slope_does_not_depend_on_the_sweep(paper: Study) -> None:
+def test_the_slope_does_not_depend_on_the_sweep(paper: DesignStudy) -> None:
     assert paper.with_lens is not None
     for values in ({"motion.step_deg": 1.5}, {"motion.from_deg": 0.0}):
         case = study(with_values(paper.design, values)).with_lens
@@ -82,7 +82,7 @@ def test_in_the_dark_there_is_no_slope() -> None:
     assert (case.null_deg, case.slope_per_deg) == (None, None)
 
 
-def test_progress_rises_to_one(paper: Study, told: list[float]) -> None:
+def test_progress_rises_to_one(paper: DesignStudy, told: list[float]) -> None:
     assert paper.with_lens is not None
     assert len(told) > 4
     assert told == sorted(told)

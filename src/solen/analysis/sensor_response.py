@@ -115,8 +115,10 @@ class SensorResponse(Result):
 
     Attributes
     ----------
-    label, lens
-        As in `Signals`.
+    label
+        Name of the sensor.
+    lens
+        Whether it has a lens; None where that is not known.
     receivers
         Response of each receiver by its name.
     left_minus_right

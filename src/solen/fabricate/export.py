@@ -5,7 +5,7 @@ registry, in which adding a format is adding a line.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from solen.fabricate.comsol import as_comsol
@@ -20,7 +20,7 @@ from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step, check_kernel
 from solen.fabricate.svg import as_svg
 from solen.geometry import Body
-from solen.results import Result
+from solen.results import HIDDEN, Result
 from solen.spec import Design
 
 
@@ -107,6 +107,8 @@ class ExportedSolid(Result):
 
     Attributes
     ----------
+    export
+        What was exported; JSON leaves it out.
     name, sha256
         Of the design.
     thickness_mm, area_mm2, volume_mm3
@@ -123,6 +125,7 @@ class ExportedSolid(Result):
         What the design states and the files do not hold.
     """
 
+    export: Export = field(metadata=HIDDEN)
     name: str
     sha256: str
     thickness_mm: float
@@ -141,6 +144,7 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
     part = export.part
     meshed = "mesh" in vars(export)
     return ExportedSolid(
+        export=export,
         name=export.design.name,
         sha256=export.label.sha256,
         thickness_mm=export.design.body.thickness_mm,

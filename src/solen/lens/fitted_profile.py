@@ -147,7 +147,7 @@ class FittedProfile(Result):
         It is what the smoothed profile resolves: errors over shorter lengths have been smoothed away, over longer ones
         they turn the normals less.
         """
-        return min(self.smooth.resolution, LONGEST_CORRELATION * self.designed.half_width_mm)
+        return min(self.smooth.resolution_mm, LONGEST_CORRELATION * self.designed.half_width_mm)
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
@@ -248,7 +248,7 @@ class FittedProfile(Result):
         if self.smooth.residual > ROUGH:
             return (
                 f"the residuals of the smoothed profile are {self.smooth.residual:.2g} times the uncertainty: details "
-                f"finer than {self.smooth.resolution:.2g} mm are smoothed away"
+                f"finer than {self.smooth.resolution_mm:.2g} mm are smoothed away"
             )
         return ""
 

@@ -83,7 +83,7 @@ class FlatFace(Lens):
 
     @property
     def depth_mm(self) -> float:
-        """See :attr:`Lens.depth_mm`."""
+        """From the vertex to the plane of the edges: 0, as the face is flat."""
         return 0.0
 
 
@@ -129,7 +129,7 @@ class OvalLens(Lens):
 
     @cached_property
     def depth_mm(self) -> float:
-        """See :attr:`Lens.depth_mm`."""
+        """From the vertex to the plane of the edges."""
         return float(self.z_mm(self.half_width_mm))
 
     def z_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:

@@ -33,7 +33,7 @@ class Smooth(Result):
     ----------
     spline
         Values at places between the first and the last one, or with an order as second argument their derivatives.
-    length
+    length_mm
         From the first place to the last one.
     parameters
         Effective number of parameters: the trace of the matrix that takes values to smoothed values.
@@ -42,14 +42,14 @@ class Smooth(Result):
     """
 
     spline: Callable[..., FloatArray] = field(metadata=HIDDEN)
-    length: float
+    length_mm: float
     parameters: float
     residual: float
 
     @reported
-    def resolution(self) -> float:
+    def resolution_mm(self) -> float:
         """Length over which values are averaged: the whole length per parameter."""
-        return self.length / self.parameters
+        return self.length_mm / self.parameters
 
 
 @dataclass(frozen=True, eq=False)

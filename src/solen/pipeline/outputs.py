@@ -3,10 +3,11 @@
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from solen import __version__, files
 from solen.errors import OutputError, SpecError
+from solen.report.plot import plot
 from solen.results import Outcome, Result
 
 if TYPE_CHECKING:
@@ -47,28 +48,34 @@ def write(
     figure
         File of the figure that `solen.report.plot` draws of the result, or None.
     """
-    figures = {"figure": (figure, lambda: _plot(result))} | dict(figures or {})
-    drawn = {name: (path, draw) for name, (path, draw) in figures.items() if path is not None}
+    figures = {"figure": (figure, lambda: plot(result))} | dict(figures or {})
+    chosen = {name: (path, draw) for name, (path, draw) in figures.items() if path is not None}
     contents: dict[Path, files.Content] = {}
     if out is not None:
         data = {"kind": kind, "solen": __version__} | result.to_dict()
         contents[out] = (json.dumps(data, indent=1, allow_nan=False) + "\n").encode()
-    for path, draw in drawn.values():
+    for path, draw in chosen.values():
         content = draw()
-        if not isinstance(content, bytes):
-            from solen.report import canvas
-
-            content = canvas.encoded(content, path.suffix.lower(), kind)
-        contents[path] = content
+        contents[path] = content if isinstance(content, bytes) else _encoded(content, path, kind)
     files.write_all(contents)
-    places = {name: path for name, (path, _) in drawn.items()}
+    places = {name: path for name, (path, _) in chosen.items()}
     return Outcome(result, places if out is None else places | {"out": out})
 
 
-def _plot(result: Result) -> "Figure":
-    from solen.report.plot import plot
+def drawn(result: Any, figure: Path | None, kind: str) -> dict[Path, files.Content]:
+    """File of the figure that `solen.report.plot` draws of a result, and what it holds; nothing without a file."""
+    return {} if figure is None else {figure: _encoded(plot(result), figure, kind)}
 
-    return plot(result)
+
+def named(**paths: Path | None) -> dict[str, Path]:
+    """Files of an outcome by their names, those that were asked for."""
+    return {name: path for name, path in paths.items() if path is not None}
+
+
+def _encoded(figure: "Figure", path: Path, kind: str) -> bytes:
+    from solen.report import canvas
+
+    return canvas.encoded(figure, path.suffix.lower(), kind)
 
 
 def check_figure(figure: Path | None) -> None:

@@ -1,10 +1,10 @@
 """One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
 
 A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers get over the
-angles of a motion; `readings` are their volts; a :class:`Study` is all of it, counted and in power, with the lens and
-without. A :class:`Sensitivity` is the derivative by one number of the design; a :class:`Practice` compares the response
-with those of a real chip, in space, decentred and in another index; an :class:`AsPrinted` with that of the lens as
-printed.
+angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, counted and in power, with the lens
+and without. A :class:`Sensitivity` is the derivative by one number of the design; a :class:`Practice` compares the
+response with those of a real chip, in space, decentred and in another index; an :class:`AsPrinted` with that of the
+lens as printed.
 """
 
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
@@ -16,7 +16,7 @@ from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
 from solen.sensor.readings import Acceptance, readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
-from solen.sensor.study import Case, Study, Summary, study
+from solen.sensor.study import Case, DesignStudy, Summary, study
 
 __all__ = [
     "OPTICAL_KEYS",
@@ -29,6 +29,7 @@ __all__ = [
     "Case",
     "Check",
     "Comparison",
+    "DesignStudy",
     "Extent",
     "Focus",
     "InSpace",
@@ -41,7 +42,6 @@ __all__ = [
     "Sensitivity",
     "Sensor",
     "Shift",
-    "Study",
     "Summary",
     "TraceKeywords",
     "as_printed",

@@ -99,7 +99,7 @@ class Case(Result):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Study(Result):
+class DesignStudy(Result):
     """A design over the angles of its motion, with its lens and without.
 
     Attributes
@@ -208,7 +208,7 @@ class Study(Result):
         )
 
 
-def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> Study:
+def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> DesignStudy:
     """Trace a design over its motion, with its lens and without, counting and in power.
 
     Every body of the motion is built before the first ray is traced, so that a motion which breaks the body is refused
@@ -225,7 +225,7 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
     return replace(found, practice=practice(case.sensor, case.power, rest, chip=chip))
 
 
-def _beside_design(found: Study, progress: Progress | None) -> Study:
+def _beside_design(found: DesignStudy, progress: Progress | None) -> DesignStudy:
     """The same with the lens that was asked for, where the design's own was measured."""
     lens = found.with_lens
     if lens is None or not lens.sensor.is_measured:
@@ -235,16 +235,16 @@ def _beside_design(found: Study, progress: Progress | None) -> Study:
     return replace(found, designed=designed, as_printed=as_printed(lens.sensor, lens.power, designed.power, progress))
 
 
-def _study(design: Design, progress: Progress | None) -> Study:
+def _study(design: Design, progress: Progress | None) -> DesignStudy:
     sensor = Sensor.of(design)
     sensor.check_pair()
     sensor.check()
     if not sensor.has_lens:
-        return Study(design, None, _case(sensor, progress))
+        return DesignStudy(design, None, _case(sensor, progress))
     flat, refused = _comparison(sensor)
     if flat is None:
-        return Study(design, _case(sensor, progress), None, refused)
-    return Study(design, _case(sensor, _part(progress, 0, 2)), _case(flat, _part(progress, 1, 2)))
+        return DesignStudy(design, _case(sensor, progress), None, refused)
+    return DesignStudy(design, _case(sensor, _part(progress, 0, 2)), _case(flat, _part(progress, 1, 2)))
 
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from solen.arrays import Progress
 from solen.errors import SpecError
-from solen.results import Result
+from solen.results import HIDDEN, Result
 from solen.sensor.idle import idle_keys
 from solen.sensor.response import Sensitivity
 from solen.sensor.sensor import OPTICAL_KEYS, Sensor
@@ -21,6 +21,8 @@ class DesignTrace(Trace):
 
     Attributes
     ----------
+    sensor
+        What was traced; JSON leaves it out.
     name, angle_deg, lens
         Of the design, of its motion, and the lens's shape.
     in_space
@@ -33,6 +35,7 @@ class DesignTrace(Trace):
         What must be known before the numbers are used, and which keys have no effect.
     """
 
+    sensor: Sensor = field(metadata=HIDDEN)
     name: str
     angle_deg: float
     lens: str
@@ -94,6 +97,7 @@ def trace_design(
     trace = trace_with(scene, options, sensor.design.trace.mode, paths=paths)
     return DesignTrace(
         **vars(trace),
+        sensor=sensor,
         name=sensor.design.name,
         angle_deg=angle_deg,
         lens=sensor.design.lens.shape,

@@ -7,7 +7,7 @@ The interface: `open_scene` reads solen's JSON or that of ray-optics; `trace_sce
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from solen import files
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.plane import Point
-from solen.results import Result
+from solen.results import HIDDEN, Result
 from solen.scene import Monitor, Scene, loads, rayoptics
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.result import Crossed, Trace
@@ -64,6 +64,8 @@ class SceneTrace(Trace):
 
     Attributes
     ----------
+    scene
+        What was traced; JSON leaves it out.
     name, format
         Of the scene: ``solen`` or ``ray-optics``.
     length_unit, power_unit
@@ -82,6 +84,7 @@ class SceneTrace(Trace):
         What makes the readings other than they look.
     """
 
+    scene: Scene = field(metadata=HIDDEN)
     name: str
     format: str
     length_unit: str
@@ -146,6 +149,7 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
     scene, imported = file.scene, file.imported
     return SceneTrace(
         **vars(trace),
+        scene=scene,
         name=scene.name,
         format=file.format,
         length_unit=file.length_unit,

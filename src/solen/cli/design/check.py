@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from solen.cli.app import FLAT, Set, lines, listing, text
+from solen.cli.app import FLAT, FigureFile, Set, lines, listing, text
 from solen.results import Outcome, scalars
 from solen.sensor import Check, Focus, LensCheck, LensOptions
 
@@ -29,6 +29,7 @@ def lens(
     options: Annotated[LensOptions, FLAT] = LensOptions(),
     set_: Set = None,
     csv: Path | None = None,
+    figure: FigureFile = None,
 ) -> Outcome[LensCheck]:
     """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
 
@@ -41,7 +42,7 @@ def lens(
     """
     from solen.pipeline.design import check as pipeline
 
-    return pipeline.lens(file, set_, options, csv=csv)
+    return pipeline.lens(file, set_, options, csv=csv, figure=figure)
 
 
 @lines.register

@@ -5,10 +5,10 @@ from pathlib import Path
 
 from solen.cli.app import Set, lines, progress_bar, short, text
 from solen.results import Outcome
-from solen.sensor import AsPrinted, Practice, Study
+from solen.sensor import AsPrinted, DesignStudy, Practice
 
 
-def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[Study]:
+def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[DesignStudy]:
     """Simulate a design over its motion: lens, body, response with and without lens, figures, tables, report.
 
     Parameters
@@ -25,7 +25,7 @@ def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[Study]:
 
 
 @lines.register
-def _(study: Study) -> Iterator[str]:
+def _(study: DesignStudy) -> Iterator[str]:
     material = study.material
     u = "" if material.u_index is None else f" ± {material.u_index:.2g}"
     yield f"{study.name}: index {material.index:.6g}{u} at {study.wavelength_nm:g} nm"

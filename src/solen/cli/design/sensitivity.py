@@ -34,7 +34,9 @@ def convergence(
     return pipeline.convergence(file, set_, mode=mode, angle_deg=angle_deg, figure=figure)
 
 
-def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None) -> Outcome[Sensitivities]:
+def sensitivity(
+    file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None, figure: FigureFile = None
+) -> Outcome[Sensitivities]:
     """Show how the readings change with the numbers of the design, per unit of each, the steepest contrast first.
 
     Parameters
@@ -49,7 +51,7 @@ def sensitivity(file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = N
     from solen.pipeline.design import trace as pipeline
 
     with progress_bar("differentiating") as progress:
-        return pipeline.sensitivity(file, keys, set_, angle_deg=angle_deg, progress=progress)
+        return pipeline.sensitivity(file, keys, set_, angle_deg=angle_deg, figure=figure, progress=progress)
 
 
 @lines.register

@@ -5,7 +5,7 @@ The interface: `coupon_set` summarises coupons, `written_coupons` makes their fi
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from pydantic import Field
@@ -21,7 +21,7 @@ from solen.fabricate.meshfiles import as_stl, as_threemf
 from solen.fabricate.step import as_step, check_kernel
 from solen.geometry.coupons import Coupon, CouponOptions, Reading, layouts
 from solen.parts import printer_of
-from solen.results import Result
+from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
 Side = Annotated[float, Field(gt=0, lt=math.inf)]
@@ -86,21 +86,23 @@ class CouponSummary:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CouponSet(Result):
-    """Coupons, and the options that they were laid out by."""
+    """Coupons, the options that they were laid out by, and the layouts, which JSON leaves out."""
 
     coupons: tuple[CouponSummary, ...]
     options: CouponOptions
+    layouts: tuple[Coupon, ...] = field(metadata=HIDDEN)
 
 
 def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
     """Coupons of some names with commas between them, or all, without files."""
-    return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in layouts(only, options)), options)
+    coupons = tuple(layouts(only, options))
+    return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in coupons), options, coupons)
 
 
 def written_coupons(
     only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
-) -> tuple[CouponSet, list[Coupon], dict[str, bytes]]:
-    """Coupons of some names or all, their layouts, and their files by name: STL, 3MF, job and plan.
+) -> tuple[CouponSet, dict[str, bytes]]:
+    """Coupons of some names or all, and their files by name: STL, 3MF, job and plan.
 
     Raises
     ------
@@ -119,7 +121,7 @@ def written_coupons(
         _check_plate(coupon, plate_mm or (math.inf, math.inf))
     files: dict[str, bytes] = {}
     summaries = [_written(coupon, options, output, files) for coupon in coupons]
-    return CouponSet(tuple(summaries), options), coupons, files
+    return CouponSet(tuple(summaries), options, tuple(coupons)), files
 
 
 def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files: dict[str, bytes]) -> CouponSummary:

@@ -157,11 +157,9 @@ class Job:
             known = number
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pitch_mm**2, islands)
 
-    def first_copy(self, image: Bytes) -> Bytes:
-        """The first copy in a layer's picture, rows upwards, as it was before it was mirrored."""
-        seen = {"none": image, "x": image[:, ::-1], "y": image[::-1]}[self.slicing.mirror][::-1]
-        (row, column), (rows, columns) = self.corners[0], self.tile
-        return seen[row : row + rows, column : column + columns]
+    def copy_of_layer(self, index: int) -> Bytes:
+        """Picture of one copy in a layer, rows upwards, before it is mirrored."""
+        return self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])
 
     def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:
         seconds = self.slicing.seconds(index)

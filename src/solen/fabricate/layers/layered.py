@@ -1,7 +1,7 @@
 """What is known of a print in layers: its numbers, its settings, and what to mind before printing it."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from solen.fabricate.layers.archive import Stack
 from solen.fabricate.layers.job import PAPER_MW_PER_CM2, Job
@@ -10,7 +10,7 @@ from solen.fabricate.layers.sheet import PrintSettings, print_settings
 from solen.material.resin import Cure
 from solen.parts import Printer
 from solen.recording import Provenance
-from solen.results import Result
+from solen.results import HIDDEN, Result
 
 SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
 """A part beyond these was drawn in another unit."""
@@ -28,6 +28,8 @@ class LayeredPrint(Result):
 
     Attributes
     ----------
+    job
+        What is printed; JSON leaves it out.
     name, printer
         Of the part, and of the printer.
     pitch_um, columns, rows
@@ -48,6 +50,7 @@ class LayeredPrint(Result):
         The file that was sliced, and what to mind.
     """
 
+    job: Job = field(metadata=HIDDEN)
     name: str
     printer: str
     pitch_um: float
@@ -74,6 +77,7 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
     rows, columns = job.printer.shape
     volume_mm3 = None if stack is None else stack.volume_mm3
     return LayeredPrint(
+        job=job,
         name=part.label.name,
         printer=job.printer.name,
         pitch_um=job.printer.pitch_um.usual,

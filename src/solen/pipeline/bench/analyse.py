@@ -44,17 +44,12 @@ def analyse(
         raise OutputError(str(traces), limit="is the name of both figures", remedy="give each its own")
     result = study(recordings, options)
 
-    def response() -> "Figure":
-        from solen.report.bench.analyse import study_figure
-
-        return study_figure(result)
-
     def over_time() -> "Figure":
         from solen.report.bench.traces import traces_figure
 
         return traces_figure(result)
 
-    return write(result, "analysis", out, {"figure": (figure, response), "traces": (traces, over_time)})
+    return write(result, "analysis", out, {"traces": (traces, over_time)}, figure=figure)
 
 
 def write_example(path: Path) -> None:

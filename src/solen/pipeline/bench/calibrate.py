@@ -8,7 +8,7 @@ from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, c
 from solen.analysis.calibration.calibrate import place_of
 from solen.analysis.calibration.file import text_of
 from solen.errors import OutputError
-from solen.pipeline.outputs import check_outputs
+from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.results import Outcome
 
 
@@ -40,10 +40,5 @@ def calibrate(
     contents: dict[Path, files.Content] = {
         place: text_of(one).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
     }
-    if figure is not None:
-        from solen.report import canvas
-        from solen.report.bench.calibrate import calibration_figure
-
-        contents[figure] = canvas.encoded(calibration_figure(result), figure.suffix.lower(), "calibration")
-    files.write_all(contents)
-    return Outcome(result, places if figure is None else places | {"figure": figure})
+    files.write_all(contents | drawn(result, figure, "calibration"))
+    return Outcome(result, places | named(figure=figure))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from solen import files
 from solen.analysis.demodulation import Demodulation, DemodulationOptions, demodulated, readings_csv
-from solen.pipeline.outputs import check_figure, check_table
+from solen.pipeline.outputs import check_figure, check_table, drawn, named
 from solen.recording import read
 from solen.results import Outcome
 
@@ -28,13 +28,8 @@ def demodulate(
     check_table(out, "readings")
     recording = read(file, sheet=sheet)
     result = demodulated(recording, options)
-    contents: dict[Path, files.Content] = {}
-    if figure is not None:
-        from solen.report import canvas
-        from solen.report.bench.demodulate import demodulation_figure
-
-        contents[figure] = canvas.encoded(demodulation_figure(result), figure.suffix.lower(), "demodulation")
+    contents = drawn(result, figure, "demodulation")
     if out is not None:
         contents[out] = readings_csv(result, recording).encode("utf-8")
     files.write_all(contents)
-    return Outcome(result, {name: path for name, path in (("figure", figure), ("out", out)) if path is not None})
+    return Outcome(result, named(figure=figure, out=out))

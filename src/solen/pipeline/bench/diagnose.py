@@ -1,16 +1,12 @@
 """Recordings diagnosed: from files to what each sensor's emitter, chip and receivers are, by the design's response."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.analysis import AnalysisOptions, study
 from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses, diagnosed_sensors
 from solen.arrays import Progress
 from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def diagnose(
@@ -32,7 +28,7 @@ def diagnose(
     out, figure
         Where to write the result and its figure.
     progress
-        Told how much of the tracing is done, from 0 to 1.
+        Called with the share of the tracing that is done, up to 1.
 
     Raises
     ------
@@ -40,11 +36,4 @@ def diagnose(
         In one line, where a file, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    result = diagnosed_sensors(study(recordings, analysis), options, progress)
-
-    def drawn() -> "Figure":
-        from solen.report.bench.diagnose import diagnoses_figure
-
-        return diagnoses_figure(result)
-
-    return write(result, "diagnosis", out, {"figure": (figure, drawn)})
+    return write(diagnosed_sensors(study(recordings, analysis), options, progress), "diagnosis", out, figure=figure)

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from solen import files
 from solen.pipeline.design.designs import open_design
+from solen.pipeline.outputs import check_figure, write
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
 from solen.sensor import check as check_sensor
@@ -21,11 +21,10 @@ def lens(
     options: LensOptions = LensOptions(),
     *,
     csv: Path | None = None,
+    figure: Path | None = None,
 ) -> Outcome[LensCheck]:
-    """Numbers of a design's lens, and its profile as a table of x, z where one is asked for."""
+    """Numbers of a design's lens, its profile as a table of x, z and its figure where they are asked for."""
+    check_figure(figure)
     sensor = Sensor.of(open_design(path, assignments))
-    if csv is None:
-        return Outcome(lens_check(sensor))
-    found, table = lens_check(sensor), sensor.lens.table(options.tolerance_mm)
-    files.write_text(csv, table)
-    return Outcome(found, {"profile": csv})
+    table = {"profile": (csv, lambda: sensor.lens.table(options.tolerance_mm).encode())}
+    return write(lens_check(sensor), "lens", None, table, figure=figure)

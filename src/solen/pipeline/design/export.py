@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen import files
 from solen.arrays import Progress
@@ -10,14 +9,11 @@ from solen.fabricate import FORMATS, USUAL, Export, ExportedSolid, exported_soli
 from solen.fabricate.layers import Slicing, printable_design
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
-from solen.pipeline.outputs import check_figure
+from solen.pipeline.outputs import check_figure, drawn
 from solen.pipeline.print.layers import layer_files, with_figure
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.spec import Design
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def export(
@@ -68,10 +64,7 @@ def export(
     with files.output_folder(out):
         targets = with_figure({kind: out / f"{stem}{FORMATS[kind].ending}" for kind in chosen}, figure)
         contents: dict[Path, files.Content] = {targets[kind]: FORMATS[kind].write(made) for kind in chosen}
-        if figure is not None:
-            from solen.report import canvas
-
-            contents[figure] = canvas.encoded(_figure(made), figure.suffix.lower(), "solid")
+        contents |= drawn(made, figure, "solid")
         layers = None
         if slicing is not None:
             printable = printable_design(part, made.part, path, slicing)
@@ -80,9 +73,3 @@ def export(
             contents |= layers.contents()
         files.write_all(contents)
     return Outcome(exported_solid(made, chosen, None if layers is None else layers.result), targets)
-
-
-def _figure(made: Export) -> "Figure":
-    from solen.report.print.fabricate import solid_figure
-
-    return solid_figure(made.part, made.mesh)

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.arrays import Progress
 from solen.pipeline.design.designs import open_design, provenance_of
@@ -11,9 +10,6 @@ from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.readings import DesignReadings, design_readings
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def readout(
@@ -28,10 +24,4 @@ def readout(
     check_outputs(out, figure)
     found = design_readings(Sensor.of(open_design(path, assignments)), progress)
     found = replace(found, sources=(provenance_of(path),))
-
-    def draw() -> "Figure":
-        from solen.report.design.readout import readout_figure
-
-        return readout_figure(found, found.name)
-
-    return write(found, "readout", out, {"figure": (figure, draw)})
+    return write(found, "readout", out, figure=figure)

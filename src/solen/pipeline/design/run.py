@@ -8,12 +8,12 @@ from solen import files
 from solen.arrays import Progress
 from solen.pipeline.design.designs import open_design
 from solen.results import Outcome
-from solen.sensor import Study, study
+from solen.sensor import DesignStudy, study
 
 
 def run(
     path: Path, out: Path, assignments: Sequence[str] | None = None, progress: Progress | None = None
-) -> Outcome[Study]:
+) -> Outcome[DesignStudy]:
     """Trace a design over its motion with and without lens and beside neighbours; write its report into a folder."""
     from solen.report.design import html
     from solen.report.design.table import csv_table

@@ -1,14 +1,13 @@
 """Traces of a design at an angle, or of a scene's file; convergence and sensitivities of a design."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen import files
 from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.outputs import check_figure, write
+from solen.pipeline.outputs import check_figure, drawn, named, write
 from solen.results import Outcome
 from solen.sensor import Sensor
 from solen.sensor.traced import (
@@ -24,9 +23,6 @@ from solen.trace import Mode, Trace
 from solen.trace.dataset import Attributes, check_installed, writer
 from solen.trace.described import SceneTrace, described, open_scene, trace_scene
 from solen.trace.options import TraceOptions, check_paths
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def trace(
@@ -45,12 +41,6 @@ def trace(
     sensor = Sensor.of(with_values(open_design(path, assignments), mode))
     found = trace_design(sensor, angle_deg, options, paths=paths)
 
-    def draw() -> "Figure":
-        from solen.report.design import figures
-
-        shown = min(sensor.design.emitter.rays, figures.SHOWN_RAYS)
-        return figures.rays_figure([figures.sensor_view(sensor, angle_deg, shown, found.mode)])
-
     names = ", ".join(interface.name for interface in sensor.scene(angle_deg).interfaces)
     attributes: Attributes = {
         "name": found.name,
@@ -58,7 +48,7 @@ def trace(
         "design": dumps(sensor.design),
         "interfaces": names,
     }
-    return Outcome(found, _written(found, attributes, "rays", figure, draw, netcdf))
+    return Outcome(found, _written(found, attributes, "rays", figure, netcdf))
 
 
 def trace_file(
@@ -79,13 +69,8 @@ def trace_file(
     traced = trace_scene(file, options, paths=paths or figure is not None)
     found = described(file, traced, paths=paths)
 
-    def draw() -> "Figure":
-        from solen.report.design.figures import scene_figure
-
-        return scene_figure(file.scene, traced, file.length_unit)
-
     attributes: Attributes = {"name": found.name, "format": found.format}
-    return Outcome(found, _written(traced, attributes, "scene", figure, draw, netcdf))
+    return Outcome(found, _written(found, attributes, "scene", figure, netcdf))
 
 
 def convergence(
@@ -99,14 +84,7 @@ def convergence(
     """Error against rays of a design at one angle, for each way to choose the rays."""
     check_figure(figure)
     sensor = Sensor.of(with_values(open_design(path, assignments), {"trace.mode": mode}))
-    found = design_convergence(sensor, angle_deg)
-
-    def draw() -> "Figure":
-        from solen.report.design.figures import convergence_figure
-
-        return convergence_figure(found)
-
-    return write(found, "convergence", figures={"figure": (figure, draw)})
+    return write(design_convergence(sensor, angle_deg), "convergence", figure=figure)
 
 
 def sensitivity(
@@ -115,10 +93,13 @@ def sensitivity(
     assignments: Sequence[str] | None = None,
     *,
     angle_deg: float = 0.0,
+    figure: Path | None = None,
     progress: Progress | None = None,
 ) -> Outcome[Sensitivities]:
     """Derivatives of a design's readings at one angle by its numbers."""
-    return Outcome(sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress))
+    check_figure(figure)
+    found = sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress)
+    return write(found, "sensitivity", figure=figure)
 
 
 def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:
@@ -131,20 +112,11 @@ def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:
 
 
 def _written(
-    trace: Trace,
-    attributes: Attributes,
-    kind: str,
-    figure: Path | None,
-    draw: "Callable[[], Figure]",
-    netcdf: Path | None,
+    trace: Trace, attributes: Attributes, kind: str, figure: Path | None, netcdf: Path | None
 ) -> dict[str, Path]:
     """Write figure and netCDF, both or neither."""
-    contents: dict[Path, files.Content] = {}
-    if figure is not None:
-        from solen.report import canvas
-
-        contents[figure] = canvas.encoded(draw(), figure.suffix.lower(), kind)
+    contents = drawn(trace, figure, kind)
     if netcdf is not None:
         contents[netcdf] = writer(trace, attributes)
     files.write_all(contents)
-    return {name: path for name, path in (("figure", figure), ("netcdf", netcdf)) if path is not None}
+    return named(figure=figure, netcdf=netcdf)

@@ -13,7 +13,7 @@ from solen.fabricate.process import (
     read_features,
     read_process,
 )
-from solen.pipeline.outputs import check_ending, check_figure
+from solen.pipeline.outputs import check_ending, check_figure, drawn, named
 from solen.results import Outcome
 
 
@@ -50,14 +50,9 @@ def calibrate_printer(
     name = ", ".join(dict.fromkeys(path.name for path in paths))
     simulated = any(source.simulated for source in sources)
     fit = calibrated(before, features, name, simulated=simulated, sources=sources)
-    contents: dict[Path, files.Content] = {}
+    contents = drawn(fit, figure, "calibration")
     if out is not None:
         comment = f"# Written by solen {__version__} print calibrate.\n"
         contents[out] = (comment + process_text(fit.process)).encode()
-    if figure is not None:
-        from solen.report import canvas
-        from solen.report.print.calibrate import calibration_figure
-
-        contents[figure] = canvas.encoded(calibration_figure(fit), figure.suffix.lower(), "calibration")
     files.write_all(contents)
-    return Outcome(fit, {name: path for name, path in (("figure", figure), ("out", out)) if path is not None})
+    return Outcome(fit, named(figure=figure, out=out))

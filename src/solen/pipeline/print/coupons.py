@@ -5,7 +5,7 @@ from pathlib import Path
 from solen import files
 from solen.fabricate.coupons import CouponOutput, CouponSet, written_coupons
 from solen.geometry.coupons import CouponOptions
-from solen.pipeline.outputs import check_figure
+from solen.pipeline.outputs import check_figure, drawn
 from solen.pipeline.print.layers import with_figure
 from solen.results import Outcome
 
@@ -37,14 +37,9 @@ def coupons(
         Where a coupon cannot be made or a file not be written; nothing is written then.
     """
     check_figure(figure)
-    found, drawn, made = written_coupons(only, options, output)
+    laid_out, made = written_coupons(only, options, output)
     with files.output_folder(out):
         targets = with_figure({name: out / name for name in made}, figure)
         contents: dict[Path, files.Content] = {targets[name]: content for name, content in made.items()}
-        if figure is not None:
-            from solen.report import canvas
-            from solen.report.print.coupons import plans_figure
-
-            contents[figure] = canvas.encoded(plans_figure(drawn), figure.suffix.lower(), "coupons")
-        files.write_all(contents)
-    return Outcome(found, targets)
+        files.write_all(contents | drawn(laid_out, figure, "coupons"))
+    return Outcome(laid_out, targets)

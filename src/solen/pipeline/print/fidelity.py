@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from solen.errors import SpecError
 from solen.fabricate.coupons import read_job
@@ -12,9 +11,6 @@ from solen.metrology.zmap import ZMapOptions, read_image_or_z_map
 from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
 from solen.spec.toml import parse_assignment
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def fidelity(
@@ -52,13 +48,7 @@ def fidelity(
     check_outputs(out, figure)
     printed = _layout(coupon, job, assignments)
     measured = measure_coupon(read_image_or_z_map(path, options), printed)
-
-    def draw() -> "Figure":
-        from solen.report.print.fidelity import fidelity_figure
-
-        return fidelity_figure(measured)
-
-    return write(measured, "fidelity", out, {"figure": (figure, draw)})
+    return write(measured, "fidelity", out, figure=figure)
 
 
 def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:

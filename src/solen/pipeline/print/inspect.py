@@ -7,7 +7,7 @@ from solen import files
 from solen.lens.profile import profile_text
 from solen.metrology import InspectOptions, LensInspection, measure_lens, read_image
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.outputs import check_outputs
+from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.results import Outcome
 from solen.spec import Design, with_values
 
@@ -50,17 +50,11 @@ def inspect(
     image = read_image(picture, options.um_per_px, options.u_um_per_px)
     others = [_named_apart(open_design(path), part, path) for path in against]
     inspection = measure_lens(image, part, edge=options.edge, against=others)
-    contents: dict[Path, files.Content] = {}
+    contents = drawn(inspection, figure, "inspect")
     if out is not None:
         contents[out] = profile_text(inspection.profile()).encode()
-    if figure is not None:
-        from solen.report import canvas
-        from solen.report.print.inspect import inspect_figure
-
-        contents[figure] = canvas.encoded(inspect_figure(inspection), figure.suffix.lower(), "inspect")
     files.write_all(contents)
-    places = {"out": out, "figure": figure}
-    return Outcome(inspection, {name: path for name, path in places.items() if path is not None})
+    return Outcome(inspection, named(out=out, figure=figure))
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:

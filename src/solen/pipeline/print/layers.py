@@ -6,7 +6,7 @@ them get their names together or not at all.
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from solen import fabricate, files
@@ -28,12 +28,9 @@ from solen.fabricate.layers import (
 from solen.parts import printer_of
 from solen.pipeline.design.designs import open_design
 from solen.pipeline.names import stem_of
-from solen.pipeline.outputs import check_figure
+from solen.pipeline.outputs import check_figure, drawn
 from solen.results import Outcome
 from solen.sensor import Sensor
-
-SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Layers that a figure shows, as shares of their number."""
 
 
 @dataclass
@@ -45,7 +42,6 @@ class LayerFiles:
     targets: dict[str, Path]
     progress: Progress
     stack: Stack | None = None
-    shown: list[Layer] = field(default_factory=list)
 
     def contents(self) -> dict[Path, files.Content]:
         """What each file holds."""
@@ -54,9 +50,9 @@ class LayerFiles:
             "placed": self.part.stl,
             "sheet": lambda path: path.write_bytes(as_sheet(self.result.settings, self.result.warnings).encode()),
             "settings": lambda path: path.write_bytes(self._settings()),
-            "figure": lambda path: path.write_bytes(self._figure()),
         }
-        return {self.targets[kind]: make for kind, make in makers.items() if kind in self.targets}
+        contents = {self.targets[kind]: make for kind, make in makers.items() if kind in self.targets}
+        return contents | drawn(self.result, self.targets.get("figure"), "layers")
 
     @property
     def result(self) -> LayeredPrint:
@@ -64,11 +60,7 @@ class LayerFiles:
         return layered_print(self.job, self.part, self.targets["placed"].name, self.stack)
 
     def _write_pictures(self, path: Path) -> None:
-        wanted = {round(share * (self.job.count - 1)) for share in SHOWN} if "figure" in self.targets else set()
-
         def watch(layer: Layer) -> None:
-            if layer.index in wanted:
-                self.shown.append(layer)
             self.progress((layer.index + 1) / self.job.count)
 
         self.stack = write_archive(path, self.job, self.part, watch)
@@ -76,13 +68,6 @@ class LayerFiles:
     def _settings(self) -> bytes:
         data = self.result.settings.to_dict() | {"warnings": list(self.result.warnings)}
         return f"{json.dumps(data, indent=1, allow_nan=False)}\n".encode()
-
-    def _figure(self) -> bytes:
-        from solen.report import canvas
-        from solen.report.print.layers import layers_figure
-
-        drawn = layers_figure(self.job, self.shown, self.part.label.name)
-        return canvas.encoded(drawn, self.targets["figure"].suffix.lower(), "layers")
 
 
 def layers(

@@ -9,7 +9,7 @@ from solen.fabricate import MESH_WRITERS
 from solen.fabricate.process import PrintedDesign, PrintOptions, compensation_files, print_design
 from solen.lens.profile import profile_text
 from solen.pipeline.design.designs import open_design
-from solen.pipeline.outputs import check_ending, check_outputs
+from solen.pipeline.outputs import check_ending, check_outputs, drawn, named
 from solen.results import Outcome
 from solen.sensor import Sensor
 
@@ -60,18 +60,12 @@ def predict(
         part=solid is not None,
         progress=progress,
     )
-    contents: dict[Path, files.Content] = {}
+    contents = drawn(prediction, figure, "printed")
     if out is not None:
         contents[out] = profile_text(prediction.profile).encode()
     if compensate is not None:
         contents |= compensation_files(compensate, sensor, prediction)
-    if figure is not None:
-        from solen.report import canvas
-        from solen.report.print.predict import printed_figure
-
-        contents[figure] = canvas.encoded(printed_figure(prediction), figure.suffix.lower(), "printed")
     if solid is not None and prediction.part is not None:
         contents[solid] = MESH_WRITERS[solid.suffix.lower()[1:]](prediction.part.mesh, prediction.part.label)
     files.write_all(contents)
-    named = {"figure": figure, "out": out, "compensated": compensate, "solid": solid}
-    return Outcome(prediction, {kind: file for kind, file in named.items() if file is not None})
+    return Outcome(prediction, named(figure=figure, out=out, compensated=compensate, solid=solid))

@@ -6,7 +6,6 @@ from pathlib import Path
 from solen.material.cure.exposures import ExposureOptions, ExposureTrends, exposure_trends
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
-from solen.report.plot import plot
 from solen.results import Outcome
 
 
@@ -21,4 +20,4 @@ def exposures(
     """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured."""
     check_outputs(out, figure)
     result = exposure_trends([read(file, sheet=sheet) for file in files], options)
-    return write(result, "exposures", out, {"figure": (figure, lambda: plot(result))})
+    return write(result, "exposures", out, figure=figure)

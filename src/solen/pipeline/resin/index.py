@@ -6,7 +6,6 @@ from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
-from solen.report.plot import plot
 from solen.results import Outcome
 
 
@@ -21,4 +20,4 @@ def index(
     """Index against wavelength from any file of spectra that `solen.recording.read` takes."""
     check_outputs(out, figure)
     result = index_of_layer(read(file, sheet=sheet), options)
-    return write(result, "index", out, {"figure": (figure, lambda: plot(result))})
+    return write(result, "index", out, figure=figure)

@@ -5,7 +5,6 @@ from pathlib import Path
 from solen.material.cure.penetration import Penetration, PenetrationOptions, penetration_of
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
-from solen.report.plot import plot
 from solen.results import Outcome
 
 
@@ -20,4 +19,4 @@ def penetration(
     """Penetration depth against wavelength, and in a lamp's light."""
     check_outputs(out, figure)
     result = penetration_of(read(file, sheet=sheet), options)
-    return write(result, "penetration", out, {"figure": (figure, lambda: plot(result))})
+    return write(result, "penetration", out, figure=figure)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from solen.material.index.refractometer import RefractometerIndex, RefractometerOptions, refractometer_index
 from solen.pipeline.outputs import check_outputs, write
-from solen.report.plot import plot
 from solen.results import Outcome
 
 
@@ -15,4 +14,4 @@ def refractometer(
     """Index against wavelength from measured values and the dispersion that polymers have."""
     check_outputs(out, figure)
     result = refractometer_index(n, options)
-    return write(result, "refractometer", out, {"figure": (figure, lambda: plot(result))})
+    return write(result, "refractometer", out, figure=figure)

@@ -6,7 +6,6 @@ from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.pipeline.outputs import check_outputs, write
 from solen.recording import read
 from solen.recording.spectrum import Listing, listing
-from solen.report.plot import plot
 from solen.results import Outcome
 
 
@@ -22,5 +21,4 @@ def spectra(
     check_outputs(None, figure)
     recording = chosen_rows(read(file, sheet=sheet), rows)
     refuse_unused(recording, rows, (), labels_only=True)
-    result = listing(recording, trace)
-    return write(result, "spectra", None, {"figure": (figure, lambda: plot(result))})
+    return write(listing(recording, trace), "spectra", figure=figure)

@@ -17,7 +17,7 @@ def printed_sentences(found: AsPrinted) -> list[str]:
     lines = [
         f"The lens {found.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed oval, at most "
         f"{abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are known "
-        f"to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution:.2g} mm."
+        f"to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
     ]
     return lines + [_compared(comparison) for comparison in (found.emitter, found.chip) if comparison is not None]
 

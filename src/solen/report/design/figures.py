@@ -3,7 +3,7 @@
 Right is blue and left is orange, in every figure; grey is light that neither receiver gets.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -13,16 +13,16 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from solen.errors import DesignError
+from solen.errors import OutputError
 from solen.geometry import Body
 from solen.geometry.body import area, polyline
-from solen.lens import OvalLens
 from solen.plane import along
-from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SOFT, SPACE, STYLE
+from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SPACE, STYLE
 from solen.scene import Scene
-from solen.sensor import SATURATED, Case, Practice, Sensor
-from solen.sensor.index_offset import steps
+from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
+from solen.sensor.traced import DesignTrace
 from solen.trace import Convergence, Mode, Path, Trace, trace
+from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
 METHODS = {
@@ -33,26 +33,6 @@ METHODS = {
 """Name, colour and marker of each way to choose rays."""
 SHOWN_RAYS = 100
 """Rays drawn in a picture at most: more make it a blot."""
-PAPER_INDICES = (1.44, 1.49, 1.54)
-SHOWN_STEPS = 3.0
-"""How many times its uncertainty the index is varied in a figure of the focus."""
-
-
-def profile_figure(lens: OvalLens) -> Figure:
-    """The lens's profile beside those of the same lens cut for the paper's three indices."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 2.7), layout="constrained")
-        axes = figure.add_subplot()
-        x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
-        for index, dashes in zip(PAPER_INDICES, ((4, 2), (1, 1.5), (6, 2, 1, 2)), strict=True):
-            other = _same_lens(lens, index)
-            if other is not None and abs(index - lens.design_index) > 1e-9:
-                axes.plot(x, other.z_mm(x), color=LOST, lw=1.2, dashes=dashes, label=f"n = {index:g}")
-        axes.plot(x, lens.z_mm(x), color=INK, lw=2, label=f"n = {lens.design_index:.4g} (this lens)")
-        axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
-        axes.set_aspect("equal")
-        axes.legend(loc="upper center")
-    return figure
 
 
 def response_figure(lens: Case | None, flat: Case | None, designed: Case | None = None) -> Figure:
@@ -61,19 +41,37 @@ def response_figure(lens: Case | None, flat: Case | None, designed: Case | None 
     Where the lens was measured, the one that was ``designed`` is drawn as well.
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 3.5), layout="constrained")
-        power_axes, contrast_axes = figure.subplots(1, 2)
+        figure, power_axes, contrast_axes = _response_axes()
         with_lens = "with lens" if designed is None else "lens as printed"
         for case, name, style in ((lens, with_lens, "-"), (designed, "as designed", "-."), (flat, "no lens", "--")):
             if case is not None:
                 _draw_response(power_axes, contrast_axes, case, name, style)
-        power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power", ylim=(0, None))
-        contrast_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-        for bound in (-SATURATED, SATURATED):
-            contrast_axes.axhline(bound, color=LOST, lw=0.8, ls=":")
+        power_axes.set_ylim(0, None)
         power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
         power_axes.legend(fontsize=8)
         contrast_axes.legend(fontsize=8)
+    return figure
+
+
+def study_figure(study: DesignStudy) -> Figure:
+    """The response of a design with its lens and without; of a measured lens also as it was designed."""
+    return response_figure(study.with_lens, study.no_lens, study.designed)
+
+
+def sweep_figure(response: Response) -> Figure:
+    """Powers at both receivers against the angle, and their contrast, each with its uncertainty as a band."""
+    angle, half = response.angle_deg, np.nan_to_num(response.u_power)
+    with mpl.rc_context(STYLE):
+        figure, power_axes, contrast_axes = _response_axes()
+        for side in ("right", "left"):
+            power = getattr(response, side)
+            power_axes.plot(angle, power, color=COLOURS[side], lw=2.0, label=side)
+            power_axes.fill_between(angle, power - half, power + half, color=COLOURS[side], alpha=0.3, lw=0)
+        u = np.nan_to_num(response.u_contrast)
+        contrast_axes.plot(angle, response.contrast, color=INK, lw=2.0)
+        contrast_axes.fill_between(angle, response.contrast - u, response.contrast + u, color=INK, alpha=0.3, lw=0)
+        power_axes.legend(fontsize=8)
+        contrast_axes.set_title(f"simulated, mode {response.mode}", fontsize=9)
     return figure
 
 
@@ -83,9 +81,7 @@ def practice_figure(found: Practice) -> Figure:
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         chip_axes, index_axes = figure.subplots(1, 2)
         _draw_chip(chip_axes, found)
-        chip_axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
-        for bound in (-SATURATED, SATURATED):
-            chip_axes.axhline(bound, color=LOST, lw=0.8, ls=":")
+        _contrast_axes(chip_axes)
         chip_axes.legend(fontsize=8, loc="upper right")
         _draw_indices(index_axes, found)
         index_axes.axhline(0.0, color=INK, lw=0.8)
@@ -95,35 +91,6 @@ def practice_figure(found: Practice) -> Figure:
         if found.chip_shift is not None:
             beside = f"beside it, a chip {found.emitter.width_mm:g} mm wide changes that of a point by up to"
             index_axes.set_title(f"{beside} {found.chip_shift.contrast:.2f}", fontsize=8)
-    return figure
-
-
-def focus_figure(sensor: Sensor) -> Figure:
-    """Where the lens focuses against the index of the material, with the index's uncertainty as a band.
-
-    Without one, the band is that of the step which is compared instead.
-    """
-    lens, material = sensor.lens, sensor.material
-    if not isinstance(lens, OvalLens):
-        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit="has no focus")
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.2, 3.2), layout="constrained")
-        axes = figure.add_subplot()
-        half, stated = max(abs(step) for step, _ in steps(material)), bool(material.u_index)
-        indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
-        band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
-        axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)
-        lines: tuple[tuple[str, Callable[[float], float | None], str], ...] = (
-            ("rays near the axis", lens.paraxial_focus_mm, LOWER),
-            ("smallest spot", lens.best_focus_mm, INK),
-            ("edge rays", lens.marginal_focus_mm, HIGHER),
-        )
-        for name, at, colour in lines:
-            axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
-        axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
-        axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
-        axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
-        axes.legend(fontsize=8)
     return figure
 
 
@@ -163,10 +130,16 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
     return figure
 
 
+def trace_figure(trace: DesignTrace) -> Figure:
+    """At most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
+    shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
+    return rays_figure([sensor_view(trace.sensor, trace.angle_deg, shown, trace.mode)])
+
+
 def sensor_view(
     sensor: Sensor, angle_deg: float, rays: int | None = None, mode: Mode = "count"
 ) -> tuple[str, Body, Scene, Trace]:
-    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless told otherwise.
+    """View of a sensor at an angle for `rays_figure`; counted rays, as in the paper, unless another mode is asked for.
 
     A picture shows the plane: rays of an extruded sensor are drawn as they would run there.
     """
@@ -176,8 +149,17 @@ def sensor_view(
     return title, sensor.body(angle_deg), scene, trace(scene, mode, legs=True)
 
 
-def scene_figure(scene: Scene, trace: Trace, unit: str = "mm") -> Figure:
-    """A scene with some of its rays; the trace must have kept its legs. Edges of half-planes do not widen the view."""
+def scene_figure(trace: SceneTrace) -> Figure:
+    """A scene of a file with some of its rays. Edges of half-planes do not widen the view.
+
+    Raises
+    ------
+    OutputError
+        Where the trace kept no paths.
+    """
+    scene, unit = trace.scene, trace.length_unit
+    if trace.legs is None:
+        raise OutputError("plot", limit="the trace kept no paths", remedy="trace the scene with paths=True")
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.4, 5.2), layout="constrained")
         axes = figure.add_subplot()
@@ -217,21 +199,24 @@ def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], t
     return (low[0], low[1]), (high[0], high[1])
 
 
-def _or_nan(value: float | None) -> float:
-    return np.nan if value is None else value
-
-
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """The values, NaN where they are not above 0."""
     return np.where(values > 0.0, values, np.nan)
 
 
-def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
-    """The lens cut for another index; None where that oval is too narrow for it."""
-    try:
-        return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
-    except DesignError:
-        return None
+def _response_axes() -> tuple[Figure, Axes, Axes]:
+    """A figure with axes of the powers and of the contrast against the angle."""
+    figure = Figure(figsize=(8.2, 3.5), layout="constrained")
+    power_axes, contrast_axes = figure.subplots(1, 2)
+    power_axes.set(xlabel="angle (deg)", ylabel="share of the emitted power")
+    _contrast_axes(contrast_axes)
+    return figure, power_axes, contrast_axes
+
+
+def _contrast_axes(axes: Axes) -> None:
+    axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(-1.05, 1.05))
+    for bound in (-SATURATED, SATURATED):
+        axes.axhline(bound, color=LOST, lw=0.8, ls=":")
 
 
 def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str, style: str) -> None:

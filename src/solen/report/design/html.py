@@ -15,18 +15,17 @@ from solen.report.canvas import svg
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.figures import (
     SHOWN_RAYS,
-    focus_figure,
     practice_figure,
-    profile_figure,
     rays_figure,
-    response_figure,
     sensor_view,
+    study_figure,
 )
+from solen.report.design.lens import focus_figure, profile_figure
 from solen.report.design.practical import budget_rows, index_rows
 from solen.report.design.words import findings, headline, warnings
 from solen.report.print.predict_figure import printed_figure
 from solen.results import scalars
-from solen.sensor import Case, Study
+from solen.sensor import Case, DesignStudy
 from solen.spec import dumps
 
 FIGURES = (
@@ -42,13 +41,13 @@ FIGURES = (
 """Names of all figures that a study may have."""
 
 
-def figures(study: Study) -> dict[str, str]:
+def figures(study: DesignStudy) -> dict[str, str]:
     """SVG texts of the figures of a study, by name; which of `FIGURES` there are depends on the design."""
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     case = study.case
     swept = case.power.angle_deg
     angles = sorted({float(swept[0]), 0.0, float(swept[-1])})
-    drawn = {"response": response_figure(study.with_lens, study.no_lens, study.designed)}
+    drawn = {"response": study_figure(study)}
     if study.as_printed is not None:
         drawn["as-printed"] = printed_figure(study.as_printed)
     if study.practice is not None and study.practice.chip is not None:
@@ -66,7 +65,7 @@ def figures(study: Study) -> dict[str, str]:
     return {name: svg(drawn[name], name) for name in FIGURES if name in drawn}
 
 
-def html(study: Study, drawn: dict[str, str]) -> str:
+def html(study: DesignStudy, drawn: dict[str, str]) -> str:
     """HTML text of the report; ``drawn`` are its figures as `figures` returns them."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
     environment.filters["shown"] = shown
@@ -92,7 +91,7 @@ def html(study: Study, drawn: dict[str, str]) -> str:
     )
 
 
-def _parts(study: Study) -> dict[str, list[tuple[str, Any]]]:
+def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
     """Rows of the tables of numbers, by what they are of."""
     focus = next((focus for focus in study.foci if focus.step == 0.0), None)
     parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
@@ -120,7 +119,7 @@ def shown(value: Any) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
-def _cases(study: Study) -> list[tuple[str, Case]]:
+def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
     with_lens = "with lens" if study.as_printed is None else f"lens {study.as_printed.label}"
     labels = {"lens": with_lens, "designed": "lens as designed", "no_lens": "no lens"}
     return [(labels[name], case) for name, case in study.cases.items()]

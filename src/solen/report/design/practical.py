@@ -6,7 +6,7 @@ Every sentence is computed; where the study has no such number, there is none.
 from typing import Any, NamedTuple
 
 from solen.lens import OvalLens
-from solen.sensor import Extent, InSpace, Practice, Response, Study
+from solen.sensor import DesignStudy, Extent, InSpace, Practice, Response
 from solen.sensor.index_offset import NEAR_DEG
 
 SHOWN_SHARE = 5e-4
@@ -43,7 +43,7 @@ class IndexRows(NamedTuple):
     rows: list[IndexRow]
 
 
-def budget_rows(study: Study) -> list[tuple[str, float]]:
+def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
     """Where the light goes at rest, by parts, with their uncertainty; empty where that is not known."""
     budget = None if study.practice is None else study.practice.budget
     if budget is None:
@@ -53,7 +53,7 @@ def budget_rows(study: Study) -> list[tuple[str, float]]:
     return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a share", budget.u)]
 
 
-def index_rows(study: Study) -> IndexRows:
+def index_rows(study: DesignStudy) -> IndexRows:
     """Contrast with the chip at the ends and near the middle, and foci of the lens, by the index of the material."""
     found = study.practice
     if found is None or not found.index:
@@ -109,7 +109,7 @@ def null_words(found: Practice) -> str:
     )
 
 
-def index_words(study: Study) -> str:
+def index_words(study: DesignStudy) -> str:
     """What an index that is off does to the response; empty without light."""
     angles, _, rows = index_rows(study)
     found = study.practice
@@ -137,7 +137,7 @@ def _shift_words(found: Practice) -> str:
     return f"{text}; {name} alone moves it from a point's by up to {chip.contrast:.3f} (at {chip.angle_deg:+.3g}°)."
 
 
-def budget_words(study: Study) -> str:
+def budget_words(study: DesignStudy) -> str:
     """Where the light goes at rest; empty where that is not known."""
     rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
     if not rows:
@@ -147,7 +147,7 @@ def budget_words(study: Study) -> str:
     return f"Of the emitter's light, at rest: {_listed(told)}."
 
 
-def space_words(study: Study) -> str:
+def space_words(study: DesignStudy) -> str:
     """The same chip in the plane and in space; empty without light."""
     found = None if study.practice is None else study.practice.in_space
     if found is None:

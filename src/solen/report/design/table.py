@@ -4,10 +4,10 @@ import csv
 import io
 import math
 
-from solen.sensor import Response, Study
+from solen.sensor import DesignStudy, Response
 
 
-def csv_table(study: Study) -> str:
+def csv_table(study: DesignStudy) -> str:
     """One row an angle: right, left and contrast of every case, in the order of the header."""
     columns: dict[str, Response] = {}
     for name, case in study.cases.items():

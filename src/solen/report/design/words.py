@@ -15,12 +15,12 @@ from solen.report.design.practical import (
     space_words,
     without_sign,
 )
-from solen.sensor import SATURATED, Case, Study
+from solen.sensor import SATURATED, Case, DesignStudy
 from solen.sensor.index_offset import steps
 from solen.sensor.practice import CHIP_MM
 
 
-def findings(study: Study) -> list[tuple[str, str]]:
+def findings(study: DesignStudy) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
     told = [
         ("The signal", _signal(study)),
@@ -36,12 +36,12 @@ def findings(study: Study) -> list[tuple[str, str]]:
     return [(heading, text) for heading, text in told if text]
 
 
-def warnings(study: Study) -> list[str]:
+def warnings(study: DesignStudy) -> list[str]:
     """What must be known before anything else, as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
-def headline(study: Study) -> str:
+def headline(study: DesignStudy) -> str:
     """One sentence."""
     found = study.case.summary
     start = f"{signed(found.contrast_from)} at {found.from_deg:+g}°"
@@ -51,7 +51,7 @@ def headline(study: Study) -> str:
     return f"The contrast between the two receivers runs from {start} to {end}."
 
 
-def _signal(study: Study) -> str:
+def _signal(study: DesignStudy) -> str:
     found, sentences = study.case.summary, [headline(study)]
     if study.with_lens is None:
         sentences.append("This design has no lens.")
@@ -83,7 +83,7 @@ def _range(case: Case) -> str:
     )
 
 
-def _light(study: Study) -> str:
+def _light(study: DesignStudy) -> str:
     found, sensor = study.case.summary, study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
@@ -105,7 +105,7 @@ def _light(study: Study) -> str:
     return text
 
 
-def _alignment(study: Study) -> str:
+def _alignment(study: DesignStudy) -> str:
     """What the lens makes of a decentre and of a chip, and what a decentre does to the null."""
     lens, practice, sentences = study.case.sensor.cut, study.practice, []
     if isinstance(lens, OvalLens):
@@ -123,7 +123,7 @@ def _alignment(study: Study) -> str:
     return " ".join(sentences)
 
 
-def _index(study: Study) -> str:
+def _index(study: DesignStudy) -> str:
     """Where another index puts the focus, and what it does to the response."""
     lens, material = study.case.sensor.cut, study.case.sensor.material
     known = f"The index is {material.index:.6g} ± {material.u_index:.2g} (standard)." if material.u_index else ""
@@ -149,7 +149,7 @@ def _focuses(lens: OvalLens, material: Optical) -> str:
     return f"If the print's index were {'; '.join(told)}."
 
 
-def _limits(study: Study) -> str:
+def _limits(study: DesignStudy) -> str:
     material = study.case.sensor.material
     absorption, u = material.absorption_per_mm, material.u_absorption_per_mm
     loss = (
@@ -162,7 +162,7 @@ def _limits(study: Study) -> str:
     return f"{_rays(study)}; {faces}, no diffraction; {loss}. " + _arms(study)
 
 
-def _rays(study: Study) -> str:
+def _rays(study: DesignStudy) -> str:
     """In what dimension the numbers are."""
     if study.design.trace.dimension == "extruded":
         return "Rays in space, in a body of the same outline at every height"
@@ -171,7 +171,7 @@ def _rays(study: Study) -> str:
     return "Rays in the plane only, whatever the thickness"
 
 
-def _arms(study: Study) -> str:
+def _arms(study: DesignStudy) -> str:
     if study.case.sensor.is_drawn:
         return "The outline is as drawn."
     angle = "assumed to continue the stem's edge" if study.design.body.arm_angle_deg is None else "as given"

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
+from solen.fabricate.coupons import CouponSet
 from solen.geometry.coupons import Coupon, Feature
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, STYLE
 
@@ -15,8 +16,9 @@ INSIDE = 0.3
 TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
 
 
-def plans_figure(coupons: list[Coupon]) -> Figure:
+def plans_figure(coupon_set: CouponSet) -> Figure:
     """A plan for each coupon, all as wide as the page, with the scale in mm below each."""
+    coupons = coupon_set.layouts
     heights = [_height_in(coupon) for coupon in coupons]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(WIDE_IN, sum(heights) + TITLE_IN * len(coupons)), layout="constrained")

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.fabricate import Mesh, Part
+from solen.fabricate import Export, ExportedSolid, Mesh, Part
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
 
 VIEWS = (("from the front", 35.0), ("from behind", 145.0))
@@ -35,8 +35,14 @@ EDGE_STEP = 0.01
 """And those whose depths differ by more than this share of the picture."""
 
 
-def solid_figure(part: Part, mesh: Mesh) -> Figure:
+def solid_figure(solid: ExportedSolid) -> Figure:
+    """See `export_figure`."""
+    return export_figure(solid.export)
+
+
+def export_figure(export: Export) -> Figure:
     """The solid at a slant from both ends, and the plan of its outlines with pockets and slots."""
+    part, mesh = export.part, export.mesh
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(6.6, 5.6), layout="constrained")
         grid = figure.add_gridspec(len(VIEWS), 2, width_ratios=(1.8, 1.0))

@@ -1,7 +1,5 @@
 """Figures of layers: some of them as the printer shows them, their pixels, the plate, and the stack over its height."""
 
-from collections.abc import Sequence
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,11 +7,13 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from solen.fabricate.layers import Job, Layer
+from solen.fabricate.layers import Job, LayeredPrint
 from solen.fabricate.raster import FULL
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, STYLE
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
+SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+"""Layers that are drawn, as shares of their number."""
 COLUMNS = 3
 MOST_PIXELS = 900
 """Of a picture along its longer side; finer ones are shown by every so manyth pixel."""
@@ -23,9 +23,10 @@ MOST_STEPS = 400
 """Heights at which the side is drawn."""
 
 
-def layers_figure(job: Job, shown: Sequence[Layer], name: str) -> Figure:
-    """Some layers of the first copy; the pixels at the edge of one, the plate, and the extent over the height."""
-    rows, columns = job.tile
+def layers_figure(layered: LayeredPrint) -> Figure:
+    """Some layers of one copy; the pixels at the edge of one, the plate, and the extent over the height."""
+    job, (rows, columns) = layered.job, layered.job.tile
+    shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
     wide = columns > rows
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 5.6 if wide else 7.0), layout="constrained")
@@ -41,26 +42,26 @@ def layers_figure(job: Job, shown: Sequence[Layer], name: str) -> Figure:
         size = " × ".join(f"{length:.4g}" for length in job.solid.size_mm)
         copies = "" if job.slicing.copies == 1 else f"{job.slicing.copies} copies, "
         layers = f"{copies}{job.count} layers of {job.slicing.layer_um:g} µm on {job.printer.name}"
-        figure.suptitle(f"{name}: {size} mm, {layers}", fontsize=10)
+        figure.suptitle(f"{layered.name}: {size} mm, {layers}", fontsize=10)
     return figure
 
 
-def _draw_layer(axes: Axes, job: Job, layer: Layer) -> None:
-    picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
+def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
+    picture, pitch = job.copy_of_layer(layer), job.printer.pitch_mm
     rows, columns = picture.shape
     step = max(1, max(rows, columns) // MOST_PIXELS)
     left, low = _from_origin(job)
     extent = (left, left + columns * pitch, low, low + rows * pitch)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
-    heights = f"{layer.from_mm:.3f}–{layer.to_mm:.3f} mm"
-    axes.set_title(f"layer {layer.index + 1}: {layer.exposure_s:g} s\n{heights}", fontsize=8)
+    heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
+    axes.set_title(f"layer {layer + 1}: {job.slicing.seconds(layer):g} s\n{heights}", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(visible=False)
 
 
-def _draw_edge(axes: Axes, job: Job, layer: Layer) -> None:
+def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
     """Pixels about the lowest one of a layer that is partly lit, as they are."""
-    picture, pitch = job.first_copy(layer.image), job.printer.pitch_mm
+    picture, pitch = job.copy_of_layer(layer), job.printer.pitch_mm
     rows, columns = picture.shape
     grey = np.argwhere((picture > 0) & (picture < FULL))
     places = grey if len(grey) else np.argwhere(picture)
@@ -71,7 +72,7 @@ def _draw_edge(axes: Axes, job: Job, layer: Layer) -> None:
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])
     axes.imshow(window, cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent, interpolation="nearest")
-    axes.set_title(f"layer {layer.index + 1}: its pixels", fontsize=9)
+    axes.set_title(f"layer {layer + 1}: its pixels", fontsize=9)
     axes.tick_params(labelsize=7)
     axes.set(xlabel="mm from the origin")
     axes.grid(visible=False)

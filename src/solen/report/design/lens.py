@@ -1,0 +1,93 @@
+"""Figures of a design's lens: its profile, and where it focuses."""
+
+from collections.abc import Callable
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from solen.errors import DesignError
+from solen.lens import Lens, MeasuredLens, OvalLens
+from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT, STYLE
+from solen.sensor import LensCheck, Sensor
+from solen.sensor.index_offset import steps
+
+PAPER_INDICES = (1.44, 1.49, 1.54)
+TOLERANCE_MM = 1e-4
+"""How far a drawn profile may leave the exact one."""
+SHOWN_STEPS = 3.0
+"""How many times its uncertainty the index is varied in a figure of the focus."""
+
+
+def lens_figure(check: LensCheck) -> Figure:
+    """The profile of a design's lens."""
+    return profile_figure(check.lens)
+
+
+def profile_figure(lens: Lens) -> Figure:
+    """The lens's profile; beside it ovals for the paper's indices, or the oval that a measured lens was to be."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.2, 2.7), layout="constrained")
+        axes = figure.add_subplot()
+        if isinstance(lens, OvalLens):
+            _draw_ovals(axes, lens)
+        else:
+            label = {"none": "flat face"}.get(lens.shape, lens.shape)
+            axes.plot(*lens.front.flattened(TOLERANCE_MM).T, color=INK, lw=2, label=label)
+        if isinstance(lens, MeasuredLens):
+            axes.plot(*lens.designed.front.flattened(TOLERANCE_MM).T, color=LOST, lw=1.2, ls="--", label="designed")
+        axes.set(xlabel="x (mm)", ylabel="z (mm), from the vertex")
+        axes.set_aspect("equal")
+        axes.legend(loc="upper center")
+    return figure
+
+
+def focus_figure(sensor: Sensor) -> Figure:
+    """Where the lens focuses against the index of the material, with the index's uncertainty as a band.
+
+    Without one, the band is that of the step which is compared instead.
+    """
+    lens, material = sensor.lens, sensor.material
+    if not isinstance(lens, OvalLens):
+        raise DesignError("lens.shape", value=sensor.design.lens.shape, limit="has no focus")
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(5.2, 3.2), layout="constrained")
+        axes = figure.add_subplot()
+        half, stated = max(abs(step) for step, _ in steps(material)), bool(material.u_index)
+        indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
+        band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
+        axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)
+        lines: tuple[tuple[str, Callable[[float], float | None], str], ...] = (
+            ("rays near the axis", lens.paraxial_focus_mm, LOWER),
+            ("smallest spot", lens.best_focus_mm, INK),
+            ("edge rays", lens.marginal_focus_mm, HIGHER),
+        )
+        for name, at, colour in lines:
+            axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
+        axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
+        axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
+        axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
+        axes.legend(fontsize=8)
+    return figure
+
+
+def _draw_ovals(axes: Axes, lens: OvalLens) -> None:
+    x = np.linspace(-lens.half_width_mm, lens.half_width_mm, 401)
+    for index, dashes in zip(PAPER_INDICES, ((4, 2), (1, 1.5), (6, 2, 1, 2)), strict=True):
+        other = _same_lens(lens, index)
+        if other is not None and abs(index - lens.design_index) > 1e-9:
+            axes.plot(x, other.z_mm(x), color=LOST, lw=1.2, dashes=dashes, label=f"n = {index:g}")
+    axes.plot(x, lens.z_mm(x), color=INK, lw=2, label=f"n = {lens.design_index:.4g} (this lens)")
+
+
+def _or_nan(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
+    """The lens cut for another index; None where that oval is too narrow for it."""
+    try:
+        return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
+    except DesignError:
+        return None

@@ -1,0 +1,223 @@
+"""Every command once, on small files: what it prints fits its schema, and a result that has a figure is drawn.
+
+The commands run in the order of a workshop, so that later ones read what earlier ones wrote.
+"""
+
+import inspect
+import io
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout, suppress
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import solen
+import solen.cli
+from solen.analysis.diagnosis import Response
+from solen.bench.record import RecordOptions, record
+from solen.cli.app import show_outcome
+from solen.cli.design.schema import commands, result_schema, result_type
+from solen.geometry.coupons import layout
+from solen.material.index import forward
+from solen.report.plot import FIGURES
+from solen.results import Outcome, Result
+from tests.analysis.diagnosis_support import response
+from tests.analysis.made_support import Protocol, Truth, made
+from tests.analysis.switching_support import stream
+from tests.bench.rig_support import PROTOCOL, RIG
+from tests.command_support import misfits
+from tests.fabricate.test_printed_command import features_file, sure
+from tests.metrology.coupon_support import Camera, Print
+from tests.metrology.inspect_support import Shot, lens
+from tests.metrology.render.camera import png
+from tests.pipeline.test_dose_files import discs, guides, layers, resin
+from tests.pipeline.test_fidelity_command import png as coupon_png
+from tests.pipeline.test_stiffness import pressed
+
+SCENE = Path(__file__).resolve().parents[1] / "scenes" / "oval-relay.json"
+DESIGN = "part/sensor.toml"
+
+ROWS = {
+    "new": "part",
+    "check": DESIGN,
+    "lens": f"{DESIGN} --csv profile.csv --figure lens.svg",
+    "trace": f"{DESIGN} --rays 50 --mode power --figure trace.svg",
+    "trace #scene": f"{SCENE} --mode power --figure scene.svg",
+    "convergence": f"{DESIGN} --figure convergence.svg",
+    "sensitivity": f"{DESIGN} body.arm_width_mm lens.focus_mm material.index --angle-deg 0.2 --figure sensitivity.svg",
+    "run": f"{DESIGN} --out ran --set motion.step_deg=6 --set emitter.width_mm=0.2",
+    "readout": f"{DESIGN} --set motion.step_deg=3 --figure readout.svg --out readout.json",
+    "export": f"{DESIGN} --out solid --stl --figure solid.png",
+    "doctor": "",
+    "completion": "bash",
+    "resin spectra": "layer.csv --figure spectra.svg",
+    "resin index": "layer.csv --thickness-um 50 --figure index.svg --out index.json",
+    "resin refractometer": "1.49 --u 0.001 --figure refractometer.svg --out refractometer.json",
+    "resin cutback": "guides.csv --launched 800 --figure cutback.svg --out cutback.json",
+    "resin cure": "discs.csv --irradiance-mW-per-cm2 13 --layer-um 25 --exposure-s 2 --figure cure.svg --out cure.json",
+    "resin penetration": "resin.csv --path-um 93 --led-nm 400 --led-fwhm-nm 12 --figure penetration.svg",
+    "resin exposures": "layers.csv --wavelength-nm 450 --wavelength-nm 860 --figure exposures.svg",
+    "resin stiffness": "cube.csv --cube-mm 10 --fit yeoh --figure stiffness.svg --out stiffness.json",
+    "resin build": (
+        "own.toml --name own --index index.json --cutback cutback.json --cure cure.json --stiffness stiffness.json"
+    ),
+    "resin mix": "a:60 b:40",
+    "resin list": "",
+    "resin show": "own.toml --at-nm 860 --figure resin.svg",
+    "print layers": f"{DESIGN} --out stack --layer-um 200 --exposure-s 2 --figure layers.png",
+    "print coupons": "--out coupons --only group-a --figure plans.svg",
+    "print fidelity": "a.png --job coupons/group-a.json --um-per-px 14 --figure fidelity.svg --out a.json",
+    "print calibrate": "features.json --figure printer.svg --out process.toml",
+    "print predict": f"{DESIGN} --process sure/process.toml --no-response --figure printed.svg --out printed.json",
+    "print inspect": f"lens.png --design {DESIGN} --um-per-px 5 --figure inspected.svg --out lens.json",
+    "print printers": "",
+    "bench new": "bench",
+    "bench run": "rig/protocol.toml --rig rig/rig.toml --out recorded",
+    "bench recover": "left/protocol.journal",
+    "bench recordings": "recorded",
+    "bench demodulate": "switched.csv --figure switched.svg --out readings.csv",
+    "bench analyse": "S1.csv --figure response.svg --traces traces.svg --out analysis.json",
+    "bench diagnose": f"S1.csv --design {DESIGN} --figure diagnosis.svg --out diagnosis.json",
+    "bench calibrate": f"S1.csv --design {DESIGN} --figure calibration.svg",
+    "bench decode": "S1.calibration.json S1.csv --out angles.csv",
+}
+"""Arguments of each command; after # what tells two of one command apart."""
+
+
+@dataclass
+class Answer:
+    """What a command printed with ``--json``, and its outcome."""
+
+    printed: Any
+    outcome: Outcome[Result]
+
+
+def write_inputs(folder: Path) -> None:
+    """Files of measurements, all simulated."""
+    nm = np.arange(400.0, 901.0, 20.0)
+    reflected, transmitted = forward(1.49 + 4e3 / nm**2, 1e-5, 50.0, nm)
+    np.savetxt(
+        folder / "layer.csv", np.column_stack([nm, transmitted, reflected]), delimiter=",", comments="",
+        header="wavelength_nm,T,R",
+    )  # fmt: skip
+    guides(folder / "guides.csv")
+    discs(folder / "discs.csv")
+    resin(folder / "resin.csv")
+    layers(folder / "layers.csv")
+    pressed(folder / "cube.csv", 1.0)
+    (folder / "sure").mkdir()
+    sure(folder / "sure")
+    features_file(folder / "features.json")
+    coupon_png(folder / "a.png", Camera(14.0, 3.0, blur_px=1.2).picture(Print(layout("group-a"))))
+    (folder / "lens.png").write_bytes(png(Shot(lens("solen-860")).taken(1)))
+    time, volts, state = stream(60, lambda t: 4.0 - 0.5 * t, 1)
+    table = np.column_stack([time, volts[:, 0], state])
+    np.savetxt(folder / "switched.csv", table, delimiter=",", header="time_s,right (V),led", comments="", fmt="%.9g")
+    signals = made(Truth(noise_V=0.01, protocol=Protocol(hold_s=0.2)))
+    rows = np.column_stack([signals.time_s, signals.angle_deg, signals.volts])
+    np.savetxt(
+        folder / "S1.csv", rows, delimiter=",", header="time_s,angle_deg,left_V,right_V", comments="", fmt="%.6f"
+    )
+
+
+def write_rig(folder: Path) -> None:
+    """A small rig, and the journal of a run on it that was interrupted."""
+    (folder / "rig").mkdir()
+    files = {"sensor.toml": (folder / DESIGN).read_text(encoding="utf-8"), "rig.toml": RIG, "protocol.toml": PROTOCOL}
+    for name, text in files.items():
+        (folder / "rig" / name).write_text(text, encoding="utf-8")
+
+    def interrupt(_: object) -> None:
+        raise KeyboardInterrupt
+
+    with suppress(KeyboardInterrupt):
+        record(
+            folder / "rig" / "protocol.toml", folder / "rig" / "rig.toml", folder / "left", RecordOptions(),
+            watch=interrupt,
+        )  # fmt: skip
+
+
+def answer(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> Answer:
+    outcomes: list[Outcome[Result]] = []
+    show = show_outcome
+
+    def keep(outcome: Outcome[Result]) -> None:
+        outcomes.append(outcome)
+        show(outcome)
+
+    printed = io.StringIO()
+    with monkeypatch.context() as patch, redirect_stdout(printed):
+        patch.setattr("solen.cli.show_outcome", keep)
+        assert solen.cli.run_command([*arguments, "--json"]) == 0, arguments
+    return Answer(json.loads(printed.getvalue()), outcomes[0])
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Answer]]:
+    """Answers of all commands, by their rows."""
+    folder = tmp_path_factory.mktemp("workshop")
+    write_inputs(folder)
+    found = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name in ("HOME", "USERPROFILE"):
+            patch.setenv(name, str(folder))
+        closed_form = response()
+        patch.setattr(Response, "of", lambda *_: closed_form)  # a traced one takes minutes
+        for row, arguments in ROWS.items():
+            if row == "bench run":
+                write_rig(folder)
+            found[row] = answer([*row.partition(" #")[0].split(), *arguments.split()], patch)
+        yield found
+
+
+def test_every_command_with_a_result_has_a_row() -> None:
+    answering = {name for name, place in commands().items() if result_type(place) is not None}
+    assert {row.partition(" #")[0] for row in ROWS} == answering
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_what_a_command_prints_fits_its_schema(answers: dict[str, Answer], row: str) -> None:
+    assert misfits(result_schema(tuple(row.partition(" #")[0].split())), answers[row].printed) == []
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_result_is_drawn_where_its_command_draws(answers: dict[str, Answer], row: str) -> None:
+    module, _, function = commands()[row.partition(" #")[0]].partition(":")
+    parameters = inspect.signature(getattr(import_module(f"solen.cli.{module}"), function)).parameters
+    if "figure" in parameters:
+        assert answers[row].outcome.files["figure"].stat().st_size > 1000
+    if "figure" in parameters or row == "run":
+        assert isinstance(solen.plot(answers[row].outcome.result), Figure)
+
+
+def test_parts_of_results_are_drawn(answers: dict[str, Answer]) -> None:
+    study: Any = answers["run"].outcome.result
+    for part in (study.practice, study.case.power, study.sensor, study.sensor.cut):
+        assert isinstance(solen.plot(part), Figure)
+
+
+def test_names_of_figures_are_names_of_one_type() -> None:
+    """A figure is chosen by the name of the type alone."""
+    types: dict[str, set[type]] = {}
+    waiting: list[type] = [Result]
+    while waiting:
+        kind = waiting.pop()
+        waiting += kind.__subclasses__()
+        if kind.__module__.startswith("solen."):
+            types.setdefault(kind.__name__, set()).add(kind)
+    assert [name for name in FIGURES if len(types.get(name, ())) > 1] == []
+
+
+def test_figures_of_the_commands_leave_nothing_open(answers: dict[str, Answer]) -> None:
+    """Figures are made without pyplot, which would keep them all."""
+    assert answers
+    if "matplotlib.pyplot" in sys.modules:
+        assert sys.modules["matplotlib.pyplot"].get_fignums() == []
