@@ -24,6 +24,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from solen.errors import FrozenError
 from solen.extras import need
 
 if typing.TYPE_CHECKING:
@@ -55,6 +56,20 @@ class Result:
     """
 
     __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
+
+    def __new__(cls, *_: Any, **__: Any) -> typing.Self:
+        """Give the word to `__setattr__` below: dataclasses write one into every frozen class."""
+        for kind in cls.__mro__:
+            if kind is not Result and issubclass(kind, Result) and "__setattr__" in vars(kind):
+                del kind.__setattr__, kind.__delattr__
+        return super().__new__(cls)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        remedy = f"dataclasses.replace(result, {name}={_short(value)}) is a changed copy"
+        raise FrozenError(f"{type(self).__name__}.{name}", limit="does not change once made", remedy=remedy)
+
+    def __delattr__(self, name: str) -> None:
+        raise FrozenError(f"{type(self).__name__}.{name}", limit="does not change once made")
 
     def to_dict(self) -> dict[str, Any]:
         """The result as plain data that JSON can hold: lists for arrays, None for what is not finite."""
