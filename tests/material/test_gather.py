@@ -287,6 +287,7 @@ def test_whatever_stands_in_a_result_it_is_a_table_or_a_line(data: st.DataObject
     if refusal:
         assert len(refusal.splitlines()) == 1
         return
+    assert table is not None
     assert "nan" not in table.model_dump_json().lower()
     resin = Resin(name="x", **{found.of: table})
     assert "inf" not in dumps_resin(resin)
