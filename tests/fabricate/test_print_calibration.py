@@ -1,6 +1,7 @@
 """A process from measured coupons: what it finds, how sure it is, and what it says it cannot tell."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ from numpy.typing import NDArray
 from solen.errors import DataError
 from solen.fabricate.process import (
     Calibration,
+    MeasuredCoupon,
     MeasuredFeature,
     PrinterCalibration,
     Process,
     Settings,
+    SharedScale,
     calibrated,
     default_process,
     parsed_process,
@@ -49,6 +52,11 @@ def measured(
         else dataclasses.replace(one, measured_mm=float(size + U_MM * rng.standard_normal()), u_measured_mm=U_MM)
         for one, size in zip(features, sizes, strict=True)
     ]
+
+
+def coupon(features: list[MeasuredFeature], u_scale: float | None = 1e-4, **more: Any) -> list[MeasuredCoupon]:
+    """One picture of these features."""
+    return [MeasuredCoupon(tuple(features), SharedScale(5.0, u_scale), SharedScale(0.1, u_scale), **more)]
 
 
 def off_in_u(found: PrinterCalibration, wanted: list[float]) -> NDArray[np.float64]:
@@ -99,7 +107,7 @@ def test_small_things_vanish_and_close(true: Settings) -> None:
 def found(true: Settings) -> PrinterCalibration:
     features = drawn(steps=True)
     return calibrated(
-        default_process(), measured(features, printed_mm(true, features), np.random.default_rng(3)), "test"
+        default_process(), coupon(measured(features, printed_mm(true, features), np.random.default_rng(3))), "test"
     )
 
 
@@ -124,7 +132,7 @@ def test_calibrated_intervals_hold_what_they_say(true: Settings) -> None:
     sizes, wanted = printed_mm(true, features), [22.0, growth_um(true), 0.4]
     off = []
     for _ in range(60):
-        found = calibrated(default_process(), measured(features, sizes, rng), "test")
+        found = calibrated(default_process(), coupon(measured(features, sizes, rng)), "test")
         off.append(off_in_u(found, wanted))
     spread = np.std(off, axis=0)
     print("spread of standardised errors", spread, "mean", np.mean(off, axis=0))
@@ -149,7 +157,7 @@ def test_what_is_calibrated_is_kept_when_other_numbers_vary(found: PrinterCalibr
 def test_large_features_alone_do_not_tell_the_blur(true: Settings) -> None:
     features = [MeasuredFeature("hole", 1.4 + 0.05 * i, None, None, True) for i in range(6)]
     found = calibrated(
-        default_process(), measured(features, printed_mm(true, features), np.random.default_rng(2)), "holes"
+        default_process(), coupon(measured(features, printed_mm(true, features), np.random.default_rng(2))), "holes"
     )
     assert any("sigma_um" in text and "stays" in text for text in found.warnings)
     assert any("cannot be separated" in text for text in found.warnings)
@@ -158,7 +166,7 @@ def test_large_features_alone_do_not_tell_the_blur(true: Settings) -> None:
 def test_scatter_beyond_what_is_stated_widens_and_is_told(true: Settings) -> None:
     features = drawn()
     sizes = printed_mm(true, features) + np.random.default_rng(8).normal(0.0, 0.02, len(features))
-    found = calibrated(default_process(), measured(features, sizes, np.random.default_rng(2)), "rough")
+    found = calibrated(default_process(), coupon(measured(features, sizes, np.random.default_rng(2))), "rough")
     assert found.scale > 2.0
     assert any("times their stated uncertainty" in text for text in found.warnings)
 
@@ -166,14 +174,14 @@ def test_scatter_beyond_what_is_stated_widens_and_is_told(true: Settings) -> Non
 def test_features_that_should_not_be_there_are_named(true: Settings) -> None:
     features = measured(drawn(), printed_mm(true, drawn()), np.random.default_rng(2))
     there = MeasuredFeature("gap", 0.04, 0.03, U_MM, resolved=True)
-    found = calibrated(default_process(), [*features, there], "odd")
+    found = calibrated(default_process(), coupon([*features, there]), "odd")
     assert there in found.disagree
     assert any("gap of 0.04 mm" in text for text in found.warnings)
 
 
 def test_too_few_features_are_refused() -> None:
     with pytest.raises(DataError, match="needs at least 3 pillars, holes or gaps"):
-        calibrated(default_process(), [MeasuredFeature("pillar", 1.0, 1.05, 0.01, resolved=True)], "one")
+        calibrated(default_process(), coupon([MeasuredFeature("pillar", 1.0, 1.05, 0.01, resolved=True)]), "one")
 
 
 def test_a_covariance_must_be_one() -> None:

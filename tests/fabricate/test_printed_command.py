@@ -294,7 +294,7 @@ def test_what_is_not_resolved_needs_no_size(tmp_path: Path) -> None:
     data["features"].append(step | {"resolved": False})
     data["undecided"] = [step | {"resolved": None}]
     path.write_text(json.dumps(data), encoding="utf-8")
-    features, _ = read_features(path)
+    features = read_features(path).features
     assert [one.measured_mm is not None for one in features] == [True] * 6 + [False]
     assert features[6].u_measured_mm is None
 

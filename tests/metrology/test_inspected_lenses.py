@@ -151,11 +151,11 @@ def test_a_bump_and_a_hollow_come_back_with_sign_place_and_height(tmp_path: Path
     assert x[off_um.argmin()] == pytest.approx(-0.8, abs=0.04)
 
 
-def test_a_print_that_grew_is_told_by_its_factor(tmp_path: Path) -> None:
-    """The factor is what the outline would have to grow by: below 1 for a print that is too large."""
+def test_a_print_that_is_larger_is_told_by_its_factor(tmp_path: Path) -> None:
     found = inspected(tmp_path, replace(PLAIN, magnification=1.02), 7)
-    assert found["scale_check"]["factor"] == pytest.approx(1.0 / 1.02, abs=5e-3)
-    assert any("% smaller" in warning for warning in found["warnings"])
+    size = found["size"]
+    assert size["size_factor"] == pytest.approx(1.02, abs=4.0 * size["u_size_factor"])
+    assert any("% larger" in warning for warning in found["warnings"])
 
 
 def test_a_lens_of_another_focus_lies_off_its_design_as_their_curves_do(tmp_path: Path) -> None:

@@ -75,7 +75,11 @@ def test_a_perfect_print_lies_on_its_design() -> None:
     assert laid.pose.rotation_deg == pytest.approx(PLACING.angle_deg, abs=4.0 * laid.u_rotation_deg + 0.01)
     # the renderer counts from a pixel's corner, places are counted from its middle
     np.testing.assert_allclose(np.add(laid.pose.origin_px, 0.5), PLACING.origin_px, atol=0.3)
-    assert laid.scale_factor == pytest.approx(1.0, abs=4.0 * laid.u_scale_factor + 2e-3)
+    size = found.chosen.size
+    assert size.walls == 2
+    assert size.size_factor == pytest.approx(1.0, abs=4.0 * size.u_size_factor)
+    assert size.overgrowth_um == pytest.approx(0.0, abs=4.0 * size.u_overgrowth_um)
+    assert size.u_overgrowth_um < 1.0
 
 
 def test_a_bump_is_seen_where_it_is_with_its_sign_and_height() -> None:
@@ -175,7 +179,7 @@ def test_a_design_without_a_lens_is_refused() -> None:
 def test_the_nearest_design_is_the_printed_one(index: float) -> None:
     outline = printed(bump(-0.7, 12.0, 0.3), {1.44: "solen-860", 1.49: "solen-500", 1.54: "solen-450"}[index])
     found = measure_outline(plain(outline), NOMINAL).chosen
-    designs = compare(found.edge, found.registration.pose, nominal_fronts())
+    designs = compare(found, nominal_fronts())
     assert designs[0].name == f"n = {index}"
     assert designs[0].probability > 0.99
     assert sum(design.probability for design in designs) == pytest.approx(1.0)
@@ -185,9 +189,9 @@ def test_the_nearest_design_is_the_printed_one(index: float) -> None:
 def test_designs_that_are_alike_are_not_told_apart() -> None:
     alike = [nominal_front(shipped(lens__design_index=index), f"n = {index}") for index in (1.44, 1.442)]
     found = measure_outline(plain(printed(bump(0.5, 20.0, 0.3))), NOMINAL).chosen
-    designs = compare(found.edge, found.registration.pose, alike)
+    designs = compare(found, alike)
     assert designs[0].probability < 0.95
-    assert "cannot be distinguished" in doubts(designs)[0]
+    assert "cannot be distinguished" in doubts(designs, 2.0)[0]
 
 
 def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:

@@ -1,14 +1,12 @@
 """Comparison of a printed outline with several designs: which is nearest, and how sure that is.
 
-The idea: the outline is registered to each design in turn, and the residuals are compared. The deviations of a print
-from its design are form, of unknown size and alike between neighbours, so a thousand pixels are not a thousand
-witnesses. With m independent values among them (`solen.metrology.registration.effective_number`) less those that the
-pose uses up, ν, and an unknown variance with Jeffreys' prior, the likelihood of a design goes as (Σ d²)^(−ν/2); see
-A. Gelman and others, Bayesian Data Analysis, section 14.2, for the regression whose marginal likelihood this is. With
-equal priors, these likelihoods over their sum are the posterior probabilities, among these designs alone.
+The idea: the outline is fitted to each design in turn with all that makes a print larger or smaller as a whole (see
+`solen.metrology.print_fit`): a design is not nearer because the scale is wrong or the print overgrown. With equal
+priors, the marginal likelihoods over their sum are the posterior probabilities, among these designs alone. Whether any
+of them explains the outline is another question, which `p_form` answers: where the form that is left is larger than
+prints of the right design have, it is none of these.
 
-An error of scale makes a lens larger and its curvature smaller, as another index does. For each design the scale at
-which the outline would fit it best is therefore stated as well: a picture of a less certain scale decides nothing.
+The interface: `designs_to_compare` and `compare`; `doubts` says what the comparison does not show.
 """
 
 from collections.abc import Sequence
@@ -16,21 +14,18 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from solen.arrays import FloatArray
 from solen.lens import OvalLens
-from solen.metrology.edge import Edge
 from solen.metrology.nominal import NominalFront, nominal_front
-from solen.metrology.pose import Pose
+from solen.metrology.outline import NamedEdge
+from solen.metrology.print_fit import PrintFit, PrintPriors, fit_print
 from solen.metrology.registration import Registration, register
 from solen.results import HIDDEN, reported
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
 
 SURE = 0.95
-PARAMETERS = 3
-"""Of a pose: a rotation and a shift."""
-DOUBTFUL_SCALE = 0.03
-"""Relative error of scale that a picture may well have where no uncertainty is stated."""
+LIKELY = 0.05
+"""Probability of a form as large as the outline's, below which it is no print of a design."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
 """Emitter's distance, focus and half width of the paper's lenses."""
@@ -45,29 +40,27 @@ class ComparedDesign:
     name
         Of the design.
     registration
-        With the scale as stated.
+        With the scale as stated and the size as designed.
+    size
+        Size, overgrowth and form of the print, if it is one of this design.
     probability
-        Of this design among those compared, with the scale as stated.
+        Of this design among those compared; pose, scale, shrinkage, overgrowth and form are integrated over.
     """
 
     name: str
     registration: Registration = field(metadata=HIDDEN)
+    size: PrintFit
     probability: float
 
     @reported
     def rms_um(self) -> float:
-        """Rms deviation with the scale as stated."""
+        """Rms deviation with the scale as stated and the size as designed."""
         return self.registration.rms_um
 
-    @reported
-    def scale_factor(self) -> float:
-        """Factor of scale at which the outline would fit this design best."""
-        return self.registration.scale_factor
-
-    @reported
-    def scaled_rms_um(self) -> float:
-        """Rms deviation at that scale."""
-        return self.registration.scaled_rms_um
+    @property
+    def possible(self) -> bool:
+        """Whether a print of this design may deviate as much."""
+        return self.size.p_form >= LIKELY
 
 
 def designs_to_compare(design: Design, nominal: NominalFront, against: Sequence[Design] = ()) -> list[NominalFront]:
@@ -98,63 +91,52 @@ def _distinct(fronts: Sequence[NominalFront]) -> list[NominalFront]:
     ]
 
 
-def compare(edge: Edge, pose: Pose, fronts: Sequence[NominalFront], u_scale: float = 0.0) -> list[ComparedDesign]:
-    """Designs with their probabilities, the nearest first.
+def compare(
+    edge: NamedEdge, fronts: Sequence[NominalFront], priors: PrintPriors = PrintPriors()
+) -> list[ComparedDesign]:
+    """Designs with their probabilities, the most probable first.
 
     Parameters
     ----------
     edge
-        The outline.
-    pose
-        First guess, good enough for each of the designs.
+        The outline, with a pose that is good enough for each of the designs.
     fronts
         The nominal fronts, at least one.
-    u_scale
-        Relative standard uncertainty of the scale.
+    priors
+        What is known of the print's size and form.
     """
-    fits = [register(*edge.measured, pose, front, u_scale) for front in fronts]
+    traced, u_px = edge.traced, edge.edge.measured[1]
+    alone = [fit_print(traced, front, priors) for front in fronts]
+    independent = min(alone, key=lambda fit: fit.form_um).independent_values
+    sizes = [fit_print(traced, front, priors, independent) for front in fronts]
+    logs = np.array([size.log_evidence for size in sizes])
+    weights = np.exp(logs - logs.max())
     designs = [
-        ComparedDesign(front.name, fit, float(probability))
-        for front, fit, probability in zip(fronts, fits, _probabilities(fits), strict=True)
+        ComparedDesign(
+            front.name,
+            register(traced.front_px, u_px, traced.pose, front, traced.u_scale or 0.0, size.on_front),
+            size,
+            float(probability),
+        )
+        for front, size, probability in zip(fronts, sizes, weights / weights.sum(), strict=True)
     ]
-    return sorted(designs, key=lambda design: design.rms_um)
+    return sorted(designs, key=lambda design: -design.size.log_evidence)
 
 
-def _probabilities(fits: Sequence[Registration]) -> FloatArray:
-    """Posterior probabilities, from the sums of squares of the points that all registrations use."""
-    common = set.intersection(*(set(fit.used.tolist()) for fit in fits))
-    squares = np.array([_mean_square(fit, common) for fit in fits])
-    best = fits[int(np.argmin(squares))]
-    freedom = max(best.independent - PARAMETERS, 1.0)
-    weight = np.exp(-0.5 * freedom * np.log(np.maximum(squares, 1e-30) / max(float(squares.min()), 1e-30)))
-    return np.asarray(weight / weight.sum())
-
-
-def _mean_square(fit: Registration, common: set[int]) -> float:
-    shared = np.isin(fit.used, list(common))
-    return float(np.mean((fit.weights * fit.deviation_um**2)[shared] if shared.any() else fit.deviation_um**2))
-
-
-def doubts(designs: Sequence[ComparedDesign], u_scale: float = 0.0) -> list[str]:
+def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[str]:
     """What the comparison does not show, in sentences."""
-    if len(designs) < 2:
-        return []
-    first, second = designs[0], designs[1]
-    rms = first.rms_um
-    if first.probability < SURE:
+    first = designs[0]
+    if not any(design.possible for design in designs):
+        none = "none of these designs" if len(designs) > 1 else f"no usual print of {first.name}"
         return [
-            f"{first.name} and {second.name} cannot be distinguished: the outline deviates by {rms:.3g} and "
-            f"{second.rms_um:.3g} µm (rms) from them, and neighbouring points are not independent "
-            f"({first.registration.independent:.0f} independent values)"
+            f"{none}: {first.size.form_um:.3g} µm (rms) of form are left beside size and overgrowth, and a print of "
+            f"the right design has about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
         ]
-    likely = 3.0 * u_scale if u_scale > 0.0 else DOUBTFUL_SCALE
-    least = min(rms, first.scaled_rms_um)
-    warnings = [
-        f"were the scale {100.0 * (other.scale_factor - 1.0):+.1f} % off, {other.name} would be the nearest: "
-        "an error of scale looks like another index"
-        for other in designs[1:]
-        if abs(other.scale_factor - 1.0) < likely and other.scaled_rms_um < least
+    if len(designs) < 2 or first.probability >= SURE:
+        return []
+    second = designs[1]
+    return [
+        f"{first.name} and {second.name} cannot be distinguished: beside size and overgrowth the outline deviates by "
+        f"{first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points are not "
+        f"independent ({first.size.independent_values:.0f} independent values)"
     ]
-    if rms > 0.5 * second.rms_um:
-        warnings.append(f"the outline deviates by {rms:.3g} µm (rms) from {first.name}, the nearest: it is near none")
-    return warnings

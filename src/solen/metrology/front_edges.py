@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 
 from solen.arrays import BoolArray, FloatArray
-from solen.metrology.edge import Edge, fit_edge, fit_two_edges
+from solen.metrology.edge import LINES, Edge, fit_edge, fit_two_edges
 from solen.metrology.edge_tracing import Band, TracedEdge
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
@@ -23,12 +23,17 @@ SHARPER = 1.25
 
 
 def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, traced: list[TracedEdge]) -> list[Edge]:
-    """Fits of the traced edges, from the outermost inwards; two near each other are fitted together."""
+    """Fits of the traced edges, from the outermost inwards; two near each other are fitted together.
+
+    A picture shows a curved edge too far inwards, by σ²/2R for a blur σ and a radius R, and by as much for the variance
+    of the lines that are averaged; this is made good.
+    """
     length = float(nominal.arc_mm[-1])
     count = int(min(MOST_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
     arc = np.linspace(0.0, length, count)
     points, normals = nominal.at(arc)
     ways = pose.direction_px(normals)
+    half_curvature = 0.5 * nominal.curvature_per_mm(arc) / pose.px_per_mm
     ordered = sorted(traced, key=lambda edge: -float(np.median(edge.offset_mm)))
     offset = np.stack([np.interp(arc, band.arc_mm, edge.offset_mm) for edge in ordered])
     offset = np.asarray(ndimage.gaussian_filter1d(offset, 3.0, mode="nearest"))
@@ -48,8 +53,14 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
             middle = offset.mean(axis=0)
             contour = pose.to_px(points + normals * middle[:, None])
             at = ((offset - middle) * pose.px_per_mm).T
-            return list(fit_two_edges(image.grey, contour, ways, at, blur_px=blur, ceiling=image.ceiling))
-    return [single(index) for index in range(len(ordered))]
+            fits = fit_two_edges(image.grey, contour, ways, at, blur_px=blur, ceiling=image.ceiling)
+            return [_unbent(edge, half_curvature) for edge in fits]
+    return [_unbent(single(index), half_curvature) for index in range(len(ordered))]
+
+
+def _unbent(edge: Edge, half_curvature_per_px: FloatArray) -> Edge:
+    outwards = half_curvature_per_px * (edge.blur**2 + (LINES**2 - 1.0) / 12.0)
+    return replace(edge, points_px=edge.points_px + outwards[:, None] * edge.normals)
 
 
 def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:

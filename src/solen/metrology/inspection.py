@@ -16,23 +16,21 @@ from solen.metrology.comparison import ComparedDesign, compare, designs_to_compa
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, nominal_front
 from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
+from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
-from solen.metrology.registration import Registration
 from solen.metrology.scale import Scale, ScaleOptions
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
 
-EDGE_BIAS_PX = 0.05
-"""What uneven light and a camera's grey value curve may shift an edge by: systematic, and not seen in scatter."""
-OTHER_SCALE, SURE_SCALE = 0.01, 3.0
-"""Relative difference of the best scale that is warned of, where it is more than so many of its uncertainties."""
+OTHER_SIZE, SURE_SIZE = 0.01, 3.0
+"""Relative difference of the size that is warned of, where it is more than so many of its uncertainties."""
 FACES = {"sharper": "top", "softer": "bottom"}
 LEAST_STEP_MM = 1e-4
 """Points nearer each other than this in x are one."""
 
 
-class InspectOptions(ScaleOptions):
+class InspectOptions(PrintPriors, ScaleOptions):
     """How a picture of a lens is measured."""
 
     edge: EdgeChoice = "auto"
@@ -113,17 +111,6 @@ class FrontDeviation:
 
 
 @dataclass(frozen=True)
-class ScaleCheck:
-    """Factor by which the outline would have to grow to fit the design best, and its standard uncertainty.
-
-    It is not applied: an error of scale and one of curvature look alike.
-    """
-
-    factor: float
-    u_factor: float
-
-
-@dataclass(frozen=True)
 class EdgeSummary:
     """One of the edges along the front, in numbers.
 
@@ -184,12 +171,12 @@ class LensInspection(Result):
         Size of a pixel and where it comes from.
     deviation
         Of the outline from the design.
-    scale_check
-        The scale at which the outline would fit the design best.
+    size
+        Scale, shrinkage and even overgrowth, fitted together with the pose to the front and its walls.
     nearest
-        Name of the nearest of the compared designs.
+        Name of the most probable of the compared designs; None where it is none of these.
     designs
-        The compared designs by name, the nearest first.
+        The compared designs by name, the most probable first.
     edges
         All edges along the front, the chosen one first.
     rotation_deg, u_rotation_deg
@@ -222,8 +209,8 @@ class LensInspection(Result):
     simulated: bool
     scale: Scale
     deviation: FrontDeviation
-    scale_check: ScaleCheck
-    nearest: str
+    size: PrintFit
+    nearest: str | None
     designs: dict[str, ComparedDesign]
     edges: tuple[EdgeSummary, ...]
     rotation_deg: float
@@ -275,7 +262,12 @@ class LensInspection(Result):
 
 
 def measure_lens(
-    image: Image, design: Design, *, edge: EdgeChoice = "auto", against: Sequence[Design] = ()
+    image: Image,
+    design: Design,
+    *,
+    edge: EdgeChoice = "auto",
+    against: Sequence[Design] = (),
+    priors: PrintPriors = PrintPriors(),
 ) -> LensInspection:
     """Measure a printed lens in a picture against its design.
 
@@ -289,6 +281,8 @@ def measure_lens(
         Edge of a thick transparent part to take.
     against
         Other designs to compare with; by default those of the paper's three indices where it is the paper's lens.
+    priors
+        What is known of the print's size and form.
 
     Raises
     ------
@@ -299,10 +293,10 @@ def measure_lens(
     """
     check_vision("solen print inspect")
     nominal = nominal_front(design)
-    outline = measure_outline(image, nominal, edge)
+    outline = measure_outline(image, nominal, edge, priors)
     chosen = outline.chosen
-    fit, u_scale, bias_um = chosen.registration, image.scale.u_relative, EDGE_BIAS_PX * image.um_per_px
-    designs = compare(chosen.edge, fit.pose, designs_to_compare(design, nominal, against), u_scale)
+    fit, bias_um = chosen.registration, EDGE_BIAS_PX * image.um_per_px
+    designs = compare(chosen, designs_to_compare(design, nominal, against), priors)
     # an edge's bias, of one sign on the left and of the other on the right, turns the part
     turned_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
     return LensInspection(
@@ -310,8 +304,8 @@ def measure_lens(
         simulated=image.provenance.simulated,
         scale=image.scale,
         deviation=FrontDeviation.of(chosen, image),
-        scale_check=ScaleCheck(fit.scale_factor, fit.u_scale_factor),
-        nearest=designs[0].name,
+        size=chosen.size,
+        nearest=designs[0].name if designs[0].possible else None,
         designs={one.name: one for one in designs},
         edges=tuple(EdgeSummary.of(one, chosen) for one in outline.edges),
         rotation_deg=(fit.pose.rotation_deg + 180.0) % 360.0 - 180.0,
@@ -327,25 +321,34 @@ def measure_lens(
         outline_deviation_um=np.round(fit.deviation_um, 4),
         u_outline_deviation_um=np.round(fit.u_um, 4),
         sources=(image.provenance,),
-        warnings=(*image.warnings, *outline.warnings, *_scale_warnings(image.scale, fit), *doubts(designs, u_scale)),
+        warnings=(
+            *(*image.warnings, *outline.warnings),
+            *(*_size_warnings(image.scale, chosen), *doubts(designs, priors.form_um)),
+        ),
         image=image,
         outline=outline,
         nominal=nominal,
     )
 
 
-def _scale_warnings(scale: Scale, fit: Registration) -> list[str]:
-    warnings = []
+def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[str]:
+    size, warnings = chosen.size, []
     if scale.u_um_per_px is None:
         warnings.append(
-            "no uncertainty of the scale is stated (--u-um-per-px), so the stated uncertainties exclude it: 1 % of "
-            f"scale changes the deviations by {fit.um_per_percent_of_scale:.2g} µm (rms)"
+            "no uncertainty of the scale is stated (--u-um-per-px): deviations exclude it, and 1 % of scale changes "
+            f"them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and shrinkage are parted as if "
+            f"it were {100.0 * U_SCALE:g} %"
         )
-    off = fit.scale_factor - 1.0
-    if abs(off) > OTHER_SCALE and abs(off) > SURE_SCALE * fit.u_scale_factor:
+    off = size.size_factor - 1.0
+    if abs(off) > OTHER_SIZE and abs(off) > SURE_SIZE * size.u_size_factor:
         warnings.append(
-            f"the outline would fit the design better were it {100.0 * abs(off):.2f} % "
-            f"{'larger' if off > 0.0 else 'smaller'}: the scale is off, or the print's curvature, or it lies tilted; "
-            "this picture does not show which"
+            f"beside its overgrowth the outline is {100.0 * abs(off):.2f} % {'larger' if off > 0.0 else 'smaller'} "
+            "than designed: the scale is off, or the print has shrunk or grown, or it lies tilted; this picture does "
+            "not show which"
+        )
+    if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:
+        warnings.append(
+            f"all walls stand {'out' if size.overgrowth_um > 0.0 else 'back'} evenly by "
+            f"{abs(size.overgrowth_um):.3g} ± {size.u_overgrowth_um:.2g} µm"
         )
     return warnings

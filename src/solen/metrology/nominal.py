@@ -24,6 +24,12 @@ TOLERANCE_MM = 1e-6
 SPACING_MM = 2e-3
 WALL = 0.35
 """Length of wall beside the front that helps to find the lens, as a fraction of its width."""
+PAST_CORNER = 0.25
+"""Where behind the corner a wall begins to be looked at, as a fraction of its length."""
+END_MM = 0.03
+"""The front's ends are corners, which no step along a normal fits: they are left out over this length."""
+NEAR_END = 0.25
+"""Share of the front at each end whose points may belong to the wall behind it."""
 SYMMETRIC_MM = 1e-4
 FLATTEST = 0.01
 """Sag over chord below which a front cannot be registered."""
@@ -98,10 +104,52 @@ class NominalFront:
         """Outward unit normals (N, 2) at the points of the front."""
         return outward(self.front_mm)
 
+    def curvature_per_mm(self, arc_mm: FloatArray) -> FloatArray:
+        """Curvature (N,) at lengths along the front, positive where the material is convex."""
+        turned = np.unwrap(np.arctan2(self.normals[:, 1], self.normals[:, 0]))
+        return np.asarray(np.interp(arc_mm, self.arc_mm, np.gradient(turned, self.arc_mm)))
+
     @cached_property
     def arc_mm(self) -> FloatArray:
         """Length of the front up to each of its points."""
         return arc_lengths(self.front_mm)
+
+    @cached_property
+    def walls(self) -> tuple["NominalFront", ...]:
+        """The walls past their corners, each with its material on the left as the front has it; left, then right."""
+        past = [(wall[arc_lengths(wall) > PAST_CORNER * _length(wall)], side) for wall, side in self._sides]
+        return tuple(NominalFront(self.name, wall[::side], *_NO_WALLS) for wall, side in past if len(wall) > 1)
+
+    @property
+    def _sides(self) -> tuple[tuple[FloatArray, int], ...]:
+        """Left and right wall, and 1 where its points go the front's way."""
+        return (self.left_mm, -1), (self.right_mm, 1)
+
+    def corner_moved(self, larger: float, grown: float) -> FloatArray:
+        """How far (2,) the left and the right corner move along the front where it is larger by a share and grown."""
+        moved = [
+            (larger * self.front_mm[at] + grown * _mitre(self.normals[at], wall, side)) @ away
+            for (wall, side), at, away in zip(self._sides, (0, -1), self._away, strict=True)
+        ]
+        return np.array(moved)
+
+    def before_corners(self, points_mm: FloatArray, arc_mm: FloatArray, moved_mm: FloatArray) -> BoolArray:
+        """Whether points (N, 2), whose feet are at lengths (N,), lie on the front and not on a wall or a corner.
+
+        Corners are further out along the front than designed by ``moved_mm`` (2,).
+        """
+        share = arc_mm / self.arc_mm[-1]
+        left, right = (
+            (points_mm - self.front_mm[at]) @ away < moved - END_MM
+            for at, away, moved in zip((0, -1), self._away, moved_mm, strict=True)
+        )
+        return np.asarray((left | (share > NEAR_END)) & (right | (share < 1.0 - NEAR_END)))
+
+    @cached_property
+    def _away(self) -> tuple[FloatArray, FloatArray]:
+        """Unit vectors (2,) along the front, out of its left and its right end."""
+        left, right = self.front_mm[0] - self.front_mm[1], self.front_mm[-1] - self.front_mm[-2]
+        return left / np.hypot(*left), right / np.hypot(*right)
 
     @cached_property
     def is_symmetric(self) -> bool:
@@ -166,6 +214,21 @@ def nominal_front(design: Design, name: str = "") -> NominalFront:
         for side, end in (("left", front.start), ("right", front.end))
     ]
     return NominalFront.of(name, front, *beside)
+
+
+_NO_WALLS = (np.zeros((0, 2)), np.zeros((0, 2)))
+
+
+def _length(points: FloatArray) -> float:
+    return float(np.sum(np.hypot(*np.diff(points, axis=0).T)))
+
+
+def _mitre(normal: FloatArray, wall: FloatArray, side: int) -> FloatArray:
+    """By how much (2,) a corner moves where front and wall both move outwards by 1; the front's normal without wall."""
+    if len(wall) < 2:
+        return normal
+    beside = side * outward(wall)[0]
+    return np.asarray((normal + beside) / (1.0 + normal @ beside))
 
 
 def _starting_near(wall: Curve, point: tuple[float, float]) -> Curve:

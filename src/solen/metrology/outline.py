@@ -8,7 +8,7 @@ that is the face on which the microscope was focused, usually the upper one, and
 The interface: `measure_outline` gives an `Outline`: its edges in the order of the front, the chosen one first.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.metrology.edge import Edge
-from solen.metrology.edge_tracing import Band, TracedEdge, trace_edges
+from solen.metrology.edge_tracing import MOST_EDGES, Band, TracedEdge, trace_edges
 from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
@@ -34,6 +34,7 @@ from solen.metrology.plausibility import (
     wall_edges,
 )
 from solen.metrology.pose import Pose
+from solen.metrology.print_fit import PrintFit, PrintPriors, Traced, fit_print
 from solen.metrology.registration import Registration, register
 from solen.metrology.template_match import Match, match_template
 
@@ -60,6 +61,8 @@ class NamedEdge:
         Its places, in the order of the front.
     registration
         How it lies on the design.
+    traced, size
+        The edge with the walls behind it, and their fit with size and overgrowth.
     sharpest
         Whether it is in focus and the other is not.
     """
@@ -67,6 +70,8 @@ class NamedEdge:
     name: str
     edge: Edge
     registration: Registration
+    traced: Traced
+    size: PrintFit
     sharpest: bool = False
 
     def outside_um(self, other: "NamedEdge") -> FloatArray:
@@ -106,7 +111,9 @@ class Outline:
         return self.edges[0]
 
 
-def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "auto") -> Outline:
+def measure_outline(
+    image: Image, nominal: NominalFront, choice: EdgeChoice = "auto", priors: PrintPriors = PrintPriors()
+) -> Outline:
     """Measure the front of a lens in a picture.
 
     Parameters
@@ -118,6 +125,8 @@ def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "a
     choice
         Which edge of two to take: ``outer``, ``inner``, ``sharper``, or ``auto``: the sharper one, and where neither
         is, the outer one.
+    priors
+        What is known of the print's size and form.
 
     Raises
     ------
@@ -134,11 +143,13 @@ def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "a
     check_seen(image, band.share_seen)
     if not traced:
         raise no_lens(image, nominal, "no edge runs along where its front would be")
-    walls = wall_edges(image, pose, nominal)
-    width = part_width_mm(walls, nominal)
     edges = edges_along(image, pose, nominal, band, traced)
+    walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MOST_EDGES)
+    traced_side = pose.mirrored
     pose, side_warnings = _side(edges, pose, nominal)
-    named = _named(edges, image, pose, nominal)
+    walls = walls if pose.mirrored == traced_side else walls[::-1]
+    width = part_width_mm([wall[0] if wall else None for wall in walls], pose, nominal)
+    named = _named(edges, walls, image, _Prior(pose, nominal, priors))
     if not named:
         why = f"less than {LEAST_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})"
         raise no_lens(image, nominal, why)
@@ -150,7 +161,7 @@ def measure_outline(image: Image, nominal: NominalFront, choice: EdgeChoice = "a
     warnings += [*side_warnings, *choice_warnings, *cropped(band.share_seen, ends)]
     warnings += [*missing_ends(chosen.edge), *odd_width(width, nominal)]
     if len(named) == 1:
-        warnings += merged_edges(image, walls, chosen.edge)
+        warnings += merged_edges([wall[0] if wall else None for wall in walls], chosen.edge)
     return Outline(tuple(ordered), band.share_seen, ends, width, tuple(warnings))
 
 
@@ -184,24 +195,50 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
     return pose, band, trace_edges(band)
 
 
-def _named(edges: list[Edge], image: Image, pose: Pose, nominal: NominalFront) -> list[NamedEdge]:
+@dataclass(frozen=True, eq=False)
+class _Prior:
+    """What an edge is registered with: a first pose, the design, and what is known of prints."""
+
+    pose: Pose
+    nominal: NominalFront
+    priors: PrintPriors
+
+    def named(self, name: str, edge: Edge, walls: Sequence[Edge | None], image: Image, *, sharpest: bool) -> NamedEdge:
+        """An edge with its fit and registration."""
+        scale = image.scale
+        traced = Traced.of(edge, walls, self.pose, None if scale.u_um_per_px is None else scale.u_relative)
+        size = fit_print(traced, self.nominal, self.priors)
+        laid = register(*edge.measured, self.pose, self.nominal, scale.u_relative, size.on_front)
+        return NamedEdge(name, edge, laid, traced, size, sharpest)
+
+
+def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
     """Edges of which enough can be measured, with names."""
     kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
+    beside = [_beside(walls, edges.index(edge), len(edges)) for edge in kept]
     names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
     if len(kept) == 2 and (crossed := by_focus(*kept)) is not None:
-        kept, names = list(crossed), ("sharper", "softer")
+        kept, names, beside = list(crossed), ("sharper", "softer"), [(), ()]
     elif len(kept) == 1:
         names = ("single",)
     sharpest = min((edge.blur for edge in kept), default=0.0)
     return [
-        NamedEdge(
+        prior.named(
             name,
             edge,
-            register(*edge.measured, pose, nominal, image.scale.u_relative),
-            len(kept) > 1 and edge.blur == sharpest and all(e is edge or e.blur > SHARPER * edge.blur for e in kept),
+            of_walls,
+            image,
+            sharpest=len(kept) > 1
+            and edge.blur == sharpest
+            and all(e is edge or e.blur > SHARPER * edge.blur for e in kept),
         )
-        for name, edge in zip(names, kept, strict=False)
+        for name, edge, of_walls in zip(names, kept, beside, strict=False)
     ]
+
+
+def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
+    """Of each wall the edge that goes on where one of the front's ends; None where their numbers differ."""
+    return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 
 def _side(edges: list[Edge], pose: Pose, nominal: NominalFront) -> tuple[Pose, list[str]]:

@@ -5,21 +5,22 @@ the width of the part behind it, and the residual of the registration: each is r
 before. The functions that warn return sentences, none where nothing is wrong.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.metrology.edge import Edge, fit_edge
+from solen.metrology.edge import Edge
 from solen.metrology.edge_tracing import Band, trace_edges
+from solen.metrology.front_edges import edges_along
 from solen.metrology.image import Image
-from solen.metrology.nominal import NominalFront, arc_lengths, outward
+from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 from solen.metrology.registration import Registration
 
-WALL_FROM, WALL_REACH = 0.25, 0.3
-"""Where behind the corner a wall is looked at, as a fraction of its length, and how far aside, of the lens's width."""
+SIDES = ("left", "right")
+WALL_REACH = 0.3
+"""How far aside a wall is looked for, as a fraction of the lens's width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
 """Factor of width above which it is not a print of the design, and the relative difference that gives a warning."""
 MOST_RMS = 0.015
@@ -75,51 +76,30 @@ def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registrati
     raise no_lens(image, nominal, why)
 
 
-@dataclass(frozen=True, eq=False)
-class WallEdge:
-    """The edge of a wall behind the front, where it stands out.
-
-    Attributes
-    ----------
-    contour_px, normals
-        Shape (N, 2): places in the picture, and unit normals outwards.
-    offset_mm
-        Shape (N,): how far outside the design they lie.
-    """
-
-    contour_px: FloatArray
-    normals: FloatArray
-    offset_mm: FloatArray
+def wall_edges(image: Image, pose: Pose, nominal: NominalFront, most: int) -> tuple[list[Edge], ...]:
+    """Edges of the left and the right wall, the outermost first; none of a wall that the picture does not show."""
+    edges: list[list[Edge]] = []
+    for wall in nominal.walls:
+        band = Band.of(image.grey, pose, wall, WALL_REACH * nominal.width_mm)
+        traced = trace_edges(band, most) if band.share_seen >= LEAST_SEEN else []
+        found = edges_along(image, pose, wall, band, traced) if traced else []
+        edges.append([edge for edge in found if edge.kept.sum() > LEAST_PLACES])
+    return tuple(edges)
 
 
-def wall_edges(image: Image, pose: Pose, nominal: NominalFront) -> list[WallEdge]:
-    """Edges of those of the two walls that the design has and the picture shows."""
-    edges = []
-    for wall, side in ((nominal.left_mm, -1.0), (nominal.right_mm, 1.0)):
-        if len(wall) < 2:
-            continue
-        arc = arc_lengths(wall)
-        far = arc > WALL_FROM * arc[-1]  # past the corner
-        points, normals = wall[far], side * outward(wall)[far]
-        band = Band.along(image.grey, pose, arc[far], points, normals, WALL_REACH * nominal.width_mm)
-        if band.share_seen >= LEAST_SEEN and (traced := trace_edges(band, most=1)):
-            shown, offset = traced[0].shown, traced[0].offset_mm
-            contour = pose.to_px(points + normals * offset[:, None])
-            edges.append(WallEdge(contour[shown], pose.direction_px(normals)[shown], offset[shown]))
-    return edges
-
-
-def part_width_mm(walls: list[WallEdge], nominal: NominalFront) -> float | None:
+def part_width_mm(walls: Sequence[Edge | None], pose: Pose, nominal: NominalFront) -> float | None:
     """Width of the part from wall to wall, a witness of the scale that the front is not; None without both walls."""
-    if len(walls) < 2:
-        return None
-    return nominal.width_mm + sum(float(np.median(wall.offset_mm)) for wall in walls)
+    offsets = [
+        float(np.median(wall.nearest(pose.to_mm(edge.measured[0])).deviation_mm))
+        for edge, wall in zip(walls, nominal.walls, strict=False)
+        if edge is not None
+    ]
+    return nominal.width_mm + sum(offsets) if len(offsets) == len(SIDES) else None
 
 
-def merged_edges(image: Image, walls: list[WallEdge], edge: Edge) -> list[str]:
+def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[str]:
     """Warning of a single edge that is clearly more blurred than the walls beside it: it may be two in one."""
-    beside = [fit_edge(image.grey, wall.contour_px, wall.normals, ceiling=image.ceiling) for wall in walls]
-    blurs = [fit.blur for fit in beside if fit.kept.sum() > LEAST_PLACES]
+    blurs = [wall.blur for wall in walls if wall is not None]
     if not blurs or edge.blur < WIDER * min(blurs):
         return []
     return [
@@ -133,7 +113,7 @@ def missing_ends(edge: Edge) -> list[str]:
     """Warnings of ends of the front that are in the picture and have no edge."""
     return [
         f"the last {share:.0%} of the front on the {side} is in the picture and has no edge that can be measured"
-        for share, side in zip(_missing(edge), ("left", "right"), strict=True)
+        for share, side in zip(_missing(edge), SIDES, strict=True)
         if share > MOST_MISSING
     ]
 

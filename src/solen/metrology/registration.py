@@ -1,10 +1,11 @@
 """Registration of a measured outline to its design: the rotation and the shift that leave the smallest deviations.
 
 The idea: a picture says nothing about where the part was put, so rotation and shift are free; its scale is not, or an
-error of size could never be seen. The distances of the points from the front, along its normal, are minimised by
-Gauss and Newton's method with Huber's weights (P. J. Huber, Ann. Math. Statist. 35, 73, 1964), so that an outlier such
-as a speck counts little. A print's deviations are form, not noise: neighbours agree. Uncertainties therefore count as
-many independent values as the deviations' own correlation leaves, not as many as there are pixels.
+error of size could never be seen (`solen.metrology.print_fit` fits size as well). The distances of the points from the
+front, along its normal, are minimised by Gauss and Newton's method with Huber's weights (P. J. Huber, Ann. Math.
+Statist. 35, 73, 1964), so that an outlier such as a speck counts little. A print's deviations are form, not noise:
+neighbours agree. Uncertainties therefore count as many independent values as the deviations' own correlation leaves,
+not as many as there are pixels.
 
 The interface: `register` gives a `Registration`; `effective_number` the number of independent values.
 """
@@ -15,15 +16,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.arrays import BoolArray, FloatArray, IndexArray
-from solen.metrology.nominal import NominalFront
+from solen.metrology.nominal import END_MM, NominalFront
 from solen.metrology.pose import Pose
 
 ROUNDS = 60
 HUBER = 2.5
 """Deviations beyond so many robust standard deviations count less."""
 CONVERGED_MM = 1e-8
-END_MM = 0.03
-"""The front's ends are corners, which no step along a normal fits: they are left out over this length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +45,6 @@ class Registration:
         Standard uncertainties of the pose, shift along x and z.
     by_scale_um
         Shape (N,): growth of ``deviation_um``, after registration, where the true scale is greater by the factor e.
-    scale_factor, u_scale_factor
-        Factor by which the outline would have to grow to fit the design best, and its standard uncertainty.
-    scaled_rms_um
-        Rms deviation if it grew so.
     independent
         Number of independent values among the deviations.
     weights
@@ -64,9 +59,6 @@ class Registration:
     u_rotation_deg: float
     u_shift_um: tuple[float, float]
     by_scale_um: FloatArray
-    scale_factor: float
-    u_scale_factor: float
-    scaled_rms_um: float
     independent: float
     weights: FloatArray = field(repr=False)
 
@@ -83,11 +75,10 @@ class Registration:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Motion of the points in lens coordinates p -> (1 + e) R(turn) p + shift, and where it takes them."""
+    """Motion of the points in lens coordinates p -> R(turn) p + shift, and where it takes them."""
 
     turn: float
     shift: FloatArray
-    grown: float
     points: FloatArray
     deviation: FloatArray
     arc: FloatArray
@@ -102,6 +93,7 @@ def register(
     pose: Pose,
     nominal: NominalFront,
     u_scale: float = 0.0,
+    only: BoolArray | None = None,
 ) -> Registration:
     """Register points of a picture to a design.
 
@@ -117,17 +109,15 @@ def register(
         The design.
     u_scale
         Relative standard uncertainty of the scale.
+    only
+        Shape (N,): which points are of the front; default: those beside it.
     """
-    start = pose.to_mm(points_px)
-    fit = _fit(start, nominal, scaled=False)
-    free = _fit(start, nominal, scaled=True, begin=fit)
-    free_deviation = free.deviation[free.inside]
+    fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]
     independent = effective_number(deviation)
     covariance = _covariance(jacobian[:, :3], deviation, weights, independent)
-    covariance_free = _covariance(free.jacobian[free.inside], free_deviation, free.weights[free.inside], independent)
     by_scale = _residual(jacobian[:, 3], jacobian[:, :3], weights)
     u_edge = u_px[order] * pose.um_per_px / 1e3
     u = np.sqrt(u_edge**2 + _u_of_pose(jacobian[:, :3], u_edge, weights) ** 2 + (by_scale * u_scale) ** 2)
@@ -140,9 +130,6 @@ def register(
         u_rotation_deg=math.degrees(math.sqrt(covariance[0, 0])),
         u_shift_um=(1e3 * math.sqrt(covariance[1, 1]), 1e3 * math.sqrt(covariance[2, 2])),
         by_scale_um=1e3 * by_scale,
-        scale_factor=1.0 + free.grown,
-        u_scale_factor=math.sqrt(covariance_free[3, 3]),
-        scaled_rms_um=1e3 * float(np.sqrt(np.mean(free_deviation**2))),
         independent=independent,
         weights=weights,
     )
@@ -168,39 +155,48 @@ def effective_number(values: FloatArray) -> float:
     return float(max(count / (1.0 + 2.0 * np.sum(rho[1:stop] ** 2)), 1.0))
 
 
-def _fit(start: FloatArray, nominal: NominalFront, *, scaled: bool, begin: _Fit | None = None) -> _Fit:
+def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:
     """The motion that makes the points' deviations least."""
-    turn, shift, grown = (0.0, np.zeros(2), 0.0) if begin is None else (begin.turn, begin.shift, begin.grown)
-    count = 4 if scaled else 3
-    fit = _placed(start, nominal, turn, shift, grown)
+    turn, shift = 0.0, np.zeros(2)
+    fit = _placed(start, nominal, only, turn, shift)
     for _ in range(ROUNDS):
-        use = fit.inside
-        jacobian, weights = fit.jacobian[use][:, :count], fit.weights[use]
+        jacobian, weights = fit.jacobian[fit.inside][:, :3], fit.weights[fit.inside]
         normal = jacobian.T @ (weights[:, None] * jacobian)
-        step = -np.linalg.solve(normal + 1e-12 * np.eye(count), jacobian.T @ (weights * fit.deviation[use]))
-        c, s = math.cos(step[0]), math.sin(step[0])
-        factor = 1.0 + (float(step[3]) if scaled else 0.0)
-        turn, grown = turn + float(step[0]), (1.0 + grown) * factor - 1.0
-        shift = factor * np.array([c * shift[0] - s * shift[1], s * shift[0] + c * shift[1]]) + step[1:3]
-        fit = _placed(start, nominal, turn, shift, grown)
+        step = -np.linalg.solve(normal + 1e-12 * np.eye(3), jacobian.T @ (weights * fit.deviation[fit.inside]))
+        turn, shift = turn + float(step[0]), rotated(shift, float(step[0])) + step[1:]
+        fit = _placed(start, nominal, only, turn, shift)
         if np.abs(step).max() < CONVERGED_MM:
             break
     return fit
 
 
-def _placed(start: FloatArray, nominal: NominalFront, turn: float, shift: FloatArray, grown: float) -> _Fit:
+def _placed(start: FloatArray, nominal: NominalFront, only: BoolArray, turn: float, shift: FloatArray) -> _Fit:
     """Points after a motion: their deviations, derivatives by turn, shift and growth, and Huber's weights."""
-    c, s = math.cos(turn), math.sin(turn)
-    points = (1.0 + grown) * start @ np.array([[c, s], [-s, c]]) + shift
+    points = rotated(start, turn) + shift
     nearest = nominal.nearest(points)
-    n = nearest.normals
-    by_turn = -n[:, 0] * points[:, 1] + n[:, 1] * points[:, 0]
-    jacobian = np.stack([by_turn, n[:, 0], n[:, 1], np.sum(n * points, axis=1)], axis=1)
-    inside = ~nearest.beyond & (nearest.arc_mm > END_MM) & (nearest.arc_mm < float(nominal.arc_mm[-1]) - END_MM)
-    size = np.abs(nearest.deviation_mm)
+    jacobian = by_motion(points, nearest.normals)
+    inside = only & ~nearest.beyond & (nearest.arc_mm > END_MM) & (nearest.arc_mm < float(nominal.arc_mm[-1]) - END_MM)
+    weights = huber(nearest.deviation_mm, inside)
+    return _Fit(turn, shift, points, nearest.deviation_mm, nearest.arc_mm, jacobian, weights, inside)
+
+
+def rotated(points: FloatArray, turn: float) -> FloatArray:
+    """Points (..., 2) after a turn in radians, counter-clockwise."""
+    c, s = math.cos(turn), math.sin(turn)
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
+
+
+def by_motion(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Derivatives (N, 4) of deviations along normals by a turn, a shift along x and z, and growth by the factor e."""
+    by_turn = -normals[:, 0] * points[:, 1] + normals[:, 1] * points[:, 0]
+    return np.stack([by_turn, normals[:, 0], normals[:, 1], np.sum(normals * points, axis=1)], axis=1)
+
+
+def huber(deviation: FloatArray, inside: BoolArray) -> FloatArray:
+    """Huber's weights (N,) of deviations, by the robust standard deviation of those inside."""
+    size = np.abs(deviation)
     sigma = 1.4826 * float(np.median(size[inside])) if inside.any() else 1.0
-    weights = np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(size, 1e-12))
-    return _Fit(turn, shift, grown, points, nearest.deviation_mm, nearest.arc_mm, jacobian, weights, inside)
+    return np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(size, 1e-12))
 
 
 def _covariance(jacobian: FloatArray, deviation: FloatArray, weights: FloatArray, independent: float) -> FloatArray:

@@ -43,6 +43,8 @@ class ZMapOptions(ScaleOptions):
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
     """Height of one level or unit of a z map, µm; without it the file is a picture."""
+    u_z_um: Annotated[Finite, Field(ge=0, le=1e4)] | None = None
+    """Standard uncertainty of that, µm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +61,21 @@ class ZMap:
         The file.
     warnings
         What must be known of it.
+    z_um, u_z_um
+        Height of a level or unit of the file, µm, and its standard uncertainty; None where none is stated.
     """
 
     z_mm: FloatArray
     scale: Scale
     provenance: Provenance
     warnings: tuple[str, ...] = ()
+    z_um: float = 1.0
+    u_z_um: float | None = None
+
+    @property
+    def u_z_relative(self) -> float:
+        """Relative standard uncertainty of heights by their scale; 0 where none is stated."""
+        return (self.u_z_um or 0.0) / self.z_um
 
     @cached_property
     def filled_mm(self) -> FloatArray:
@@ -87,7 +98,13 @@ def is_text(path: Path) -> bool:
     return path.suffix.casefold() in TEXT
 
 
-def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per_px: float | None = None) -> ZMap:
+def read_z_map(
+    path: Path,
+    z_um: float,
+    um_per_px: float | None = None,
+    u_um_per_px: float | None = None,
+    u_z_um: float | None = None,
+) -> ZMap:
     """Heights of a file: a TIFF of whole numbers or numbers with a point, or a table of text.
 
     Parameters
@@ -98,6 +115,8 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
         Height of one level or unit of the file, µm.
     um_per_px, u_um_per_px
         Size of a pixel and its standard uncertainty; they take precedence over what the file states.
+    u_z_um
+        Standard uncertainty of the height.
 
     Raises
     ------
@@ -108,7 +127,7 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
     OutputError
         Where a TIFF is to be read without the extra ``vision``.
     """
-    given = ZMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px)
+    given = ZMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
     data, file = read_bytes(path), str(path)
     if data[:4] in MAGIC:
         levels, tags, kind, simulated = _of_tiff(file, data)
@@ -129,13 +148,15 @@ def read_z_map(path: Path, z_um: float, um_per_px: float | None = None, u_um_per
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)
-    return ZMap(levels * z_um * 1e-3, scale, source, tuple(warnings))
+    return ZMap(levels * z_um * 1e-3, scale, source, tuple(warnings), z_um, u_z_um)
 
 
 def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
     """Z map of a file where the height of one level is given, else its picture; `SpecError` for a table without it."""
     if options.z_um is not None:
-        return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px)
+        return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
+    if options.u_z_um is not None:
+        raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
     if is_text(path):
         raise SpecError("--z-um", limit="is missing: a table of numbers is a z map", remedy="give µm for one unit")
     return read_image(path, options.um_per_px, options.u_um_per_px)

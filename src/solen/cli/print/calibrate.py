@@ -38,6 +38,10 @@ def _(fit: PrinterCalibration) -> Iterator[str]:
     yield f"{'simulated: ' if fit.simulated else ''}{fit.name}"
     for number in fit.numbers:
         yield f"  {number.key} {number.value:.4g} ± {number.u:.2g} (before: ± {number.u_before:.2g})"
+    for scale in fit.scales:
+        off, u = 100.0 * (scale.factor - 1.0), 100.0 * scale.u_factor
+        before = f"{'stated' if scale.stated else 'assumed'}: ± {100.0 * scale.u_before:.2g} %"
+        yield f"  {scale.axis} scale of {scale.file} off by {off:+.2f} ± {u:.2g} % ({before})"
     yield f"  effective Ec {fit.Ec_mJ_per_cm2:.3g} ± {fit.u_Ec_mJ_per_cm2:.2g} mJ/cm²"
     yield (
         f"{len(fit.features)} of {fit.given} features used, off by {fit.rms_um:.2g} µm rms; uncertainties widened "

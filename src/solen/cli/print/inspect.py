@@ -6,8 +6,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Set, lines
+from solen.cli.app import FLAT, FigureFile, Set, lines, short
 from solen.metrology.inspection import InspectOptions, LensInspection
+from solen.metrology.print_fit import PrintFit
 from solen.results import Outcome
 
 Profile = Annotated[
@@ -60,7 +61,20 @@ def _(inspection: LensInspection) -> Iterator[str]:
     )
     if inspection.points_rejected:
         yield "rejected: " + ", ".join(f"{count} {reason}" for reason, count in inspection.points_rejected.items())
+    yield from _size(inspection.size)
     if len(inspection.designs) > 1:
-        yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest}"
+        yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest or 'none of these'}"
         for name, one in inspection.designs.items():
-            yield f"  {name}: {one.rms_um:.3g} µm (rms), probability {one.probability:.3g}"
+            yield (
+                f"  {name}: probability {short(one.probability)} among these; {one.size.form_um:.3g} µm (rms) beside "
+                f"size and overgrowth, {one.rms_um:.3g} with them"
+            )
+
+
+def _size(size: PrintFit) -> Iterator[str]:
+    yield f"even overgrowth {size.overgrowth_um:+.3g} ± {size.u_overgrowth_um:.2g} µm, form {size.form_um:.2g} µm (rms)"
+    yield (
+        f"{100.0 * (size.size_factor - 1.0):+.2f} ± {100.0 * size.u_size_factor:.2g} % of size: shrinkage "
+        f"{size.shrinkage_percent:.2f} ± {size.u_shrinkage_percent:.2g} %, scale off by "
+        f"{100.0 * (size.scale_factor - 1.0):+.2f} ± {100.0 * size.u_scale_factor:.2g} %"
+    )

@@ -8,11 +8,12 @@ uncertainty, `solen.fabricate.process.compensate` draws so that it prints as wan
 process's numbers from measured coupons.
 """
 
-from solen.fabricate.process.calibrate import FittedFeature, PrinterCalibration, calibrated
+from solen.fabricate.process.calibrate import PrinterCalibration, calibrated
 from solen.fabricate.process.compensate import compensated
 from solen.fabricate.process.compensation_files import compensation_files
+from solen.fabricate.process.coupon_fit import FittedFeature
 from solen.fabricate.process.drawing import as_designed, curve_of, lens_face, redrawn, rings_of
-from solen.fabricate.process.features import MeasuredFeature, printed_mm, read_features
+from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, SharedScale, printed_mm, read_features
 from solen.fabricate.process.field import FlatImage, dose_map
 from solen.fabricate.process.flat import FlatPrint, walls_um
 from solen.fabricate.process.growth import straight_edge_um
@@ -39,6 +40,7 @@ __all__ = [
     "FittedFeature",
     "FlatImage",
     "FlatPrint",
+    "MeasuredCoupon",
     "MeasuredFeature",
     "Orientation",
     "PrintOptions",
@@ -46,6 +48,7 @@ __all__ = [
     "PrinterCalibration",
     "Process",
     "Settings",
+    "SharedScale",
     "SidePrint",
     "Target",
     "as_designed",

@@ -5,9 +5,13 @@ round image blurred by a Gaussian is a one-dimensional integral, so a coupon is 
 between pixels averaged over (`Settings.edge_um`). A pillar is not there where even its middle is short of the critical
 dose; a hole is closed and a gap merged where their middle gets it.
 
-The interface: `read_features` gives each `MeasuredFeature` of a file; `printed_mm` is what some settings print of them.
+All features of one picture share its scale, so a `MeasuredCoupon` keeps it beside them: an error of the scale is one
+unknown, and not noise of each feature.
+
+The interface: `read_features` gives the `MeasuredCoupon` of a file, `printed_mm` what some settings print of features.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -26,7 +30,7 @@ from solen.fabricate.process.settings import Settings
 from solen.recording import Provenance
 from solen.recording.source import load
 from solen.spec.objects import parsed
-from solen.spec.strict import Strict, told_of
+from solen.spec.strict import NotNegative, Number, Strict, told_of
 
 Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
@@ -53,6 +57,8 @@ class MeasuredFeature:
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
         Of the pillars beside a gap.
+    u_own_mm
+        Standard uncertainty without that of the scale; None where the file does not state it apart.
     """
 
     kind: Kind
@@ -61,6 +67,27 @@ class MeasuredFeature:
     u_measured_mm: Length | None
     resolved: Annotated[bool, Field(strict=True)]
     diameter_mm: Length = GAP_PILLAR_MM
+    u_own_mm: Length | None = None
+
+    def own_u_mm(self, u_scale: float) -> float:
+        """Standard uncertainty without that of the scale, relative; where it is not stated, what the latter leaves.
+
+        A file whose uncertainty is smaller than its scale's leaves that out already.
+        """
+        u_mm, by_scale = self.u_measured_mm or 0.0, (self.measured_mm or 0.0) * u_scale
+        if self.u_own_mm is not None:
+            return self.u_own_mm
+        return math.sqrt(u_mm**2 - by_scale**2) if by_scale < u_mm else u_mm
+
+
+class PixelScale(Strict):
+    """Size of a pixel of the picture that features were measured in."""
+
+    model_config = ConfigDict(extra="ignore")
+    error: ClassVar[type[SolenError]] = DataError
+
+    um_per_px: Annotated[Number, Field(gt=0)]
+    u_um_per_px: NotNegative | None = None
 
 
 class _File(Strict):
@@ -72,13 +99,61 @@ class _File(Strict):
     coupon: str = ""
     simulated: Annotated[bool, Field(strict=True)] = False
     features: tuple[MeasuredFeature, ...]
+    scale: PixelScale | None = None
+    pitch_ratio: Annotated[Number, Field(gt=0)] | None = None
+    u_pitch_ratio: Annotated[Number, Field(gt=0)] | None = None
+    z_um: Annotated[Number, Field(gt=0)] | None = None
+    u_z_um: NotNegative | None = None
 
 
-def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
-    """Features of a JSON file, and its provenance.
+@dataclass(frozen=True)
+class SharedScale:
+    """A scale that all lengths of a picture share: its size, and its relative standard uncertainty or None."""
+
+    size_um: float | None = None
+    u_relative: float | None = None
+
+    @classmethod
+    def of(cls, size_um: float | None, u_um: float | None) -> "SharedScale":
+        """Scale of a size and its standard uncertainty, both in µm."""
+        return cls(size_um, None if size_um is None or u_um is None else u_um / size_um)
+
+
+@dataclass(frozen=True)
+class MeasuredCoupon:
+    """Features of one picture or z map.
+
+    Attributes
+    ----------
+    features
+        The features.
+    lateral, vertical
+        Scales of its lengths and of its heights.
+    pitch_ratio, u_pitch_ratio
+        Distances between features, measured over drawn, and its standard uncertainty without the scale's.
+    source
+        The file.
+    """
+
+    features: tuple[MeasuredFeature, ...]
+    lateral: SharedScale = SharedScale()
+    vertical: SharedScale = SharedScale()
+    pitch_ratio: float | None = None
+    u_pitch_ratio: float | None = None
+    source: Provenance | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return "coupon" if self.source is None else self.source.file
+
+
+def read_features(path: Path) -> MeasuredCoupon:
+    """Features of a JSON file, and their scale.
 
     The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
-    …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …]}``; a gap may state ``diameter_mm`` of its pillars.
+    …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …], "scale": {"um_per_px": …, "u_um_per_px": …}}``; a gap
+    may state ``diameter_mm`` of its pillars, and the file ``pitch_ratio`` with its uncertainty.
 
     Raises
     ------
@@ -95,9 +170,14 @@ def read_features(path: Path) -> tuple[list[MeasuredFeature], Provenance]:
         if feature.measured_mm is not None and feature.u_measured_mm is None:
             limit = "missing: a measured size without its uncertainty cannot be weighed"
             raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="state it")
-    about = {"coupon": file.coupon}
-    return list(file.features), Provenance(
-        source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated
+    scale, about = file.scale, {"coupon": file.coupon}
+    return MeasuredCoupon(
+        file.features,
+        SharedScale() if scale is None else SharedScale.of(scale.um_per_px, scale.u_um_per_px),
+        SharedScale.of(file.z_um, file.u_z_um),
+        file.pitch_ratio if file.u_pitch_ratio is not None else None,
+        file.u_pitch_ratio,
+        Provenance(source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated),
     )
 
 
@@ -105,7 +185,7 @@ def _sized(row: Any) -> Any:
     """A row without the sizes of what is not resolved, such as a step of no height: these are not used."""
     if not isinstance(row, dict):
         return row
-    sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm")}
+    sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm", "u_own_mm")}
     stated = {key: value for key, value in row.items() if key != "diameter_mm" or value is not None}
     return stated | sizes
 

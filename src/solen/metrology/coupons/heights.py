@@ -67,8 +67,8 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
     return Height(feature.name, feature.height_mm, float(np.mean(pieces)), math.hypot(u_top, u_ground))
 
 
-def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[MeasuredSize]:
-    """Every step of the coupon: its rise, and whether it is one."""
+def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 0.0) -> list[MeasuredSize]:
+    """Every step of the coupon: its rise, and whether it is one; ``u_scale`` is that of the heights, relative."""
     steps = []
     for step in coupon.steps:
         low, high = (heights[name] for name in step.between)
@@ -80,8 +80,9 @@ def steps_of(coupon: Coupon, heights: dict[str, Height | str]) -> list[MeasuredS
         rise, (u_low, u_high) = high.measured_mm - low.measured_mm, (low.u_measured_mm, high.u_measured_mm)
         resolved = rise_by_chance(rise, u_low, u_high, FREEDOM) < LEVEL / alike
         reason = "" if resolved else "no rise beyond chance"
-        u_rise = math.hypot(u_low, u_high)
-        steps.append(MeasuredSize(step.name, "step", step.step_mm, rise, u_rise, resolved, reason))
+        u_own = math.hypot(u_low, u_high)
+        u_rise = math.hypot(u_own, rise * u_scale)
+        steps.append(MeasuredSize(step.name, "step", step.step_mm, rise, u_rise, resolved, reason, u_own_mm=u_own))
     return steps
 
 

@@ -50,6 +50,8 @@ class MeasuredSize:
         Why it is not resolved, or undecided.
     diameter_mm
         Of a gap the nominal diameter of its pillars.
+    u_own_mm
+        Standard uncertainty without that of the scale, which all features of a picture share.
     """
 
     name: str
@@ -60,6 +62,7 @@ class MeasuredSize:
     resolved: bool | None = None
     reason: str = ""
     diameter_mm: float | None = None
+    u_own_mm: float | None = None
 
 
 @dataclass(frozen=True)

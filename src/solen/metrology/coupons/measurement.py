@@ -71,6 +71,8 @@ class CouponMeasurement(Result):
         The file.
     warnings
         What must be known of the numbers.
+    z_um, u_z_um
+        Height of a level of a z map, and its standard uncertainty; None where it is a picture, or none is stated.
     layout, picture
         What was printed, and the picture or z map of it.
     measured
@@ -92,6 +94,8 @@ class CouponMeasurement(Result):
     u_pitch_ratio: float | None
     sources: tuple[Provenance, ...]
     warnings: tuple[str, ...]
+    z_um: float | None
+    u_z_um: float | None
     layout: Coupon = field(metadata=HIDDEN)
     picture: Image | ZMap = field(metadata=HIDDEN)
     measured: tuple[MeasuredSize, ...] = field(metadata=HIDDEN)
@@ -145,7 +149,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     heights = {one.name: height_of(z_mm, coupon, one, location.pose) for one in columns if z_mm is not None}
     measured = [_round(one, discs, reasons, image.scale) for one in coupon.features if one.round]
     measured += [_gap(gap, coupon, gaps, discs, reasons, image.scale) for gap in coupon.gaps]
-    measured += [] if z_mm is None else steps_of(coupon, heights)
+    measured += steps_of(coupon, heights, image.u_z_relative) if isinstance(image, ZMap) else []
     ratio, u_ratio = _pitch(coupon, discs, px_per_mm)
     return CouponMeasurement(
         coupon=coupon.name,
@@ -159,6 +163,8 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
         u_pitch_ratio=u_ratio,
         sources=(image.provenance,),
         warnings=(*image.warnings, *_warnings(coupon, image, location, measured, blur, ratio)),
+        z_um=image.z_um if isinstance(image, ZMap) else None,
+        u_z_um=image.u_z_um if isinstance(image, ZMap) else None,
         layout=coupon,
         picture=image,
         measured=tuple(measured),
@@ -279,8 +285,8 @@ def _blur(fits: Mapping[str, Disc | None], otherwise: float) -> float:
 def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, str], scale: Scale) -> MeasuredSize:
     disc = discs.get(feature.name)
     if disc is not None:
-        size = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
-        return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, *size, resolved=True)
+        size, u, own = _size_mm(disc.diameter_px, disc.u_diameter_px, scale)
+        return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, size, u, resolved=True, u_own_mm=own)
     reason = reasons.get(feature.name, "no edge")
     resolved = None if reason in {OUTSIDE, TOO_SMALL} else False
     return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
@@ -299,25 +305,25 @@ def _gap(
     reasons: Mapping[str, str],
     scale: Scale,
 ) -> MeasuredSize:
-    fit, measured, u_measured, resolved, reason = fits.get(gap.name), None, None, None, ""
+    fit, measured, u_measured, own, resolved, reason = fits.get(gap.name), None, None, None, None, ""
     if fit is None:
         absent = next((name for name in gap.between if name not in discs), "")
         why = reasons.get(absent, OUTSIDE) or "no edge"
         reason = why if why == OUTSIDE else f"{absent}: {why}"
     elif fit.open:
-        (measured, u_measured), resolved = _size_mm(fit.width_px, fit.u_width_px, scale), True
+        (measured, u_measured, own), resolved = _size_mm(fit.width_px, fit.u_width_px, scale), True
     elif fit.width_px <= 0 or fit.depth < DEEP or gap.gap_mm > 2e-3 * fit.u_width_px * scale.um_per_px:
         resolved, reason = False, "merged"
     else:
         reason = TOO_SMALL
     pillar = coupon.feature(gap.between[0]).diameter_mm
-    return MeasuredSize(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar)
+    return MeasuredSize(gap.name, "gap", gap.gap_mm, measured, u_measured, resolved, reason, pillar, own)
 
 
-def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float]:
-    """A length in mm and its standard uncertainty, the scale's included."""
-    size = size_px * 1e-3 * scale.um_per_px
-    return size, math.hypot(u_px * 1e-3 * scale.um_per_px, size * scale.u_relative)
+def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float, float]:
+    """A length in mm and its standard uncertainty, with the scale's and without."""
+    size, own = size_px * 1e-3 * scale.um_per_px, u_px * 1e-3 * scale.um_per_px
+    return size, math.hypot(own, size * scale.u_relative), own
 
 
 def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
@@ -356,6 +362,9 @@ def _warnings(
         "the marks do not show whether the picture is mirrored": not location.oriented and bool(coupon.gaps),
         f"{outside} of {len(measured)} features are not in the picture": outside > 0,
         f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
+        "no uncertainty of the heights' scale is stated (--u-z-um), so those of the steps exclude it": (
+            isinstance(image, ZMap) and image.u_z_um is None and bool(coupon.steps)
+        ),
         "heights and steps are not measured: they are in a z map, not in a picture": (
             isinstance(image, Image) and bool(coupon.steps)
         ),

@@ -44,12 +44,8 @@ def calibrate_printer(
     if not paths:
         raise DataError("coupons", limit="no file of features", remedy="name one or more")
     before = default_process() if process is None else read_process(process)
-    read = [read_features(path) for path in paths]
-    sources = [source for _, source in read]
-    features = [feature for found, _ in read for feature in found]
     name = ", ".join(dict.fromkeys(path.name for path in paths))
-    simulated = any(source.simulated for source in sources)
-    fit = calibrated(before, features, name, simulated=simulated, sources=sources)
+    fit = calibrated(before, [read_features(path) for path in paths], name)
     contents = drawn(fit, figure, "calibration")
     if out is not None:
         comment = f"# Written by solen {__version__} print calibrate.\n"

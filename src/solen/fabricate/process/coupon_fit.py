@@ -1,0 +1,175 @@
+"""Least squares of a process's numbers and of the scales of pictures over measured features of coupons.
+
+The interface: `CouponFit` of used features, whose `solved` gives a `Solution`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from solen.arrays import FloatArray
+from solen.fabricate.process.features import Kind, MeasuredFeature, printed_mm
+from solen.fabricate.process.growth import growth_um, with_growth
+from solen.fabricate.process.scales import Scales
+from solen.fabricate.process.settings import Process, Settings
+
+WEAK = 3.0
+"""By how much the stated uncertainty of the process of before is multiplied for the prior."""
+WIDEST_GROWTH = 10.0
+"""Uncertainty of before of a wall's growth, in pixels: as good as none."""
+WIDE: dict[str, float] = {
+    "sigma_um": 10.0,
+    "Ec_mJ_per_cm2": 5.0,
+    "shrinkage_percent": 2.0,
+    "shrinkage_z_percent": 2.0,
+}
+"""Uncertainty of before where a process states none."""
+_LOST_UM = 200.0  # residual of a feature that the model does not print, in µm
+
+
+@dataclass(frozen=True)
+class FittedFeature:
+    """A feature that was used: its size as drawn, as measured, and as the model prints it at the picture's scale.
+
+    ``u_measured_mm`` is without the scale's uncertainty, which all features of a picture share.
+    """
+
+    kind: Kind
+    nominal_mm: float
+    measured_mm: float
+    u_measured_mm: float
+    printed_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Numbers and errors of scales that fit best, their covariance, and how well they fit."""
+
+    values: FloatArray
+    covariance: FloatArray
+    chi2: float
+    df: int
+    scale: float
+
+
+class CouponFit:
+    """Least squares in numbers that coupons separate best: the growth of a straight wall in place of critical dose."""
+
+    def __init__(
+        self, process: Process, used: tuple[tuple[int, MeasuredFeature], ...], scales: Scales, keys: tuple[str, ...]
+    ) -> None:
+        self.process, self.scales, self.keys = process, scales, keys
+        self.used = tuple(feature for _, feature in used)
+        drawn = [(one.kind, one.nominal_mm, one.diameter_mm) for one in self.used]
+        distinct = list(dict.fromkeys(drawn))
+        self._distinct = [self.used[drawn.index(one)] for one in distinct]
+        self._which = np.array([distinct.index(one) for one in drawn], dtype=np.intp)
+        self.sought = tuple("growth_um" if key == "Ec_mJ_per_cm2" else key for key in keys)
+        self._measured = np.array([1e3 * (feature.measured_mm or 0.0) for feature in self.used])
+        self._u = 1e3 * scales.u_own_mm(used)
+        pitches = [coupon for coupon in scales.coupons if coupon.pitch_ratio is not None]
+        self._pitch = np.array([coupon.pitch_ratio or 1.0 for coupon in pitches])
+        self._u_pitch = np.array([coupon.u_pitch_ratio or 1.0 for coupon in pitches])
+        settings = process.process
+        start = {key: float(getattr(settings, key)) for key in keys} | {"growth_um": growth_um(settings)}
+        before = {key: WEAK * (process.uncertainty.get(key) or WIDE[key]) for key in keys}
+        before["growth_um"] = WIDEST_GROWTH * settings.pixel_um
+        low, high = _ends(settings)
+        self.low, self.high = (np.array([ends[key] for key in self.sought]) for ends in (low, high))
+        self.start = np.clip([start[key] for key in self.sought], self.low, self.high)
+        self.before = np.array([before[key] for key in self.sought])
+        self._scales_whitened = np.linalg.inv(np.linalg.cholesky(scales.covariance))
+
+    def solved(self) -> Solution:
+        """Least squares; features that scatter more weigh less, and what was known before keeps its weight."""
+        count, scales = len(self.sought), len(self.scales.of)
+        ends = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
+        solution = least_squares(
+            self.residuals,
+            np.append(self.start, np.zeros(scales)),
+            self.jacobian,
+            bounds=ends,
+            x_scale=np.append(self.before, np.sqrt(np.diag(self.scales.covariance))),
+            xtol=1e-5,
+            ftol=1e-7,
+            max_nfev=50,
+        )
+        measured = len(self.used) + len(self._pitch)
+        jacobian, chi2 = np.asarray(solution.jac), float(np.sum(solution.fun[:measured] ** 2))
+        known = jacobian[measured:].T @ jacobian[measured:]
+        learned = count + scales - float(np.trace(np.linalg.inv(jacobian.T @ jacobian) @ known))
+        df = max(round(measured - learned), 1)
+        scale = max(1.0, math.sqrt(chi2 / df))
+        covariance = np.linalg.inv(jacobian[:measured].T @ jacobian[:measured] / scale**2 + known)
+        return Solution(np.asarray(solution.x), covariance, chi2, df, scale)
+
+    def settings(self, values: FloatArray) -> Settings:
+        """Process of some values."""
+        changed = dict(zip(self.sought, values.tolist(), strict=True))
+        growth = changed.pop("growth_um")
+        changed["halo_um"] = max(self.process.process.halo_um, changed["sigma_um"])
+        blurred = self.process.process.model_copy(update=changed)
+        return with_growth(blurred, growth)
+
+    def _printed_um(self, settings: Settings) -> FloatArray:
+        """Sizes (n,) as they are printed; those of pictures of one coupon are the same."""
+        return np.asarray(1e3 * printed_mm(settings, self._distinct)[self._which])
+
+    def _seen_um(self, settings: Settings, errors: FloatArray) -> FloatArray:
+        """Sizes (n,) as pictures of these scales show them."""
+        return np.asarray(self._printed_um(settings) * (1.0 + errors[self.scales.rows]))
+
+    def residuals(self, values: FloatArray) -> FloatArray:
+        """Of features and distances in their uncertainties, and of what was known before in its own."""
+        count = len(self.sought)
+        numbers, errors = values[:count], values[count:]
+        settings = self.settings(numbers)
+        sizes = self._seen_um(settings, errors)
+        off = np.where(np.isnan(sizes), _LOST_UM, sizes - self._measured)
+        apart = (1.0 - 1e-2 * settings.shrinkage_percent) * (1.0 + errors[self.scales.pitches]) - self._pitch
+        before = (numbers - self.start) / self.before
+        return np.concatenate([off / self._u, apart / self._u_pitch, before, self._scales_whitened @ errors])
+
+    def jacobian(self, values: FloatArray) -> FloatArray:
+        """Derivatives of the residuals: by small steps of the numbers, exact by the scales, which only multiply."""
+        count, rows, pitches = len(self.sought), len(self.used), len(self._pitch)
+        numbers, here = values[:count], self.residuals(values)
+        result = np.zeros((len(here), len(values)))
+        for i, step in enumerate(1e-4 * self.before):
+            way = step if numbers[i] + step <= self.high[i] else -step
+            result[:, i] = (self.residuals(values + way * np.eye(len(values))[i]) - here) / way
+        settings = self.settings(numbers)
+        sizes = np.nan_to_num(self._printed_um(settings))
+        result[np.arange(rows), count + self.scales.rows] = sizes / self._u
+        shrunk = 1.0 - 1e-2 * settings.shrinkage_percent
+        result[rows + np.arange(pitches), count + self.scales.pitches] = shrunk / self._u_pitch
+        result[rows + pitches + count :, count:] = self._scales_whitened
+        return result
+
+    def fitted(self, values: FloatArray) -> tuple[FittedFeature, ...]:
+        """Features beside what the model prints at their pictures' scales."""
+        count = len(self.sought)
+        sizes = 1e-3 * self._seen_um(self.settings(values[:count]), values[count:])
+        rows = zip(self.used, 1e-3 * self._u, sizes, strict=True)
+        return tuple(
+            FittedFeature(one.kind, one.nominal_mm, one.measured_mm or math.nan, float(u), float(size))
+            for one, u, size in rows
+        )
+
+    def u_of_Ec(self, values: FloatArray, covariance: FloatArray) -> float:
+        """Uncertainty of the critical dose, to first order."""
+        slope = np.empty(len(values))
+        for i, step in enumerate(1e-3 * self.before):
+            ends = [self.settings(values + sign * step * np.eye(len(values))[i]).Ec_mJ_per_cm2 for sign in (1.0, -1.0)]
+            slope[i] = (ends[0] - ends[1]) / (2.0 * step)
+        return math.sqrt(float(slope @ covariance @ slope))
+
+
+def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
+    """Least and largest values that are looked at."""
+    pixel = settings.pixel_um
+    low = {"sigma_um": 0.1 * pixel, "growth_um": -2.0 * pixel, "shrinkage_percent": -19.0, "shrinkage_z_percent": -19.0}
+    high = {"sigma_um": 20.0 * pixel, "growth_um": 15.0 * pixel, "shrinkage_percent": 19.0, "shrinkage_z_percent": 19.0}
+    return low, high

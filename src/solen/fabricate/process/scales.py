@@ -1,0 +1,115 @@
+"""The scales of pictures as unknowns of a calibration: one error for all lengths of a picture, not noise of each.
+
+The idea: a picture whose scale is off by e shows every length larger by the factor 1 + e. Taken as each feature's own,
+that error would average out over features, which it does not. So each picture has one such unknown, and one for its
+heights where it is a z map, with the stated uncertainty as prior. Pictures that state the same size of a pixel were
+taken with one calibration of one objective: their errors are nearly the same, and many of them tell it no better than
+one.
+
+The interface: `Scales` of coupons; `FittedScale` is what became of one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from solen.arrays import FloatArray, IndexArray
+from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, SharedScale
+
+Axis = Literal["lateral", "vertical"]
+U_SCALE = 0.03
+"""Relative standard uncertainty of a scale of which none is stated."""
+EXACT = 1e-6
+"""Relative uncertainty of a scale that is stated to be exact."""
+SHARED = 0.9
+"""Share of the variance that pictures of the same size of a pixel have in common."""
+
+
+@dataclass(frozen=True)
+class FittedScale:
+    """Scale of a picture's lengths or heights: measured over true, by the fit, and its relative uncertainty before."""
+
+    file: str
+    axis: Axis
+    factor: float
+    u_factor: float
+    u_before: float
+    stated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Unknown errors of scales, one for each picture and axis, and which features and distances they belong to.
+
+    Attributes
+    ----------
+    of
+        Number of the coupon, and the axis.
+    rows
+        Shape (n,): the unknown of each used feature.
+    pitches
+        Shape (m,): the unknown of each coupon whose distances are used.
+    """
+
+    coupons: tuple[MeasuredCoupon, ...]
+    of: tuple[tuple[int, Axis], ...]
+    rows: IndexArray
+    pitches: IndexArray
+
+    @classmethod
+    def among(cls, coupons: Sequence[MeasuredCoupon], used: Sequence[tuple[int, MeasuredFeature]]) -> "Scales":
+        """Unknowns of the features that are used, each given with the number of its coupon."""
+        keys = [(number, axis_of(feature)) for number, feature in used]
+        pitches: list[tuple[int, Axis]] = [
+            (number, "lateral") for number, coupon in enumerate(coupons) if coupon.pitch_ratio is not None
+        ]
+        distinct = tuple(dict.fromkeys([*keys, *pitches]))
+        rows, places = (np.array([distinct.index(key) for key in some], dtype=np.intp) for some in (keys, pitches))
+        return cls(tuple(coupons), distinct, rows, places)
+
+    def u_own_mm(self, used: Sequence[tuple[int, MeasuredFeature]]) -> FloatArray:
+        """Standard uncertainties (n,) of features without those of their scales."""
+        return np.array([one.own_u_mm(self._stated(number, axis_of(one)).u_relative or 0.0) for number, one in used])
+
+    @property
+    def covariance(self) -> FloatArray:
+        """What is known of the errors before."""
+        u = np.array([self.u_before(key) for key in self.of])
+        together = np.array([[self._alike(one, other) for other in self.of] for one in self.of])
+        return np.asarray(u[:, None] * together * u[None, :]) if len(u) else np.zeros((0, 0))
+
+    def u_before(self, key: tuple[int, Axis]) -> float:
+        """Relative standard uncertainty of a scale before the fit."""
+        stated = self._stated(*key).u_relative
+        return U_SCALE if stated is None else max(stated, EXACT)
+
+    def fitted(self, errors: FloatArray, u: FloatArray) -> tuple[FittedScale, ...]:
+        """What became of the scales."""
+        return tuple(
+            FittedScale(
+                self.coupons[key[0]].name,
+                key[1],
+                1.0 + float(error),
+                float(u_error),
+                self.u_before(key),
+                self._stated(*key).u_relative is not None,
+            )
+            for key, error, u_error in zip(self.of, errors, u, strict=True)
+        )
+
+    def _stated(self, number: int, axis: Axis) -> SharedScale:
+        coupon = self.coupons[number]
+        return coupon.lateral if axis == "lateral" else coupon.vertical
+
+    def _alike(self, one: tuple[int, Axis], other: tuple[int, Axis]) -> float:
+        if one == other:
+            return 1.0
+        same = one[1] == other[1] and self._stated(*one).size_um == self._stated(*other).size_um
+        return SHARED if same else 0.0
+
+
+def axis_of(feature: MeasuredFeature) -> Axis:
+    """Which scale a feature's size is measured with."""
+    return "vertical" if feature.kind == "step" else "lateral"

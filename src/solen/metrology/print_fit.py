@@ -1,0 +1,325 @@
+"""The size of a print beside its form: pose, scale, shrinkage and even overgrowth fitted together.
+
+The idea: three things make a print larger or smaller as a whole. A wrong scale and shrinkage multiply all lengths and
+cannot be separated in a picture; what is known of each before (its prior) decides how the factor is shared out.
+Overgrowth, the usual fault of projection printing, moves every wall outwards by one distance. The front alone hardly
+separates it from a factor, as circles do not at all; the walls behind the front do. So front and walls are fitted
+together, all five numbers at once, with the form of the print, whose size is unknown, as the residual.
+
+Form is alike between neighbours, so N points count as the m independent values that its correlation leaves: with a
+form of standard deviation σ the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the
+five numbers near the best fit, so these are integrated exactly, and σ over a grid with its prior about the usual form
+error. The integral is the marginal likelihood of the design (A. Gelman and others, Bayesian Data Analysis, chapters 7
+and 14). The same prior says how often a print of this design would deviate as much: an absolute test.
+
+The interface: `fit_print` of a `Traced` outline gives a `PrintFit`; `PrintPriors` is what is known before.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from scipy.special import ndtri
+from scipy.stats import chi2
+
+from solen.arrays import BoolArray, FloatArray
+from solen.metrology.edge import Edge
+from solen.metrology.nominal import END_MM, NominalFront
+from solen.metrology.pose import Pose
+from solen.metrology.registration import CONVERGED_MM, ROUNDS, by_motion, huber, rotated
+from solen.results import HIDDEN
+from solen.spec.strict import Finite, Options
+
+U_SCALE = 0.03
+"""Relative standard uncertainty of a scale of which none is stated."""
+EDGE_BIAS_PX = 0.05
+"""What uneven light and a camera's grey value curve may shift an edge by: systematic, and not seen in scatter."""
+SPREAD_OF_FORM = 2.0
+"""Factor by which the usual form error of a print is known."""
+ABSORBED = 8.0
+"""The five fitted numbers take slow form out of the residual, which then looks less correlated than it is: m values
+count as m²/(m + 8), with which intervals cover for forms of 0.15 to 0.6 mm correlation length (by simulation)."""
+U_MOTION = 10.0
+"""Prior of a turn (rad) and a shift (mm): as good as none, and the same for all designs."""
+_FORMS_MM = np.geomspace(1e-6, 1.0, 121)
+_NORMAL = ndtri((np.arange(31) + 0.5) / 31)
+
+
+class PrintPriors(Options):
+    """What is known of a print's size and form before it is measured."""
+
+    shrinkage_percent: Annotated[Finite, Field(ge=-20, le=20)] = 0.0
+    """Shrinkage that is expected, left over after any compensation, %."""
+    u_shrinkage_percent: Annotated[Finite, Field(gt=0, le=20)] = 2.0
+    """Standard uncertainty of that, %."""
+    overgrowth_um: Annotated[Finite, Field(ge=-1000, le=1000)] = 0.0
+    """Even overgrowth of all walls that is expected, µm."""
+    u_overgrowth_um: Annotated[Finite, Field(gt=0, le=1000)] = 50.0
+    """Standard uncertainty of that, µm."""
+    form_um: Annotated[Finite, Field(gt=0, le=1000)] = 2.0
+    """Usual deviation (rms) of a print of the right design when its size is accounted for, µm."""
+
+
+@dataclass(frozen=True, eq=False)
+class Traced:
+    """A print's outline in a picture: points (N, 2) of the front and those of its walls, and the picture's scale."""
+
+    front_px: FloatArray
+    walls_px: tuple[FloatArray | None, ...]
+    pose: Pose
+    u_scale: float | None
+
+    @classmethod
+    def of(cls, edge: Edge, walls: Sequence[Edge | None], pose: Pose, u_scale: float | None) -> "Traced":
+        """Outline of measured edges; a wall that is not seen is None."""
+        beside = tuple(None if wall is None else wall.measured[0] for wall in walls)
+        return cls(edge.measured[0], beside, pose, u_scale)
+
+    @property
+    def u_factor(self) -> float:
+        """Relative standard uncertainty of the scale, an assumed one where none is stated."""
+        return U_SCALE if self.u_scale is None else self.u_scale
+
+
+@dataclass(frozen=True)
+class PrintFit:
+    """Size and form of a print against one design.
+
+    Attributes
+    ----------
+    overgrowth_um, u_overgrowth_um
+        By how much every wall stands out evenly.
+    size_factor, u_size_factor
+        Factor by which the outline is larger than designed, as the picture's scale has it, beside the overgrowth.
+    scale_factor, u_scale_factor
+        True size of a pixel over the stated one.
+    shrinkage_percent, u_shrinkage_percent
+        Of the print; with the scale it makes up the size factor, shared out by what was known of both.
+    form_um
+        Rms deviation that no rotation, shift, size and overgrowth explain.
+    p_form
+        Probability that a print of this design deviates as much, by the usual form error.
+    independent_values
+        Number of independent values among the deviations.
+    walls
+        How many of the walls took part: without them overgrowth and size are hardly separated.
+    log_evidence
+        Logarithm of the design's marginal likelihood but for a constant, for one number of independent values.
+    on_front
+        Shape (N,): which of the front's points lie on the front, and not on a corner or a wall; all where the size is
+        so uncertain that the corners may lie anywhere.
+    """
+
+    overgrowth_um: float
+    u_overgrowth_um: float
+    size_factor: float
+    u_size_factor: float
+    scale_factor: float
+    u_scale_factor: float
+    shrinkage_percent: float
+    u_shrinkage_percent: float
+    form_um: float
+    p_form: float
+    independent_values: float
+    walls: int
+    log_evidence: float = field(metadata=HIDDEN)
+    on_front: BoolArray = field(metadata=HIDDEN, repr=False)
+
+
+def fit_print(
+    traced: Traced, nominal: NominalFront, priors: PrintPriors = PrintPriors(), independent: float | None = None
+) -> PrintFit:
+    """Fit pose, size and overgrowth of an outline to a design.
+
+    Parameters
+    ----------
+    traced
+        The outline, with a pose within about a tenth of the lens's width.
+    nominal
+        The design.
+    priors
+        What is known before.
+    independent
+        Number of independent values that is to be taken, as when designs are compared; default: that of the residual.
+    """
+    problem = _Problem(traced, nominal, priors)
+    fit = problem.solved()
+    count = fit.independent() if independent is None else independent
+    posterior = _Posterior.of(problem, fit, count)
+    return _print_fit(problem, fit, posterior, count)
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Outline after a motion and at a size: residuals (N,) in mm, derivatives (N, 5), weights, and which points."""
+
+    values: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    weights: FloatArray
+    pieces: tuple[BoolArray, ...]
+
+    @property
+    def mean_square(self) -> float:
+        return float(np.mean(self.weights * self.residual**2))
+
+    @property
+    def normal(self) -> FloatArray:
+        return np.asarray(self.jacobian.T @ (self.weights[:, None] * self.jacobian) / len(self.residual))
+
+    @property
+    def gradient(self) -> FloatArray:
+        return np.asarray(self.jacobian.T @ (self.weights * self.residual) / len(self.residual))
+
+    def independent(self) -> float:
+        """Number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share the correlation."""
+        ends = np.cumsum([int(piece.sum()) for piece in self.pieces])
+        parts = np.split(self.residual, ends[:-1])
+        longest = max(len(part) for part in parts)
+        together = np.sum([_autocovariance(part, longest) for part in parts], axis=0)
+        rho = together / max(float(together[0]), 1e-30)
+        ends_at = np.flatnonzero(rho <= 0.0)
+        stop = int(ends_at[0]) if len(ends_at) else longest
+        count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho[1:stop])))
+        return max(count**2 / (count + ABSORBED), 1.0)
+
+
+def _autocovariance(values: FloatArray, longest: int) -> FloatArray:
+    """Sums of products of values so many places apart, shape (longest,)."""
+    size = 1 << (2 * longest - 1).bit_length()
+    spectrum = np.fft.rfft(values, size)
+    return np.asarray(np.fft.irfft(spectrum * np.conj(spectrum), size)[:longest])
+
+
+class _Problem:
+    """Turn, shift along x and z, logarithm of the size factor and overgrowth (mm) of an outline."""
+
+    def __init__(self, traced: Traced, nominal: NominalFront, priors: PrintPriors) -> None:
+        self.traced, self.nominal, self.priors = traced, nominal, priors
+        seen = [(points, wall) for points, wall in zip(traced.walls_px, nominal.walls, strict=False)]
+        self.walls = [(points, wall) for points, wall in seen if points is not None and len(points)]
+        self._points = [traced.pose.to_mm(points) for points in (traced.front_px, *(one for one, _ in self.walls))]
+        u_size = math.hypot(traced.u_factor, 1e-2 * priors.u_shrinkage_percent)
+        self.u_before = np.array([U_MOTION, U_MOTION, U_MOTION, u_size, 1e-3 * priors.u_overgrowth_um])
+        self.before = np.array(
+            [0.0, 0.0, 0.0, math.log1p(-1e-2 * priors.shrinkage_percent), 1e-3 * priors.overgrowth_um]
+        )
+
+    @property
+    def precision(self) -> FloatArray:
+        return np.asarray(self.u_before**-2.0)
+
+    def solved(self) -> _Placed:
+        """The most probable motion, size and overgrowth, with the form's size taken from the residual."""
+        fit = self.placed(np.zeros(5))
+        for _ in range(ROUNDS):
+            spread = fit.independent() / max(fit.mean_square, 1e-14)
+            normal = spread * fit.normal + np.diag(self.precision)
+            step = -np.linalg.solve(normal, spread * fit.gradient + self.precision * (fit.values - self.before))
+            step[3:] = np.clip(step[3:], -0.1, 0.1)
+            shift = rotated(fit.values[1:3], float(step[0])) + step[1:3]
+            fit = self.placed(np.concatenate([[fit.values[0] + step[0]], shift, fit.values[3:] + step[3:]]))
+            if np.abs(step).max() < CONVERGED_MM:
+                break
+        return fit
+
+    def placed(self, values: FloatArray) -> _Placed:
+        """Residuals of front and walls: how far they stand out of the design of this size, grown evenly."""
+        turn, factor, grown = float(values[0]), math.exp(values[3]), float(values[4])
+        fronts = (self.nominal, *(wall for _, wall in self.walls))
+        rows = [_piece(rotated(points, turn) + values[1:3], front, factor, grown)
+                for points, front in zip(self._points, fronts, strict=True)]  # fmt: skip
+        pieces = tuple(use for *_, use in rows)
+        residual = np.concatenate([part[use] for part, _, use in rows])
+        jacobian = np.concatenate([part[use] for _, part, use in rows])
+        everywhere = np.ones(len(residual), dtype=bool)
+        return _Placed(values, residual, jacobian, huber(residual, everywhere), pieces)
+
+
+def _piece(
+    points: FloatArray, nominal: NominalFront, factor: float, grown: float
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Residuals, derivatives and use of the points of a front or a wall."""
+    nearest = nominal.nearest(points / factor)
+    outside = factor * nearest.deviation_mm
+    motion = by_motion(points, nearest.normals)
+    jacobian = np.column_stack([motion[:, :3], outside - motion[:, 3], np.full(len(points), -1.0)])
+    moved = nominal.corner_moved(0.0, grown / factor)
+    use = ~nearest.beyond & nominal.before_corners(points / factor, nearest.arc_mm, moved)
+    return outside - grown, jacobian, use
+
+
+@dataclass(frozen=True, eq=False)
+class _Posterior:
+    """Mean (5,) and covariance (5, 5) of motion, size and overgrowth, and the logarithm of the marginal likelihood."""
+
+    mean: FloatArray
+    covariance: FloatArray
+    log_evidence: float
+
+    @classmethod
+    def of(cls, problem: _Problem, fit: _Placed, count: float) -> "_Posterior":
+        """Integrated over the size of the form."""
+        precision, off = np.diag(problem.precision), fit.values - problem.before
+        means, covariances, logs = [], [], []
+        for form in _FORMS_MM:
+            spread = count / form**2
+            inverse = np.linalg.inv(spread * fit.normal + precision)
+            gradient = spread * fit.gradient + precision @ off
+            best = spread * fit.mean_square + off @ precision @ off - gradient @ inverse @ gradient
+            means.append(fit.values - inverse @ gradient)
+            covariances.append(inverse)
+            odd = math.log(1e3 * form / problem.priors.form_um) / math.log(SPREAD_OF_FORM)
+            volume = 0.5 * float(np.linalg.slogdet(inverse @ precision)[1])
+            logs.append(-count * math.log(form) - 0.5 * (best + odd**2) + volume)
+        weight = np.exp(np.array(logs) - max(logs))
+        evidence = max(logs) + math.log(weight.sum())
+        weight /= weight.sum()
+        mean = weight @ np.array(means)
+        apart = np.array(means) - mean
+        covariance = np.einsum("k,kij->ij", weight, np.array(covariances))
+        return cls(mean, covariance + np.einsum("k,ki,kj->ij", weight, apart, apart), evidence)
+
+
+def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: float) -> PrintFit:
+    """The numbers, with the size shared out between scale and shrinkage by their priors."""
+    priors, traced = problem.priors, problem.traced
+    size, u_size = float(posterior.mean[3]), math.sqrt(float(posterior.covariance[3, 3]))
+    parts = np.array([traced.u_factor, 1e-2 * priors.u_shrinkage_percent])
+    gain = parts**2 / np.sum(parts**2)  # of a factor that is their sum
+    off = size - problem.before[3]
+    u_parts = np.sqrt(parts**2 * (1.0 - gain) + (gain * u_size) ** 2)
+    form = math.sqrt(fit.mean_square)
+    u_bias_um = EDGE_BIAS_PX * traced.pose.um_per_px
+    return PrintFit(
+        overgrowth_um=1e3 * float(posterior.mean[4]),
+        u_overgrowth_um=math.hypot(1e3 * math.sqrt(float(posterior.covariance[4, 4])), u_bias_um),
+        size_factor=math.exp(size),
+        u_size_factor=math.exp(size) * u_size,
+        scale_factor=math.exp(-gain[0] * off),
+        u_scale_factor=float(u_parts[0]),
+        shrinkage_percent=priors.shrinkage_percent - 100.0 * float(gain[1]) * off,
+        u_shrinkage_percent=100.0 * float(u_parts[1]),
+        form_um=1e3 * form,
+        p_form=_p_form(form, 1e-3 * priors.form_um, count),
+        independent_values=count,
+        walls=len(problem.walls),
+        log_evidence=posterior.log_evidence,
+        on_front=fit.pieces[0] | (_u_of_corners(problem.nominal, posterior) > END_MM),
+    )
+
+
+def _u_of_corners(nominal: NominalFront, posterior: _Posterior) -> float:
+    """Standard uncertainty in mm of where along the front its corners lie, the larger of both."""
+    slopes = np.column_stack([nominal.corner_moved(1.0, 0.0), nominal.corner_moved(0.0, 1.0)])
+    return math.sqrt(float(np.einsum("ki,ij,kj->k", slopes, posterior.covariance[3:, 3:], slopes).max()))
+
+
+def _p_form(form: float, usual: float, count: float) -> float:
+    """Probability of as large a form error where the usual one is known within a factor."""
+    usuals = usual * SPREAD_OF_FORM**_NORMAL
+    freedom = max(count - 5.0, 1.0)
+    return float(np.mean(chi2.sf(freedom * (form / usuals) ** 2, freedom)))
