@@ -50,6 +50,7 @@ class Gcs2Controller:
     offset: float = 1.7
     servo: bool = False
     referenced: bool = False
+    reference_on: bool = True
     velocity: float = 10.0
     error: int = 0
     _axis: Axis = field(init=False)
@@ -150,7 +151,7 @@ class Gcs2Controller:
         return f"1={value()}"
 
     def _obey(self, name: str, words: list[str]) -> None:
-        if name not in {"SVO", "FRF", "VEL", "MOV", "HLT", "STP"}:
+        if name not in {"SVO", "FRF", "VEL", "MOV", "HLT", "STP", "RON", "POS"}:
             self.error = 2
         elif name in {"HLT", "STP"}:
             self._axis.halt(self.clock.now_s())
@@ -172,6 +173,10 @@ class Gcs2Controller:
             return
         if name == "SVO":
             self.servo = value != 0.0
+        elif name == "RON":
+            self.reference_on = value != 0.0
+        elif name == "POS" and not self.reference_on:
+            self._axis, self.referenced = Axis(self.acceleration, value), True
         elif name == "VEL":
             if not 0.0 <= value <= self.highest_velocity:
                 self.error = 8

@@ -15,6 +15,7 @@ from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock
 from solen.bench.frames import Layout, Losses, Periods
 from solen.bench.gcs2 import Gcs2Stage
+from solen.bench.homing import make_known
 from solen.bench.journal import read_journal
 from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.protocol import Protocol
@@ -117,6 +118,7 @@ def recorded(
     controller = Gcs2Controller(fine, offset=0.0, reference_s=0.05)
     wire = SlowWire(controller, fine, round_trip_s, share)
     stage = Gcs2Stage(wire, clock, stage="M-060.DG")
+    make_known(stage, True, 0.0)
     on = Instruments(stage, StraightBoard(fine, lambda time_s: controller.axis.positions(time_s)), clock)
     header = {
         "solen": "0", "simulated": True, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": protocol.name,

@@ -7,8 +7,9 @@ import pytest
 
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.gcs2 import Gcs2Stage
+from solen.bench.homing import make_known
 from solen.bench.link import open_link
-from solen.bench.roles import Stage
+from solen.bench.roles import Homes, Stage
 from solen.bench.simulated.stage import Axis, Move
 from solen.errors import BenchError
 from tests.bench.gcs2_controller_support import Gcs2Controller
@@ -122,6 +123,16 @@ def test_a_stage_is_referenced_moved_and_stopped() -> None:
     assert stage.position() == here
     assert controller.axis.at(clock.now_s()) == pytest.approx(here, abs=1e-7)
     assert -3.0 < here < 3.0
+
+
+def test_where_it_stands_can_be_taken_for_a_position() -> None:
+    stage, controller, _, clock = driven()
+    assert isinstance(stage, Homes)
+    make_known(stage, "here", 2.5)
+    assert (stage.referenced, stage.position(), controller.axis.moves) == (True, 2.5, [])
+    make_known(stage, False, 0.0)  # it is known now
+    stage.begin_move(3.0, 15.0)
+    assert arrive(stage, clock) < 1.0
 
 
 def test_roles_are_played() -> None:

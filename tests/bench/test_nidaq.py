@@ -121,6 +121,24 @@ def test_two_counters_take_turns_and_a_line_enables_what_is_outside(library: Lib
     assert library.lines["Dev1/port1/line7"] is False
 
 
+def test_a_watchdog_outside_is_fed_while_samples_are_read(library: Library) -> None:
+    plain = NiDaq(SimulatedClock(), "Dev1", setup())
+    assert "has no watchdog" in (plain.no_watchdog or "")
+    assert "daq.alive" in (plain.no_watchdog or "")
+    plain.close()
+    daq = NiDaq(SimulatedClock(), "Dev1", setup(alive="port1/line6"))
+    assert daq.no_watchdog is None
+    daq.start()
+    levels = []
+    for _ in range(4):
+        daq.read()
+        levels.append(library.lines["Dev1/port1/line6"])
+    assert levels == [True, False, True, False]
+    daq.read()
+    daq.stop()
+    assert library.lines["Dev1/port1/line6"] is False
+
+
 def test_a_rate_that_divides_no_clock_is_told_as_the_instrument_has_it(library: Library) -> None:
     assert library.dark
     daq = NiDaq(SimulatedClock(), "Dev1", setup(rate_hz=13_000.0))
@@ -252,6 +270,8 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
         (lambda: setup(emitters=3), "take turns; USB-6218 has 2 counters, and its other outputs are not timed"),
         (lambda: setup(emitters=2, switching="external"), "sync; is needed with 2 emitters in turn"),
         (lambda: setup(enable="port0/line0"), "static outputs, port1/line0 to port1/line7"),
+        (lambda: setup(alive="port0/line0"), r"daq\.alive = 'port0/line0'; .*static outputs"),
+        (lambda: setup(enable="port1/line7", alive="port1/line7"), r"daq\.alive = 'port1/line7'; .*daq\.enable"),
         (lambda: setup(enable="port1/line0"), "is the line on which a counter lights an emitter"),
     ],
 )
@@ -340,7 +360,7 @@ def test_an_instrument_that_is_unplugged_ends_the_run_and_what_was_sampled_is_th
 def test_a_run_goes_on_after_an_overrun_and_tells_it(driven: Driven) -> None:
     driven.run(faulty_after(driven, 1.0, "DAQmxReadBinaryI16", [-200279]))
     events = read_journal(driven.folder / "run.journal").events
-    (remark,) = (event["reason"] for event in events if event["what"] == "remark")
+    _, remark = (event["reason"] for event in events if event["what"] == "remark")
     assert "samples were overwritten before the program read them; about" in remark
     assert events[-1]["losses"]["overruns"] == 1
     done, read = driven.closed()

@@ -80,7 +80,7 @@ def wires(bench: Path) -> Iterator[Wires]:
     text = (bench / "protocol.toml").read_text(encoding="utf-8").replace("cycles = 3", f"cycles = {CYCLES}")
     (bench / "protocol.toml").write_text(text, encoding="utf-8")
     with Served(stage) as to_stage, Served(board) as to_board:
-        lines = f'[stage]\ndriver = "gcs2"\nport = "{to_stage.url}"\n'
+        lines = f'[stage]\ndriver = "gcs2"\nhome = true\nport = "{to_stage.url}"\n'
         lines += f'[board]\ndriver = "serial"\nport = "{to_board.url}"\n'
         wired = (bench / "rig.toml").read_text(encoding="utf-8").replace("[board]\ntrim_v = 1.0\n", lines)
         (bench / "wired.toml").write_text(wired[: wired.index("[ambient]")], encoding="utf-8")
@@ -195,23 +195,97 @@ def test_a_fault_in_the_middle_ends_the_run_with_emitters_off_and_the_stage_stop
     assert kept.periods > 100
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
-def test_ctrl_c_switches_off_and_stops(wires: Wires) -> None:
+SIGNALS = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+
+def ended(wires: Wires, name: str, delay_s: float) -> tuple[int, str]:
+    """A run in a process of its own that gets a signal on its third move: its exit code, and what it said."""
     words = ["bench", "run", "protocol.toml", "--rig", "wired.toml", "--out", "out"]
     line = [sys.executable, "-m", "solen", *words]
+    first = len(wires.stage.axis.moves)
     with subprocess.Popen(line, cwd=wires.folder, stderr=subprocess.PIPE, text=True, encoding="utf-8") as child:
-        while not wires.stage.axis.moving(wires.stage.clock.now_s()) or len(wires.stage.axis.moves) < 3:
+        while not wires.stage.axis.moving(wires.stage.clock.now_s()) or len(wires.stage.axis.moves) < first + 3:
             assert child.poll() is None
             time.sleep(0.005)
-        child.send_signal(signal.SIGINT)
-        _, said = child.communicate(timeout=20.0)
-    assert child.returncode == 130
+        time.sleep(delay_s)
+        for _ in range(2):  # asked twice, it does not leave half-way
+            child.send_signal(getattr(signal, name))
+            time.sleep(0.01)
+        _, said = child.communicate(timeout=30.0)
+    return child.returncode, said
+
+
+def check_ended(wires: Wires, name: str, delay_s: float = 0.0) -> None:
+    code, said = ended(wires, name, delay_s)
+    assert code == 128 + getattr(signal, name)
     assert "Traceback" not in said
+    assert f"ended by {name}; emitters off, stage stopped" in said
+    assert "protocol.journal: go on with --resume" in said
     assert not wires.board.lit
     assert wires.stands()
-    assert abs(wires.stage.axis.at(wires.stage.clock.now_s())) < 2.99  # on the way, not where it was sent
     events = [event["what"] for event in wires.events]
     assert events[-1] == "stopped"
     assert "not stopped" not in events
+    journal = wires.folder / "out" / "protocol.journal"
+    if delay_s == 0.0:
+        assert abs(wires.stage.axis.at(wires.stage.clock.now_s())) < 2.99  # on the way, not where it was sent
     with contextlib.suppress(BenchError):
-        assert recover(wires.folder / "out" / "protocol.journal").outcome == "stopped"
+        assert recover(journal).outcome == "stopped"
+    journal.with_suffix(".nc").unlink(missing_ok=True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_switches_off_and_stops(wires: Wires, name: str) -> None:
+    check_ended(wires, name)
+
+
+@pytest.mark.evidence
+@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+@pytest.mark.parametrize("name", SIGNALS)
+def test_signals_at_random_moments_switch_off_and_stop(wires: Wires, name: str) -> None:
+    for delay_s in np.random.default_rng(1).uniform(0.001, 1.2, 20).tolist():
+        check_ended(wires, name, delay_s)
+    print(f"\n  20 {name} at random moments: emitters off and stage at rest at the controllers' side each time")
+
+
+def test_a_stage_that_does_not_know_its_zero_is_not_driven_to_find_it_unasked(wires: Wires) -> None:
+    path = wires.folder / "wired.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("home = true\n", ""), encoding="utf-8")
+    asked: list[str] = []
+
+    def run(answer: bool | None) -> RecordedRun:
+        def says(question: str) -> bool:
+            asked.append(question)
+            return bool(answer)
+
+        confirm = None if answer is None else says
+        return record(wires.folder / "protocol.toml", path, wires.folder / "out", confirm=confirm)
+
+    for answer in (None, False):
+        with pytest.raises(BenchError, match=r"does not know its zero.* 360 deg .*home = true"):
+            run(answer)
+    assert not wires.stage.axis.moves
+    assert not wires.stage.referenced
+    assert not (wires.folder / "out").exists()
+    assert run(True).outcome == "done"
+    assert len(asked) == 2
+    assert all("up to 360 deg to either side. Begin?" in question for question in asked)
+
+
+def test_travel_of_the_rig_is_not_left(wires: Wires) -> None:
+    path = wires.folder / "wired.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("home = true", "home = true\ntravel = [-2.0, 4.0]"), encoding="utf-8")
+    with pytest.raises(BenchError, match=r"step\[0\] = -3\.0; .*-2 to 4 deg"):
+        wires.run()
+    path.write_text(text.replace("home = true", "home = true\ntravel = [1.0, 4.0]"), encoding="utf-8")
+    with pytest.raises(BenchError, match=r"travel = .*zero = 0"):
+        wires.run()
+    path.write_text(text.replace("home = true", "home = true\ntravel = [-4.0, 4.0]"), encoding="utf-8")
+    wires.stage.referenced = wires.stage.servo = True
+    wires.stage.axis.rest = 37.0
+    with pytest.raises(BenchError, match=r"stands at 37 deg.*-4 to 4"):
+        wires.run()
+    assert not wires.stage.axis.moves

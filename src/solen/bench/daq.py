@@ -89,6 +89,8 @@ class Setup:
         The instrument, its range ± V, and how inputs are wired.
     enable
         A static digital output that is high while samples are taken.
+    alive
+        One that changes its level with each reading, for a watchdog outside.
     settle_us
         Left out after each switch.
     buffer_s
@@ -110,6 +112,7 @@ class Setup:
     range_v: float = 10.0
     terminal: Terminal = "rse"
     enable: str | None = None
+    alive: str | None = None
     settle_us: float = 300.0
     buffer_s: float = 10.0
 
@@ -125,9 +128,12 @@ class Setup:
         elif self.emitters > 1 and not self.synced:
             limit = f"is needed with {self.emitters} emitters in turn: nothing else tells which of them is on"
             raise BenchError("daq.sync", limit=limit, remedy="record what lights emitter 1, or light all at once")
-        if self.enable is not None and self.enable not in model.lines:
-            limit = f"must be one of {self.model}'s static outputs, {model.lines[0]} to {model.lines[-1]}"
-            raise BenchError("daq.enable", value=self.enable, limit=limit)
+        for key, line in (("enable", self.enable), ("alive", self.alive)):
+            if line is not None and line not in model.lines:
+                limit = f"must be one of {self.model}'s static outputs, {model.lines[0]} to {model.lines[-1]}"
+                raise BenchError(f"daq.{key}", value=line, limit=limit)
+        if self.alive is not None and self.alive == self.enable:
+            raise BenchError("daq.alive", value=self.alive, limit="is the line of daq.enable")
 
     @property
     def inputs(self) -> int:
@@ -174,8 +180,9 @@ class Setup:
             remedy = 'light them all at once, or by something outside (switching = "external" with a sync)'
             raise BenchError("sensor.emitter", value=self.emitters, limit=limit, remedy=remedy)
         taken = [line for _, _, line in model.switches[: self.emitters]]
-        if self.enable in taken:
-            raise BenchError("daq.enable", value=self.enable, limit="is the line on which a counter lights an emitter")
+        for key, line in (("enable", self.enable), ("alive", self.alive)):
+            if line in taken:
+                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter lights an emitter")
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,6 +112,17 @@ class Gcs2Stage:
         """Whether the controller knows where zero is."""
         return self._value("FRF?") == "1"
 
+    @property
+    def search(self) -> str:
+        """How far it may move to find its zero: the controller does not say where the switch is."""
+        low, high = self.limits
+        return f"It drives to its reference switch, by up to {high - low:g} {self.unit} to either side."
+
+    def set_position(self, position: float) -> None:
+        """Take where it stands for a position; nothing moves."""
+        self.command(f"RON {self._axis} 0")
+        self.command(f"POS {self._axis} {position:.6f}")
+
     def reference(self) -> None:
         """Drive to the reference switch, unless that was done since the controller was switched on."""
         if self.referenced:

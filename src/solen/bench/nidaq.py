@@ -78,6 +78,7 @@ class NiDaq:
         self._tasks: list[Any] = []
         self._stretch, self._next, self._begun_s = 0, 0, 0.0
         self._overruns_s: list[float] = []
+        self._beat = False
         self._check_device()
         with on_failure(self._off):
             self._lines(False)
@@ -87,6 +88,17 @@ class NiDaq:
     def coefficients(self) -> NDArray[np.float64]:
         """Of its converter as it was calibrated, by channel."""
         return self._coefficients
+
+    @property
+    def no_watchdog(self) -> str | None:
+        """What a killed program leaves, and what helps; None where a watchdog outside is fed."""
+        lights = self.setup.switching == "counter" or self.setup.enable is not None
+        if not lights or self.setup.alive is not None:
+            return None
+        return (
+            f"{self.name} has no watchdog: a program that is killed leaves emitters lit; daq.alive names a line that "
+            "feeds a retriggerable monostable in their supply"
+        )
 
     def start(self) -> None:
         """Begin to sample, and to light the emitters, where it does."""
@@ -116,6 +128,9 @@ class NiDaq:
         except BenchError:
             self._off()
             raise
+        if self.setup.alive is not None:
+            self._beat = not self._beat
+            self._put((self.setup.alive,), self._beat)
         first, self._next = self._next, self._next + counts.shape[1]
         return Samples(self._stretch, first, np.ascontiguousarray(counts.T))
 
@@ -230,8 +245,8 @@ class NiDaq:
 
     def _lines(self, high: bool) -> None:
         """Set every line that lights something."""
-        enable = () if self.setup.enable is None else (self.setup.enable,)
-        self._put((*(line for _, _, line in self._switches), *enable), high)
+        stated = (line for line in (self.setup.enable, self.setup.alive) if line is not None)
+        self._put((*(line for _, _, line in self._switches), *stated), high)
 
     def _put(self, lines: tuple[str, ...], high: bool) -> None:
         for line in lines:

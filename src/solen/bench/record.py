@@ -22,6 +22,8 @@ from solen import __version__, files
 from solen.bench.catalogue import Catalogue, header_of
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import open_instruments
+from solen.bench.ends import Ended, ended_by_signals, uninterrupted
+from solen.bench.homing import Confirm, make_known
 from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal
 from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
@@ -69,6 +71,7 @@ def record(
     *,
     watch: Watch | None = None,
     report: Report | None = None,
+    confirm: Confirm | None = None,
 ) -> RecordedRun:
     """Run a protocol on a rig and close what was recorded.
 
@@ -80,11 +83,15 @@ def record(
         Where the recording goes; made if need be.
     watch, report
         Called with the state of the run, and with what is prepared before it.
+    confirm
+        Asked before a stage drives to its reference, where the rig does not allow that.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError, OutputError
         Where files, instruments or the folder are at fault. What was recorded by then is in the journal.
+    Ended
+        Where Ctrl-C or a signal ended it; emitters are off, the stage stands still, and its line says what is kept.
     """
     check_installed()
     protocol, rig = load_protocol(protocol_file), load_rig(rig_file)
@@ -108,12 +115,16 @@ def record(
             journal, before = _resumed(path, {protocol_file: protocol, rig_file: rig})
         clock = _clock(simulated_time, before)
         noise = _noise(rig, options.name, before)
-        with _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn):
-            on = Instruments(stage, sampler, clock, _read_every_s(protocol, simulated_time))
+        with (
+            ended_by_signals(),
+            _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn),
+        ):
+            make_known(stage, rig.stage.home, rig.stage.zero, confirm)
+            on = Instruments(stage, sampler, clock, _read_every_s(protocol, simulated_time), rig.stage.travel)
             if journal is None:
                 header = _header(protocol, rig, rig_file.parent, simulated_time)
                 journal = begin(path, on, header | drawn)
-            with journal:
+            with journal, _kept(path):
                 run(protocol, on, journal, before=before, watch=watch)
         return close_journal(path, target)
 
@@ -147,6 +158,20 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     return recorded
 
 
+@contextmanager
+def _kept(path: Path) -> Iterator[None]:
+    """Say of a run that is ended or fails what is kept of it, and how to go on."""
+    kept = f"what was recorded is in {path}: go on with --resume, or close it with solen bench recover"
+    try:
+        yield
+    except KeyboardInterrupt as bad:
+        line = str(bad) or "interrupted"
+        raise Ended(f"{line}; emitters off, stage stopped; {kept}", getattr(bad, "exit_code", 130)) from None
+    except SolenError as bad:
+        remedy = f"{bad.remedy}; {kept}" if bad.remedy else kept
+        raise type(bad)(bad.what, value=bad.value, limit=bad.limit, remedy=remedy) from None
+
+
 def _check_room(path: Path, target: Path) -> None:
     """`OutputError` where the disk has no room for the recording of a journal."""
     if not path.exists():
@@ -175,6 +200,12 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
     if protocol.unit != unit:
         remedy = "take the protocol or the rig of the other kind"
         raise BenchError(str(protocol_file), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
+    if rig.stage.travel is not None:
+        low, high = rig.stage.travel
+        for number, step in enumerate(protocol.step):
+            if not low <= step.target <= high:
+                limit = f"is beyond the travel of {rig_file}, {low:g} to {high:g} {unit}"
+                raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
     if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
 
@@ -262,7 +293,8 @@ def _instruments(
     try:
         yield stage, sampler, drawn
     finally:
-        for instrument in (sampler, stage):
-            # how the run ended matters more, and what could not be stopped is in its journal
-            with suppress(SolenError):
-                instrument.close()
+        with uninterrupted():
+            for instrument in (sampler, stage):
+                # how the run ended matters more, and what could not be stopped is in its journal
+                with suppress(SolenError):
+                    instrument.close()

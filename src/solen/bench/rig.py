@@ -50,6 +50,14 @@ class StageOf(BenchTable):
         None, description="Address of the controller where several share a line."
     )
     zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
+    home: Literal["here"] | bool = Field(
+        False,
+        description='Whether it may drive to its reference switch unasked; "here": it stands at zero now, and nothing '
+        "moves.",
+    )
+    travel: tuple[Number, Number] | None = Field(
+        None, description="Lowest and highest position that anything may send it to, in deg or mm."
+    )
     lever_mm: Positive | None = Field(
         None, description="A linear stage pushes this far from the pivot; turns mm into degrees."
     )
@@ -57,6 +65,8 @@ class StageOf(BenchTable):
     @model_validator(mode="after")
     def _is_there(self) -> Self:
         _check_driver(self, "port")
+        if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
+            raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
         if self.driver not in {"simulated", "gcs2"}:
             return self
         if self.model not in STAGES:
@@ -90,7 +100,18 @@ class BoardOf(BenchTable):
         return self
 
 
-_ASKED = {"rate_hz", "switch_hz", "switching", "model", "range_v", "terminal", "enable", "settle_us", "buffer_s"}
+_ASKED = {
+    "rate_hz",
+    "switch_hz",
+    "switching",
+    "model",
+    "range_v",
+    "terminal",
+    "enable",
+    "alive",
+    "settle_us",
+    "buffer_s",
+}
 """Keys of a data acquisition that are passed on to its `Setup`."""
 
 
@@ -121,6 +142,9 @@ class DaqOf(BenchTable):
     )
     sync: Text | None = Field(None, description="Analog input that is high while emitter 1 is on.")
     enable: Text | None = Field(None, description="Static output that is high while samples are taken: port1/line7.")
+    alive: Text | None = Field(
+        None, description="Static output that changes its level with each reading, for a watchdog outside."
+    )
     settle_us: NotNegative = Field(300.0, description="Left out after each switch, in µs.")
     buffer_s: Annotated[Number, Field(ge=1, le=60)] = Field(10.0, description="What the computer holds, in s.")
     trim_v: Positive | None = Field(None, description="As of a simulated board.")

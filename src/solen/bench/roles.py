@@ -3,7 +3,7 @@
 The idea: a protocol is run on roles. A real instrument and a simulated one stand behind the same interface, and which
 of them it is, only the rig file knows.
 
-The interface: `Stage`, `EmitterBoard`, `KeepsTime`, `Daq`.
+The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`.
 Every call raises `BenchError` where the instrument does not do what it is asked.
 """
 
@@ -26,7 +26,7 @@ class Stage(Protocol):
         """Unit of its positions."""
 
     def reference(self) -> None:
-        """Find the zero, unless it is known; returns when it is found."""
+        """Find the zero, unless it is known; returns when it is found. One that moves for that is a `Homes`."""
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move; `wait` or `on_target` tell when it is there."""
@@ -42,6 +42,27 @@ class Stage(Protocol):
 
     def close(self) -> None:
         """Stop and release the instrument."""
+
+
+@runtime_checkable
+class Homes(Protocol):
+    """A stage that moves to find its zero, and says so before."""
+
+    name: str
+
+    @property
+    def referenced(self) -> bool:
+        """Whether it knows where zero is."""
+
+    @property
+    def search(self) -> str:
+        """A sentence: how far it may move to find its zero."""
+
+    def reference(self) -> None:
+        """Find the zero."""
+
+    def set_position(self, position: float) -> None:
+        """Take where it stands for a position; nothing moves."""
 
 
 class EmitterBoard(Protocol):

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from solen.bench.clock import Clock
+from solen.bench.ends import Ended, uninterrupted
 from solen.bench.journal import Journal, JournalContent
 from solen.bench.protocol import Protocol, Step
 from solen.bench.roles import Daq, EmitterBoard, Stage
@@ -31,6 +32,8 @@ SILENT_S = 2.0
 """A board that says nothing for so long is a fault."""
 SETTLE_S = 0.5
 """After a move's shortest time, a stage that does not come to rest is asked all the same whether it has arrived."""
+OVERSHOOT = 1e-3
+"""Share of the travel by which a stage at its end may stand beyond it."""
 RESTING = 0.01
 """Share of its velocity below which a stage counts as at rest."""
 EXCHANGE_EVERY_S, EXCHANGES = 1.0, 5
@@ -47,12 +50,15 @@ class Instruments:
         The instruments, and the time of the run; in place of a board there may be a data acquisition.
     read_every_s
         How often the board is read: how much a kill may cost.
+    travel
+        Lowest and highest position that the stage may be at or be sent to; None for its own limits alone.
     """
 
     stage: Stage
     board: EmitterBoard | Daq
     clock: Clock
     read_every_s: float = 0.1
+    travel: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +124,16 @@ def run(
         runner.all()
     except BaseException as bad:
         outcome = "stopped" if isinstance(bad, KeyboardInterrupt) else "fault"
-        reason = str(bad) if isinstance(bad, SolenError) else type(bad).__name__
+        reason = str(bad) if isinstance(bad, SolenError | Ended) else type(bad).__name__
         raise
     finally:
-        end = {"outcome": outcome, "reason": reason, "losses": vars(instruments.board.losses)}
-        runner.safe()
-        journal.event(runner.now_s, outcome, **end)
-        if outcome == "done":
-            journal.end(**end)
-        journal.sync()
+        with uninterrupted():
+            end = {"outcome": outcome, "reason": reason, "losses": vars(instruments.board.losses)}
+            runner.safe()
+            journal.event(runner.now_s, outcome, **end)
+            if outcome == "done":
+                journal.end(**end)
+            journal.sync()
 
 
 @dataclass
@@ -157,9 +164,10 @@ class _Runner:
 
     def all(self) -> None:
         """From the beginning, or the first cycle that is not done, to the end."""
-        self.on.stage.reference()
         utc = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
         self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc)
+        if no_watchdog := getattr(self.on.board, "no_watchdog", None):
+            self.journal.event(self.now_s, "remark", reason=no_watchdog)
         self._exchange(self._sampling.start)
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
@@ -194,6 +202,7 @@ class _Runner:
     def _go(self, step: Step) -> None:
         """Move and wait until it is there; while it moves it is asked for its position alone."""
         start = self._look()
+        self._check_travel(step, start)
         shortest_s = abs(step.target - start) / step.velocity
         self.on.stage.begin_move(step.target, step.velocity)
         arrives_s = self.now_s + shortest_s
@@ -202,6 +211,17 @@ class _Runner:
                 limit = f"has not arrived at {step.target:g} {step.unit} in {shortest_s + ARRIVE_S:.0f} s"
                 raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
             self._tick(self.now_s + 1.0)
+
+    def _check_travel(self, step: Step, start: float) -> None:
+        """Refuse a way that is not within the rig's travel from end to end."""
+        if self.on.travel is None:
+            return
+        low, high = self.on.travel
+        slack = OVERSHOOT * (high - low)
+        for what, position in (("stands at", start), ("is sent to", step.target)):
+            if not low - slack <= position <= high + slack:
+                limit = f"{what} {position:g} {step.unit}, and travel in the rig is {low:g} to {high:g}"
+                raise BenchError(self.on.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
 
     def _arrived(self, step: Step, arrives_s: float) -> bool:
         """Whether the stage has arrived; it is asked from the earliest time on, and only where it seems to rest."""

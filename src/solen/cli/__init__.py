@@ -39,8 +39,8 @@ def run_command(arguments: Sequence[str]) -> int:
         return _refuse(str(bad), BAD_INPUT)
     except cyclopts.CycloptsError as bad:
         return _refuse(_one_line(bad), BAD_INPUT)
-    except KeyboardInterrupt:
-        return _refuse("interrupted; no file is half-written", INTERRUPTED)
+    except KeyboardInterrupt as bad:  # a run on the bench says what it keeps
+        return _refuse(str(bad) or "interrupted; no file is half-written", getattr(bad, "exit_code", INTERRUPTED))
     except (BrokenPipeError, SystemExit):  # the reader of a pipe had enough; rich leaves so while it prints help
         _drop_output()
         return 0

@@ -30,7 +30,7 @@ def new(folder: Path, /) -> Outcome[pipeline.BenchFolder]:
 def run(
     protocol: Path, /, *, rig: Path, out: Path, options: Annotated[RecordOptions, FLAT] = RecordOptions()
 ) -> Outcome[RecordedRun]:
-    """Run a protocol and leave a recording; Ctrl-C switches the emitters off and stops the stage.
+    """Run a protocol and leave a recording; Ctrl-C, or a signal to end, switches the emitters off and stops the stage.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ def run(
     out
         Folder of the recording.
     """
-    with _live() as (watch, report):
-        return pipeline.run(protocol, rig, out, options, watch=watch, report=report)
+    with _live() as (watch, report, confirm):
+        return pipeline.run(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
 
 
 def recover(journal: Path, /) -> Outcome[RecordedRun]:
@@ -94,10 +94,11 @@ def _(found: RecordingList) -> Iterator[str]:
 
 
 @contextmanager
-def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None]]]:
-    """A line on stderr that follows the run, where that is a terminal."""
+def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], None], Callable[[str], bool] | None]]:
+    """A line on stderr that follows the run, where that is a terminal, and a way to ask whoever sits there."""
+    asked = _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
     if SHOWN.quiet or not sys.stderr.isatty():
-        yield None, lambda _: None
+        yield None, lambda _: None, asked
         return
     from rich.console import Console
     from rich.live import Live
@@ -107,7 +108,26 @@ def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], Non
         return Text(text, no_wrap=True, overflow="ellipsis")
 
     with Live(shown("beginning"), console=Console(stderr=True), transient=True, refresh_per_second=10) as live:
-        yield (lambda tick: live.update(shown(_line(tick)))), (lambda text: live.update(shown(text)))
+
+        def paused(question: str) -> bool:
+            live.stop()
+            try:
+                return asked is not None and asked(question)
+            finally:
+                live.start()
+
+        yield (
+            lambda tick: live.update(shown(_line(tick))),
+            lambda text: live.update(shown(text)),
+            None if asked is None else paused,
+        )
+
+
+def _asked(question: str) -> bool:
+    """Whether who sits at the terminal says yes; anything else is no."""
+    sys.stderr.write(f"{question} [y/N] ")
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().casefold() in {"y", "yes"}
 
 
 def _line(tick: Tick) -> str:

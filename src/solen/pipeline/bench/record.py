@@ -6,6 +6,7 @@ from pathlib import Path
 from solen import files
 from solen.bench import catalogue
 from solen.bench import record as bench
+from solen.bench.homing import Confirm
 from solen.bench.netcdf import RecordedRun
 from solen.bench.run import Watch
 from solen.bench.starter import starter_files
@@ -40,9 +41,10 @@ def run(
     *,
     watch: Watch | None = None,
     report: bench.Report | None = None,
+    confirm: Confirm | None = None,
 ) -> Outcome[RecordedRun]:
     """Run a protocol on a rig and close what was recorded."""
-    recorded = bench.record(protocol, rig, out, options, watch=watch, report=report)
+    recorded = bench.record(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
     return Outcome(recorded, {"recording": recorded.path})
 
 

@@ -1,0 +1,113 @@
+"""How a run is ended from outside: Ctrl-C, a signal, a closed terminal, all alike.
+
+The idea: whatever asks the program to go must leave emitters off and the stage at rest. Each such request becomes an
+`Ended`, a `KeyboardInterrupt`, in the main thread, once; later ones are passed over, so that nobody interrupts the
+switching off. Within `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
+
+The interface: `ended_by_signals` around a run; `uninterrupted` around what must not be left half-way; `Ended`.
+"""
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
+
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+"""Those of them that the system has are caught; SIGBREAK is Ctrl-Break on Windows, SIGHUP a terminal that went away."""
+CLOSING_S = 4.5
+"""Windows ends a program 5 s after its console was closed."""
+
+
+class Ended(KeyboardInterrupt):
+    """A request to end: its line says what is kept; ``exit_code`` is that of a shell for the signal."""
+
+    def __init__(self, line: str, exit_code: int = 130) -> None:
+        super().__init__(line)
+        self.exit_code = exit_code
+
+
+@dataclass
+class _State:
+    """What was asked, and whether it may be answered now."""
+
+    held: int = 0
+    ended: bool = False
+    waiting: int | None = None
+
+
+_STATE = _State()
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Turn requests to end into `Ended` while the body runs; outside the main thread nothing changes."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _STATE.held, _STATE.ended, _STATE.waiting = 0, False, None
+    numbers = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    try:
+        for number in numbers:
+            if before[number] is not signal.SIG_IGN:  # nohup means it
+                signal.signal(number, _handle)
+        with _console_watched():
+            yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let requests wait until the body is done; they are lost only where it fails by itself."""
+    _STATE.held += 1
+    try:
+        yield
+    finally:
+        _STATE.held -= 1
+    if _STATE.waiting is not None and _STATE.held == 0:
+        _end(_STATE.waiting)
+
+
+def _handle(number: int, frame: FrameType | None) -> None:  # noqa: ARG001  a handler's arguments
+    if _STATE.ended:
+        return
+    if _STATE.held:
+        _STATE.waiting = number
+        return
+    _end(number)
+
+
+def _end(number: int) -> None:
+    _STATE.ended, _STATE.waiting = True, None
+    raise Ended(f"ended by {signal.Signals(number).name}", 128 + number)
+
+
+@contextmanager
+def _console_watched() -> Iterator[None]:
+    """On Windows, a console that is closed interrupts the main thread, and is kept until the body is done."""
+    if sys.platform != "win32":
+        yield
+        return
+    import ctypes
+
+    done = threading.Event()
+
+    @ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)
+    def closed(event: int) -> int:
+        if event in {0, 1}:  # Ctrl-C and Ctrl-Break come as signals
+            return 0
+        signal.raise_signal(signal.SIGTERM)
+        done.wait(CLOSING_S)
+        return 1
+
+    ctypes.windll.kernel32.SetConsoleCtrlHandler(closed, 1)
+    try:
+        yield
+    finally:
+        done.set()
+        ctypes.windll.kernel32.SetConsoleCtrlHandler(closed, 0)

@@ -1,0 +1,50 @@
+"""A stage that does not know its zero: it is never driven to find it unasked.
+
+The idea: a search for the reference switch may turn the stage as far as it goes, with a sensor mounted on it. It is
+done where the rig file allows it (``home = true``), or where somebody at the terminal says so who was told how far it
+goes. ``home = "here"`` takes the place where the stage stands for the rig's zero, and nothing moves.
+
+The interface: `make_known`.
+"""
+
+from collections.abc import Callable
+from typing import Literal
+
+from solen.bench.roles import Homes, Stage
+from solen.errors import BenchError
+
+Home = bool | Literal["here"]
+Confirm = Callable[[str], bool]
+"""Asks whoever is there, and says whether the answer was yes."""
+
+
+def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None) -> None:
+    """See that a stage knows its zero.
+
+    Parameters
+    ----------
+    stage
+        A stage that is no `Homes` finds its zero by its own means.
+    home
+        Whether it may move for that, or stands at its zero.
+    zero
+        Position at which the sensor is straight.
+    confirm
+        Asked where ``home`` is false; None where nobody is there.
+
+    Raises
+    ------
+    BenchError
+        Where the stage may not move, or finds no reference.
+    """
+    if not isinstance(stage, Homes):
+        stage.reference()
+    elif stage.referenced:
+        return
+    elif home == "here":
+        stage.set_position(zero)
+    elif home or (confirm is not None and confirm(f"{stage.name} does not know its zero. {stage.search} Begin?")):
+        stage.reference()
+    else:
+        remedy = 'home = true in [stage] allows it; home = "here" takes the place where it stands for zero'
+        raise BenchError(stage.name, limit=f"does not know its zero. {stage.search}", remedy=remedy)
