@@ -218,18 +218,14 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
     [
         (
             list,
-            "solen resin build; has nothing to write; add --index, --cutback, --cure, --stiffness, --refractometer or "
-            "--formulation",
+            "solen resin build; ... --index, --cutback, --cure, --stiffness, --refractometer or --formulation",
         ),
         (lambda: ["--index", "cure.json"], "cure.json: kind = 'cure'; --index takes index or refractometer; it is for"),
         (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; it is for"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),
         (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
-        (holding(b"{}"), "bad.json: kind; missing: this is no result of solen; write it with solen resin index --out"),
-        (
-            holding(b"[1, 2]", "cure"),
-            "bad.json: kind; missing: this is no result of solen; write it with solen resin cure",
-        ),
+        (holding(b"{}"), "bad.json: kind; ... solen resin index --out"),
+        (holding(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
         (holding(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
         (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a number"),
         (holding(b"[" * 100_000), "bad.json: JSON; not JSON: "),
@@ -269,8 +265,10 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
     ],
 )
 def test_what_is_no_resin_is_told_in_one_line(shell: Shell, arguments: Callable[[], list[str]], line: str) -> None:
-    given = arguments()
-    assert shell.refused("resin", "build", "r.toml", *WHO, *given).startswith(line)
+    first, *others = line.split(" ... ")
+    refused = shell.refused("resin", "build", "r.toml", *WHO, *arguments())
+    assert refused.startswith(first)
+    assert all(other in refused for other in others)
 
 
 def test_names_that_cannot_be_are_told(shell: Shell) -> None:

@@ -3,6 +3,7 @@
 import inspect
 import json
 import re
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from solen.cli import run_command
 from solen.cli.commands import COMMANDS, GROUPS
 from solen.cli.design.schema import commands
+from solen.spec.strict import Options
 from tests.command_support import refusal
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,6 +42,38 @@ def test_every_command_has_its_section_in_the_docs() -> None:
     page = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     missing = [one for one in commands() if not re.search(rf"^## `solen {re.escape(one)}[ `]", page, re.MULTILINE)]
     assert missing == []
+
+
+def option_classes(kind: type[Options] = Options) -> Iterator[type[Options]]:
+    for derived in kind.__subclasses__():
+        if derived.__module__.startswith("solen."):
+            yield derived
+        yield from option_classes(derived)
+
+
+def test_the_limits_of_every_option_are_in_its_help() -> None:
+    """The limits that its JSON Schema states, at any depth, stand in the description that help shows."""
+    for _, _, place, _ in ROWS:
+        import_module(f"solen.cli.{place.partition(':')[0]}")
+    missing, seen = [], 0
+    for options in option_classes():
+        for name, field in options.model_json_schema()["properties"].items():
+            limits = re.findall(r"'(?:exclusiveM|m)(?:in|ax)imum': ([-+.\w]+)", str(field))
+            seen += len(limits)
+            words = options.model_fields[name].description or ""
+            missing += [f"{options.__name__}.{name}" for limit in limits if f"{float(limit):g}" not in words]
+    assert seen > 100
+    assert missing == []
+
+
+def test_help_shows_choices_defaults_and_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["print", "layers", "--help"]) == 0
+    text = " ".join(re.sub(r"[^\x20-\x7e]", " ", capsys.readouterr().out).split())
+    assert "[choices: flat, upright, on-edge] [default: flat]" in text
+    assert "--exposure-s FLOAT" in text
+    assert "Above 0, at most 3600. [default: 2.0]" in text
+    assert "False" not in text
+    assert "()" not in text
 
 
 def test_the_schema_alone_is_that_of_the_design(capsys: pytest.CaptureFixture[str]) -> None:

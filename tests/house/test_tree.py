@@ -127,3 +127,23 @@ def test_version_is_told_once() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == solen.__version__
     assert f'version = "{solen.__version__}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def private_names(path: Path) -> list[str]:
+    """Names with a leading underscore that a file takes from solen: imported, or as attributes of what it imported."""
+    tree, names, modules = ast.parse(path.read_text(encoding="utf-8")), [], set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "solen":
+            names += [alias.name for alias in node.names if re.match(r"_[a-z]", alias.name)]
+            modules |= {alias.asname or alias.name for alias in node.names}
+            names += [part for part in (node.module or "").split(".") if part.startswith("_")]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            names += [node.attr] if re.match(r"_[a-z]", node.attr) else []
+    return names
+
+
+def test_no_test_takes_a_private_name() -> None:
+    files = sorted((ROOT / "tests").rglob("*.py"))
+    taken = {path.relative_to(ROOT).as_posix(): names for path in files if (names := private_names(path))}
+    assert taken == {}

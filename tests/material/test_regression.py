@@ -57,15 +57,16 @@ def test_deletion_t_is_what_leaving_a_point_out_says() -> None:
         assert whole.deletion_t[gone] == pytest.approx((Y[gone] - at @ rest.parameters) / spread, rel=1e-9)
 
 
-def test_the_fast_way_without_effects_is_the_general_one() -> None:
-    from solen.material.regression import _at, _plain
-
+def test_a_weighted_fit_is_the_plain_one_of_rows_divided_by_their_standard_deviations() -> None:
     each = np.array([1.0, 0.5, 2.0, 1.0, 3.0, 0.7])
-    fast, slow = _plain(LINE, Y, each), _at(LINE, Y, np.diag(each), (), {})
-    for name in ("parameters", "covariance", "sigma", "deletion_t", "criterion", "residuals"):
-        assert getattr(fast, name) == pytest.approx(getattr(slow, name), rel=1e-10), name
+    scale = np.sqrt(each)
+    weighted, plain = fitted(LINE, Y, weights=1.0 / each), fitted(LINE / scale[:, None], Y / scale)
+    for name in ("parameters", "covariance", "sigma", "deletion_t"):
+        assert getattr(weighted, name) == pytest.approx(getattr(plain, name), rel=1e-10), name
+    assert weighted.residuals / scale == pytest.approx(plain.residuals, rel=1e-10)
+    assert weighted.criterion == pytest.approx(plain.criterion + np.sum(np.log(each)), rel=1e-10)
     for contrast in BOTH:
-        assert fast.df(contrast) == pytest.approx(slow.df(contrast)) == 4
+        assert weighted.df(contrast) == pytest.approx(plain.df(contrast)) == 4
 
 
 def test_exact_data_leave_no_residual_to_judge_points_by() -> None:

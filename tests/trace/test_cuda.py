@@ -147,7 +147,7 @@ def compiled(precision: str) -> str:
         arguments = (*made.arguments(), rows_of(job, chunk), rules_of(job, chunk), 8)
         typeof: Callable[[object], Any] = numba.typeof
         types = tuple(typeof(argument) for argument in arguments)
-        return str(cuda.compile_ptx(card._trace.py_func, types, cc=(8, 0))[0])
+        return str(cuda.compile_ptx(card.follow_rays.py_func, types, cc=(8, 0))[0])
 
 
 def elsewhere(call: str, **environment: str) -> Any:

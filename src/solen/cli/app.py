@@ -57,11 +57,18 @@ def option_name(field: str) -> str:
     return field.strip("_").replace("_", "-")
 
 
+def shown_default(value: Any) -> str | None:
+    """Default of an option as help shows it: as it is typed, or None for a flag or a list that is empty."""
+    if isinstance(value, bool) or value == ():
+        return None
+    return " ".join(map(str, value)) if isinstance(value, tuple) else str(value)
+
+
 def _application() -> App:
     """The application with all commands, none of them loaded."""
     made = App(
         name="solen",
-        default_parameter=Parameter(name_transform=option_name, negative=()),
+        default_parameter=Parameter(name_transform=option_name, negative=(), show_default=shown_default),
         version=__version__,
         help="From the spectrum of a resin to a printed, tested and calibrated soft optical sensor.",
         help_epilogue=EVERYWHERE,

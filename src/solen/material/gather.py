@@ -463,7 +463,7 @@ def result_of(text: str, option: str) -> Reader:
     data = parsed(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"
-        raise DataError("kind", limit="missing: this is no result of solen", remedy=remedy)
+        raise DataError("kind", limit="is missing: not a result of solen", remedy=remedy)
     kind, reader = data.pop("kind"), READERS[option]
     if kind not in reader.kinds:
         right = next((other for other, reads in READERS.items() if kind in reads.kinds), None)

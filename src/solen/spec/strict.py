@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any, ClassVar, get_args
 
+from annotated_types import Ge, Le
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -50,6 +51,7 @@ _LIMITS = {
     "extra_forbidden": "unknown name",
     "unexpected_keyword_argument": "unknown name",
 }
+_BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
 
@@ -94,7 +96,7 @@ def _in_nm(wavelength_nm: float) -> float:
     return wavelength_nm
 
 
-Wavelength = Annotated[float, AfterValidator(_in_nm)]
+Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGEST_NM)]
 """A wavelength in nm of an option."""
 
 
@@ -131,8 +133,9 @@ class Strict(BaseModel):
 class Options(BaseModel):
     """Options of a stage: frozen, checked, and used as they are by its function and its command.
 
-    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below it says what it is; the
-    command line shows both. Numbers are taken from text, as a command line gives them.
+    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below it says what it is; its
+    description, which help shows, is that string and the limits. Numbers are taken from text, as a command line gives
+    them.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
@@ -145,8 +148,35 @@ class Options(BaseModel):
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        """Add the limits of each field to its description."""
+        for field in cls.model_fields.values():
+            limits = _limits_in_words((field.annotation, *field.metadata))
+            if limits and field.description and not field.description.endswith(limits):
+                field.description = f"{field.description} {limits}"
+
     def __setattr__(self, name: str, value: Any) -> None:
         raise _frozen(self, name, value, f"{type(self).__name__}({name}={value!r}) makes new ones")
+
+
+def _limits_in_words(parts: Iterable[Any]) -> str:
+    """Limits of a number in words, ``Above 0, at most 90.``, from a type and its metadata; empty without any."""
+    stated = _bounds(parts)
+    if "ge" in stated and "le" in stated:
+        return f"From {stated['ge']:g} to {stated['le']:g}."
+    words = ", ".join(f"{_BOUNDS[name]} {stated[name]:g}" for name in _BOUNDS if name in stated)
+    return f"{words[0].upper()}{words[1:]}." if words else ""
+
+
+def _bounds(parts: Iterable[Any]) -> dict[str, float]:
+    """Bounds by their names in pydantic, of a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    bounds: dict[str, float] = {}
+    for part in parts:
+        bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
+        inside = part.metadata if isinstance(part, FieldInfo) else (*get_args(part), *getattr(part, "__metadata__", ()))
+        bounds |= _bounds(inside)
+    return bounds
 
 
 def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenError:

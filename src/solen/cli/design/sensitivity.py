@@ -25,7 +25,7 @@ def convergence(
     file
         The design file.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right.
+        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
     mode
         How light meets faces.
     """
@@ -46,7 +46,7 @@ def sensitivity(
     keys
         Numbers of the design, as in body.arm_width_mm; default: all that the light depends on.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right.
+        Angle in degrees, counter-clockwise: a negative one turns to the right. Above -90, below 90.
     """
     from solen.pipeline.design import trace as pipeline
 

@@ -46,6 +46,7 @@ def trace(
         The design file, or a scene's JSON.
     angle_deg
         Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Of a design only.
+        Above -90, below 90.
     no_lens
         Leave the lens out: a flat face at the stem's base.
     paths

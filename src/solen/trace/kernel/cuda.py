@@ -227,9 +227,10 @@ if not SIMULATED:
 
 
 @_kernel
-def _trace(
+def follow_rays(
     k: Precision, tables: Tables, columns: Sums, waiting: Waiting, rays: Rows, rules: Rules, threads: int
 ) -> None:
+    """Follow the rays of one thread on the card."""
     thread = cuda.grid(1)
     if thread < threads:
         _follow(k, tables, columns, waiting, rays, rules, thread, threads)
@@ -294,7 +295,7 @@ class Card:
     def trace(self, rays: Rows, rules: Rules) -> Sums:
         """Trace rays and add up what becomes of them."""
         there = Rows(*(_put(column) for column in rays))
-        _trace[_blocks(self._threads), BLOCK](*self.arguments(), there, rules, self._threads)
+        follow_rays[_blocks(self._threads), BLOCK](*self.arguments(), there, rules, self._threads)
         place = self._places()
         sums: dict[str, NDArray[Any]] = {}
         for names, columns in ((_FLOATS, self._floats), (_INTS, self._ints)):
