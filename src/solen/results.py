@@ -279,9 +279,9 @@ def _object_schema(kind: type) -> dict[str, Any]:
     properties = {
         name: schema_of(one) | ({"description": words[name]} if name in words else {}) for name, one in kinds.items()
     }
-    found: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
+    schema: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
     text = inspect.getdoc(kind) if kind.__doc__ else None
-    return found | ({"title": kind.__name__, "description": _summary_line(text)} if text else {})
+    return schema | ({"title": kind.__name__, "description": _summary_line(text)} if text else {})
 
 
 def _summary_line(text: str) -> str:

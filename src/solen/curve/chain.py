@@ -172,21 +172,21 @@ class CubicChain(Curve):
         """See :meth:`Curve.hits`."""
         ray = Ray(origin, direction)
         sides = self._sides(ray)
-        found: list[float] = []
+        values: list[float] = []
         done: set[int] = set()
         if leaving:
             place = self._place(origin)
             for forwards in (True, False):
-                found += self._leave(ray, place, sides, forwards)
+                values += self._leave(ray, place, sides, forwards)
                 done |= {place.piece, self._next(place.piece, forwards)}
         for i in range(len(self.pieces)):
             if i not in done:
-                found += self._meet(ray, i, sides)
+                values += self._meet(ray, i, sides)
         if not self.closed:
             for end, beside in ((-1, ray.beside(self.start)), (len(self.pieces), ray.beside(self.end))):
                 if end not in done:
-                    found += self._meet_end(ray, beside, forwards=end > 0)
-        return tuple(t for t in found if t > 0.0)
+                    values += self._meet_end(ray, beside, forwards=end > 0)
+        return tuple(t for t in values if t > 0.0)
 
     def _next(self, piece: int, forwards: bool) -> int:
         """Number of the piece behind one end of a piece; past the first or the last where the chain is open."""
@@ -204,14 +204,14 @@ class CubicChain(Curve):
         A joint on the line itself belongs to the side from which the piece before it comes: so a line that only
         touches the curve there does not meet it, and one that crosses it does so once.
         """
-        found = []
+        sides = []
         for i, piece in enumerate(self.pieces):
             beside = ray.beside(piece.control[0])
             if beside == 0.0 and (i > 0 or self.closed):
                 rises = ray.aside(steps_of(self.pieces[i - 1].control))
                 beside = next((-rise for rise in reversed(rises) if rise != 0.0), 0.0)
-            found.append(beside > 0.0)
-        return [*found, found[0] if self.closed else ray.beside(self.pieces[-1].control[3]) > 0.0]
+            sides.append(beside > 0.0)
+        return [*sides, sides[0] if self.closed else ray.beside(self.pieces[-1].control[3]) > 0.0]
 
     def _meet(self, ray: Ray, piece: int, sides: list[bool]) -> Iterator[float]:
         """Distances to a piece the ray has nothing to do with yet."""
@@ -259,11 +259,11 @@ class CubicChain(Curve):
     @cached_property
     def _boxes(self) -> tuple[tuple[float, float, float, float], ...]:
         """Least and greatest x, then z, of every piece's control points."""
-        found = []
+        boxes = []
         for piece in self.pieces:
             x, z = zip(*piece.control, strict=True)
-            found.append((min(x), max(x), min(z), max(z)))
-        return tuple(found)
+            boxes.append((min(x), max(x), min(z), max(z)))
+        return tuple(boxes)
 
     def _place(self, point: Point) -> Place:
         """Where on the chain a point of it lies, however rounded: on each piece the place beside it along the chord."""

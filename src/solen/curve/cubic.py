@@ -52,12 +52,12 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
     lies on its end.
     """
     waiting = _between_inflections(control)[::-1]
-    found: list[Piece] = []
+    pieces: list[Piece] = []
     while waiting:
         piece = waiting.pop()
         if turn_deg(steps_of(piece.control)) < MOST_TURN_DEG:
-            found.append(piece)
-        elif piece.u_to - piece.u_from < SHORTEST or len(found) + len(waiting) > MOST_PIECES:
+            pieces.append(piece)
+        elif piece.u_to - piece.u_from < SHORTEST or len(pieces) + len(waiting) > MOST_PIECES:
             x, z = piece.control[0]
             raise DesignError(
                 what,
@@ -67,17 +67,17 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
             )
         else:
             waiting += reversed(halves(piece))
-    return found
+    return pieces
 
 
 def _between_inflections(control: Control) -> list[Piece]:
     rest, done = control, 0.0
-    found = []
+    between_inflections = []
     for u in inflections(control):
         first, rest = cut(rest, (u - done) / (1.0 - done))
-        found.append(Piece(first, done, u))
+        between_inflections.append(Piece(first, done, u))
         done = u
-    return [*found, Piece(rest, done, 1.0)]
+    return [*between_inflections, Piece(rest, done, 1.0)]
 
 
 def halves(piece: Piece) -> tuple[Piece, Piece]:
@@ -116,11 +116,11 @@ def inflections(control: Control) -> list[float]:
     longest = max(dot(d, d) for d in (d0, d1, d2))
     if max(abs(first), abs(both), abs(last)) <= ROUNDING * longest:
         return []  # straight
-    found: list[float] = []
+    values: list[float] = []
     for v in sorted(quadratic_roots(first + last - both, both - 2.0 * first, first, leaving=False)):
-        if (found[-1] if found else 0.0) + SHORTEST < v < 1.0 - SHORTEST:
-            found.append(v)
-    return found
+        if (values[-1] if values else 0.0) + SHORTEST < v < 1.0 - SHORTEST:
+            values.append(v)
+    return values
 
 
 def cut(control: Control, v: float) -> tuple[Control, Control]:

@@ -40,7 +40,7 @@ class Joints:
 
     def chains(self) -> list[list[int]]:
         """Strokes by number in groups that hang together."""
-        left, found = set(range(len(self.strokes))), []
+        left, rows = set(range(len(self.strokes))), []
         while left:
             group, waiting = set[int](), [min(left)]
             while waiting:
@@ -49,9 +49,9 @@ class Joints:
                     group.add(stroke)
                     ends = (end for side in (0, 1) for end in self.members[int(self.label[2 * stroke + side])])
                     waiting += [end // 2 for end in ends]
-            found.append(sorted(group))
+            rows.append(sorted(group))
             left -= group
-        return found
+        return rows
 
     def point(self, label: int) -> Point:
         """Where a corner is: at the end of a curve that cannot bend, else halfway between the ends."""

@@ -74,13 +74,13 @@ def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
     import shapely
 
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
-    found = []
+    oriented = []
     for i, (outline, ring) in enumerate(zip(outlines, rings, strict=True)):
         around = sum(shapely.contains_xy(shapely.Polygon(other), *ring[0]) for k, other in enumerate(rings) if k != i)
         backwards = (area(ring) > 0.0) != (around % 2 == 0)
-        found.append([replace(f, curve=f.curve.reversed()) for f in reversed(outline)] if backwards else outline)
+        oriented.append([replace(f, curve=f.curve.reversed()) for f in reversed(outline)] if backwards else outline)
     sizes = [abs(area(ring)) for ring in rings]
-    return [found[i] for i in sorted(range(len(found)), key=lambda i: -sizes[i])]
+    return [oriented[i] for i in sorted(range(len(oriented)), key=lambda i: -sizes[i])]
 
 
 def _from_lens(outline: list[Face]) -> list[Face]:

@@ -168,5 +168,5 @@ class MeasuredLens(Lens):
 @lru_cache(maxsize=16)
 def _u_best_focus_mm(lens: MeasuredLens, index: float) -> float | None:
     drawn = [lens.drawn_within(number).best_focus_mm(index) for number in range(1, DRAWN_SPOTS + 1)]
-    found = [focus_mm for focus_mm in drawn if focus_mm is not None]
-    return float(np.std(found, ddof=1)) if len(found) == DRAWN_SPOTS else None
+    foci_mm = [focus_mm for focus_mm in drawn if focus_mm is not None]
+    return float(np.std(foci_mm, ddof=1)) if len(foci_mm) == DRAWN_SPOTS else None

@@ -104,9 +104,9 @@ def _emitter_mA(
     if not asked["dimmest"] > 0.0:
         return None
     times = (wanted - rest["dimmest"]) / asked["dimmest"]
-    found = times * circuit.drive.current_mA
+    emitter_mA = times * circuit.drive.current_mA
     needs_ohm = 1e3 * _target_mA(circuit, target_V) / (times * asked["brightest"] + rest["brightest"])
-    return found if 0.0 < found <= circuit.drive.most_current_mA and needs_ohm >= end_ohm(trimmer) else None
+    return emitter_mA if 0.0 < emitter_mA <= circuit.drive.most_current_mA and needs_ohm >= end_ohm(trimmer) else None
 
 
 def end_ohm(trimmer: TrimmerPart) -> float:

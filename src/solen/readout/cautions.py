@@ -13,7 +13,7 @@ DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
 
-def cautions(circuit: Circuit, found: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
+def cautions(circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool) -> list[str]:
     """Sentences with numbers; empty where there is nothing to say.
 
     Parameters
@@ -29,7 +29,7 @@ def cautions(circuit: Circuit, found: Advice, wavelength_nm: float, dark_V: floa
     """
     sentences = [
         *_wavelength(circuit, wavelength_nm),
-        *_range(circuit, found),
+        *_range(circuit, advice),
         *_limits(circuit, dark_V),
         *_time(circuit),
     ]
@@ -66,12 +66,12 @@ def _remedy(name: str) -> str:
     return f"take a receiver that is made for this wavelength{other}"
 
 
-def _range(circuit: Circuit, found: Advice) -> Iterator[str]:
-    usual, bright = found.of("typical"), found.of("brightest")
+def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
+    usual, bright = advice.of("typical"), advice.of("brightest")
     load = circuit.load_ohm[0]
     if usual.saturates:
         yield (
-            f"typical parts saturate: {usual.volts_bright:.2f} V at the brightest angle, where {found.target_V:.2f} V "
+            f"typical parts saturate: {usual.volts_bright:.2f} V at the brightest angle, where {advice.target_V:.2f} V "
             f"still follow the light; at most {usual.largest_ohm:.0f} ohm keep them in range, not {load:g}"
         )
     elif bright.saturates:
@@ -79,7 +79,7 @@ def _range(circuit: Circuit, found: Advice) -> Iterator[str]:
             f"the brightest parts saturate at {load:g} ohm, typical ones do not: such a part needs at most "
             f"{bright.largest_ohm:.0f} ohm"
         )
-    if found.emitter_current_mA is None:
+    if advice.emitter_current_mA is None:
         yield (
             "no current that the emitter may carry brings all parts within the trimmer's range: sort the parts, or "
             "take another load"

@@ -219,5 +219,5 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
 
 def _column(values: Floats, beside: FloatArray) -> FloatArray:
     """Numbers for each row as a column beside readings (..., R); a number, or one for each reading, as it is."""
-    found = np.asarray(values, dtype=float)
-    return found[..., None] if 0 < found.ndim < np.ndim(beside) else found
+    column = np.asarray(values, dtype=float)
+    return column[..., None] if 0 < column.ndim < np.ndim(beside) else column

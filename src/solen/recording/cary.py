@@ -157,7 +157,7 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
     """Traces with the rows in which they have numbers."""
     names = unique([name for name, _ in heads])
     widths = {row: grid.width(row) for row in body}
-    found = []
+    traces = []
     for n, (name, (_, mode)) in enumerate(zip(names, heads, strict=True)):
         column = 2 * n
         held = [row for row in body if column < widths[row] and any(grid.rows[row][column : column + 2])]
@@ -168,8 +168,8 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
         for row in held:
             if is_missing(grid.rows[row][column]):
                 raise grid.refused(row, column, "the wavelength of a value is missing")
-        found.append(_Trace(name, mode, column, held))
-    return found
+        traces.append(_Trace(name, mode, column, held))
+    return traces
 
 
 def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:

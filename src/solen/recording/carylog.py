@@ -67,27 +67,27 @@ def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
 
 def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
     """Lines of each trace; an empty list for one that has no block."""
-    found: list[list[str]] = [[] for _ in names]
+    rows: list[list[str]] = [[] for _ in names]
     trace = 0
     current: list[str] | None = None
     before = True
     for line in lines:
         if before and line and trace < len(names) and line == names[trace].strip():
-            current = found[trace]
+            current = rows[trace]
             trace += 1
         elif current is not None and 0 < len(line) < _LONGEST:
             current.append(line)
         before = not line
-    return found
+    return rows
 
 
 def _settings(block: list[str]) -> dict[str, str]:
     """Settings of a block by their names; what happened to the method is one of them."""
-    found: dict[str, str] = {}
+    settings: dict[str, str] = {}
     for line in block:
         for form in (_ANGLED, _COLON, _WIDE):
             match = form.fullmatch(line)
             if match and match[2].strip(" :"):
-                found.setdefault(match[1].strip(), match[2].strip())
+                settings.setdefault(match[1].strip(), match[2].strip())
                 break
-    return found
+    return settings

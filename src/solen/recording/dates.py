@@ -28,19 +28,19 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
     ``others`` are dates of the same file, which may show the order of day and month.
     """
     text = text.strip()
-    if found := _YEAR_FIRST.fullmatch(text):
-        year, month, day = (int(found[n]) for n in (1, 2, 3))
-    elif found := _GERMAN.fullmatch(text):
-        day, month, year = (int(found[n]) for n in (1, 2, 3))
-    elif found := _SLASHED.fullmatch(text):
+    if match := _YEAR_FIRST.fullmatch(text):
+        year, month, day = (int(match[n]) for n in (1, 2, 3))
+    elif match := _GERMAN.fullmatch(text):
+        day, month, year = (int(match[n]) for n in (1, 2, 3))
+    elif match := _SLASHED.fullmatch(text):
         first = _month_first([text, *others])
         if first is None:
             return ""
-        one, two, year = (int(found[n]) for n in (1, 2, 3))
+        one, two, year = (int(match[n]) for n in (1, 2, 3))
         month, day = (one, two) if first else (two, one)
     else:
         return ""
-    return _written(year, month, day, found)
+    return _written(year, month, day, match)
 
 
 def among(metadata: Mapping[str, str]) -> str:
@@ -93,9 +93,9 @@ def _month_first(texts: Iterable[str]) -> bool | None:
     return True if american else None
 
 
-def _written(year: int, month: int, day: int, found: re.Match[str]) -> str:
-    hour, minute, second = (int(found[n] or 0) for n in (4, 5, 6))
-    half = (found[7] or "").lower().replace(".", "")
+def _written(year: int, month: int, day: int, match: re.Match[str]) -> str:
+    hour, minute, second = (int(match[n] or 0) for n in (4, 5, 6))
+    half = (match[7] or "").lower().replace(".", "")
     if half and not 1 <= hour <= 12:
         return ""
     hour = hour % 12 + 12 * (half == "pm") if half else hour
@@ -103,4 +103,4 @@ def _written(year: int, month: int, day: int, found: re.Match[str]) -> str:
         when = datetime(year, month, day, hour, minute, second)
     except ValueError:
         return ""
-    return when.isoformat() if found[4] else when.date().isoformat()
+    return when.isoformat() if match[4] else when.date().isoformat()

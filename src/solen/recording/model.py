@@ -156,12 +156,12 @@ class Recording(Result):
 
     def need(self, *names: str) -> Channel:
         """As `find`; `DataError` where there is none."""
-        found = self.find(*names)
-        if found is None:
+        channel = self.find(*names)
+        if channel is None:
             limit = f"has no column {' or '.join(names)}"
             remedy = f"its columns are {_listed(self.names)}"
             raise DataError(self.provenance.file or "recording", limit=limit, remedy=remedy)
-        return found
+        return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:
         """First column of words called by one of these names, as `find` reads them; None where there is none."""

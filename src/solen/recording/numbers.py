@@ -67,10 +67,10 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
 def digits(cell: str) -> tuple[int, int]:
     """How many significant digits a number is written with, and how many after its mark."""
     size = cell.lstrip("+-−–")
-    found = _MANTISSA.fullmatch(size)
-    if not found:
+    match = _MANTISSA.fullmatch(size)
+    if not match:
         return 0, 0
-    before, after = found[1], found[2] or ""
+    before, after = match[1], match[2] or ""
     significant = (before + after).lstrip("0")
     if len(significant) > _EXACT:  # 53.064991000000006 is 53.064991
         return digits(f"{float(size.replace(',', '.')):.{_EXACT}g}")

@@ -141,15 +141,15 @@ def _kind(cells: list[str], name: str) -> str:
     return "number" if numbers or whole else "word"
 
 
-def recorded(grid: Grid, place: Layout, found: list[Column], kind: str) -> Recording:
+def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Recording:
     """Recording of columns that were read, with what the file says about them."""
-    names = unique([column.head.name for column in found])
+    names = unique([column.head.name for column in result])
     channels = [
         Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
-        for name, column in zip(names, found, strict=True)
+        for name, column in zip(names, result, strict=True)
         if column.values is not None
     ]
-    texts = {name: column.words for name, column in zip(names, found, strict=True) if column.words is not None}
+    texts = {name: column.words for name, column in zip(names, result, strict=True) if column.words is not None}
     metadata = parameters(grid, place)
     instrument = _first(metadata, ("instrument", "machine", "prüfmaschine", "spectrometer", "spektrometer", "gerät"))
     date = dates.among(metadata)
@@ -219,18 +219,18 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
 
 def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
     axis = next(channel.name for channel in channels if channel.quantity == "wavelength")
-    found = []
+    along_waves = []
     for channel in channels:
         if channel.quantity == "wavelength":
             axis = channel.name
-            found.append(_in_nm(channel).noted(disorder(channel.values)))
+            along_waves.append(_in_nm(channel).noted(disorder(channel.values)))
         elif channel.name in labels:
-            found.append(channel)
+            along_waves.append(channel)
         else:
             waves = next(one for one in channels if one.name == axis).values
             alone = alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()])
-            found.append(replace(channel, axis=axis).noted(alone))
-    return found
+            along_waves.append(replace(channel, axis=axis).noted(alone))
+    return along_waves
 
 
 def _in_nm(channel: Channel) -> Channel:

@@ -54,17 +54,17 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":
         values, unit = (values - values[:1]) / np.timedelta64(1, "s"), "s"
-    found = [Array(f"{prefix}{channel.name}", values, unit)]
+    arrays = [Array(f"{prefix}{channel.name}", values, unit)]
     if channel.properties.get("wf_increment"):
-        found.insert(0, Array(f"{prefix}time", np.asarray(channel.time_track()), "s"))
-    return found
+        arrays.insert(0, Array(f"{prefix}time", np.asarray(channel.time_track()), "s"))
+    return arrays
 
 
 def _once(arrays: list[Array]) -> list[Array]:
     """Arrays without times that are the same as one before, as each waveform has its own."""
-    found: list[Array] = []
+    once: list[Array] = []
     for one in arrays:
-        same = any(one.name == other.name and np.array_equal(one.values, other.values) for other in found)
+        same = any(one.name == other.name and np.array_equal(one.values, other.values) for other in once)
         if not same:
-            found.append(one)
-    return found
+            once.append(one)
+    return once

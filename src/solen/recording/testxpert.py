@@ -45,17 +45,17 @@ def read(grid: Grid, place: Layout) -> Recording:
     """Recording of an export; `DataError` with the line and column of what is damaged."""
     _check_whole(grid, place)
     table.check_rows(grid, place)
-    found = table.columns(grid, place, machine=True)
-    for column in found:
+    columns = table.columns(grid, place, machine=True)
+    for column in columns:
         if column.values is None:
             raise grid.refused(place.body[0], column.place, "is not a number", "export the channels of the test alone")
         _check(grid, place, column, column.values)
-    clock = next((one for one in found if factor(one.head.unit, "s") is not None), None)
+    clock = next((one for one in columns if factor(one.head.unit, "s") is not None), None)
     if clock is not None and clock.values is not None:
         _check_time(grid, place, clock, clock.values)
     _check_repeats(grid, place)
-    scan.check_digits(grid, [(column.place, place.body) for column in found])
-    made = table.recorded(grid, place, found, "testxpert")
+    scan.check_digits(grid, [(column.place, place.body) for column in columns])
+    made = table.recorded(grid, place, columns, "testxpert")
     where = [f"in line {grid.lines[row]}" for row in place.body]
     *others, last = (replace(one, note=scan.alone_note(one.values, where)) for one in made.channels)
     return replace(made, channels=(*others, last.noted(grid.ending(place.body))))
@@ -68,9 +68,9 @@ def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
     """
     for name in names:
         for key, value in recording.provenance.metadata.items():
-            found = _STATED.fullmatch(value)
-            if plain(key) == plain(name) and found and is_number(found[1]):
-                return parse(found[1], "," if "," in found[1] else "."), found[2] or ""
+            match = _STATED.fullmatch(value)
+            if plain(key) == plain(name) and match and is_number(match[1]):
+                return parse(match[1], "," if "," in match[1] else "."), match[2] or ""
     return None
 
 

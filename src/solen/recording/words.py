@@ -191,9 +191,9 @@ def _split(text: str, optical: bool) -> Heading | None:
             return _made(name, _unit_text(inner), optical)
         return _made(name, "", optical) if _meanings(name) else None
     for form in (_SLASH, _IN, _LAST):
-        found = form.fullmatch(text)
-        if found and _is_unit_of(found[1], found[2].strip("()")):
-            return _made(found[1], _unit_text(found[2].strip("()")), optical)
+        match = form.fullmatch(text)
+        if match and _is_unit_of(match[1], match[2].strip("()")):
+            return _made(match[1], _unit_text(match[2].strip("()")), optical)
     return _suffixed(text, optical)
 
 
@@ -252,11 +252,11 @@ def _made(name: str, unit: str, optical: bool) -> Heading:
 
 @cache
 def _by_word() -> dict[str, list[str]]:
-    found: dict[str, list[str]] = {}
+    rows: dict[str, list[str]] = {}
     for quantity, words in _WORDS.items():
         for word in words.split(", "):
-            found.setdefault(plain(word), []).append(quantity)
-    return found
+            rows.setdefault(plain(word), []).append(quantity)
+    return rows
 
 
 @cache

@@ -72,25 +72,25 @@ def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, li
             names = [sheet.title for sheet in book.worksheets]
             if wanted is not None and wanted not in names:
                 raise source.refused("", "has no such sheet", f"its sheets are {', '.join(names)}", wanted)
-            found = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
+            rows = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
             book.close()
     except _errors() as bad:
         raise source.refused("", f"cannot be read as a workbook: {bad}", "save it again in Excel, or as CSV") from None
-    return found
+    return rows
 
 
 def _texts(source: Source, sheet: Any) -> list[list[str]]:
     """Cells of a sheet as a CSV would hold them."""
     sheet.reset_dimensions()  # what a file says of them may be wrong
-    found: list[list[str]] = []
+    rows: list[list[str]] = []
     left = MOST_CELLS
     for row in sheet.iter_rows():
         left -= len(row) + 1
         if left < 0:
             limit = f"holds more than {MOST_CELLS} cells"
             raise source.refused(f"sheet {sheet.title}", limit, "save the table alone as CSV")
-        found.append([_text(cell.value, cell) for cell in row])
-    return found
+        rows.append([_text(cell.value, cell) for cell in row])
+    return rows
 
 
 def _errors() -> tuple[type[Exception], ...]:
@@ -127,15 +127,15 @@ def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
     return Grid(source, padded, list(range(1, len(padded) + 1)), "", name)
 
 
-def _refuse_unstored(source: Source, name: str, found: Grid) -> None:
+def _refuse_unstored(source: Source, name: str, result: Grid) -> None:
     """`DataError` at a formula whose result is not stored in the file."""
     formulas = _sheets(source, name, stored=False)[name]
     for row, cells in enumerate(formulas):
         for column, cell in enumerate(cells):
-            inside = row < len(found.rows) and column < len(found.rows[row])
-            if cell.startswith("=") and inside and not found.rows[row][column]:
+            inside = row < len(result.rows) and column < len(result.rows[row])
+            if cell.startswith("=") and inside and not result.rows[row][column]:
                 limit = "holds a formula whose result is not stored"
-                raise found.refused(row, column, limit, "open the workbook in Excel and save it there")
+                raise result.refused(row, column, limit, "open the workbook in Excel and save it there")
 
 
 def _text(value: Any, cell: Any) -> str:

@@ -252,12 +252,12 @@ def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[f
     """How far a boundary would have to be made longer or shorter to end on another one, and on which."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
-    found = [(math.inf, "")]
+    nearest_side = [(math.inf, "")]
     for interface in interfaces:
         if interface.name != branch.interface.name and not _free(interface):
             for direction in (out, (-out[0], -out[1])):
-                found.extend((t, interface.name) for t in interface.curve.hits(branch.at, direction))
-    return min(found)
+                nearest_side.extend((t, interface.name) for t in interface.curve.hits(branch.at, direction))
+    return min(nearest_side)
 
 
 def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:

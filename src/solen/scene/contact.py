@@ -52,29 +52,29 @@ class Pad:
 
 def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
     """Media of all wall tables, each once; `DesignError` where two tables give one name two indices."""
-    found: dict[str, Region] = {}
+    regions: dict[str, Region] = {}
     for number, wall in enumerate(walls):
         if wall.outside == "air" or wall.index is None:
             continue
         region = Region(wall.outside, wall.index, wall.absorption_per_mm)
-        if found.setdefault(wall.outside, region) != region:
+        if regions.setdefault(wall.outside, region) != region:
             limit = "another wall gives this medium another index or absorption"
             raise DesignError(f"wall[{number}].outside", value=wall.outside, limit=limit, remedy="use another name")
-    return tuple(found.values())
+    return tuple(regions.values())
 
 
 def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
     """Edges of all pads of a body, without the stretches themselves."""
-    found: list[Interface] = []
+    interfaces: list[Interface] = []
     pads: list[Pad] = []
     for outline in body.outlines:
         touching = [_pad(outline, i, walls) for i in range(len(outline))]
         pads += [pad for pad in touching if pad is not None]
         for i, pad in enumerate(touching):
             if pad is not None:
-                found += _edges(touching[i - 1], pad, touching[(i + 1) % len(touching)])
+                interfaces += _edges(touching[i - 1], pad, touching[(i + 1) % len(touching)])
     _check_apart(body, pads)
-    return tuple(found)
+    return tuple(interfaces)
 
 
 def _pad(outline: tuple[Face, ...], i: int, walls: Sequence[Wall]) -> Pad | None:

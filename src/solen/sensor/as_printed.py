@@ -204,13 +204,13 @@ def _comparison(
     )
 
 
-def _contrasts(drawn: Sensor, found: Response) -> FloatArray:
+def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     """Contrasts (N,) with a drawn outline at the angles of a response; NaN where no light arrives.
 
     Where that was integrated for a point, or sampled, so are these; else a fan tells them.
     """
-    angles, scene = found.angle_deg.tolist(), drawn.scene(float(found.angle_deg[0]))
-    integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in found.traces)
+    angles, scene = response.angle_deg.tolist(), drawn.scene(float(response.angle_deg[0]))
+    integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)
     if integrated or scene.is_random or scene.extrusion is not None:
         return drawn.power(angles, standard_error=STANDARD_ERROR, tolerance=DRAWN_TOLERANCE).contrast
     readings = [powers(drawn.trace(angle, "power", DRAWN_RAYS)) for angle in angles]

@@ -106,12 +106,12 @@ def _opaque(scene: Scene) -> Scene:
 def _settled(scene: Scene) -> tuple[Trace, float]:
     """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
     if not why_not(scene):
-        found = integrate(scene, "power", EXTENDED_TOLERANCE)
-        if found.reached:
-            return found, EXTENDED_TOLERANCE
+        settled = integrate(scene, "power", EXTENDED_TOLERANCE)
+        if settled.reached:
+            return settled, EXTENDED_TOLERANCE
     made_of_points = all(source.emission() is not None for source in scene.sources)
     many = scene
     if made_of_points:  # a file has the rays that it has
         many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
-    found = trace(many, "power", sampling="sobol" if made_of_points else "fan")
-    return found, float(0.5 / np.sqrt(found.rays))  # no share's standard error is larger
+    settled = trace(many, "power", sampling="sobol" if made_of_points else "fan")
+    return settled, float(0.5 / np.sqrt(settled.rays))  # no share's standard error is larger

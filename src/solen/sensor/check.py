@@ -175,7 +175,7 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
         spot, designed_mm = lens.best_spot(index), lens.designed.best_focus_mm(index)
         if spot is None:
             return (Focus(index, designed_best_focus_mm=designed_mm),)
-        found = Focus(
+        focus = Focus(
             index,
             best_focus_mm=spot.z_mm,
             u_best_focus_mm=lens.u_best_focus_mm(index),
@@ -183,7 +183,7 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
             spot_x_mm=spot.x_mm,
             designed_best_focus_mm=designed_mm,
         )
-        return (found,)
+        return (focus,)
     if not isinstance(lens, OvalLens):
         return ()
     return tuple(

@@ -79,13 +79,13 @@ def index_offsets(sensor: Sensor, known: Response, beside: Angles = ()) -> tuple
     taken = [(step, stated) for step, stated in steps(sensor.material) if step != 0.0]
     others = [replace(sensor, material=_offset(sensor.material, step, sensor.light)) for step, _ in taken]
     angles = _first_angles(known, beside)
-    base, found = swept(sensor, angles, known), [swept(other, angles) for other in others]
-    angles = sorted({*angles, *_about_the_largest(base, found)})
+    base, responses = swept(sensor, angles, known), [swept(other, angles) for other in others]
+    angles = sorted({*angles, *_about_the_largest(base, responses)})
     base = swept(sensor, angles, base.joined(known))
-    found = [swept(other, angles, response) for other, response in zip(others, found, strict=True)]
+    responses = [swept(other, angles, response) for other, response in zip(others, responses, strict=True)]
     return tuple(
         IndexOffset(step, other.material.index, stated, response, base, shift(response, base))
-        for (step, stated), other, response in zip(taken, others, found, strict=True)
+        for (step, stated), other, response in zip(taken, others, responses, strict=True)
     )
 
 
@@ -127,9 +127,9 @@ def _is_symmetric(known: Response) -> bool:
     return bool(np.all(np.abs(known.contrast + other.contrast) <= u))
 
 
-def _about_the_largest(base: Response, found: Sequence[Response]) -> Angles:
+def _about_the_largest(base: Response, responses: Sequence[Response]) -> Angles:
     """Angles halfway from that of the largest change to its neighbours."""
-    changes = [change for response in found if (change := shift(response, base)) is not None]
+    changes = [change for response in responses if (change := shift(response, base)) is not None]
     if not changes:
         return []
     angles = base.angle_deg.tolist()

@@ -171,7 +171,7 @@ def practice(
     chip
         Its response in power with a chip of `CHIP_MM`, as far as it is known, where the design is a point.
     """
-    found, skipped = _Neighbours(sensor, own, chip), dict[str, str]()
+    neighbours, skipped = _Neighbours(sensor, own, chip), dict[str, str]()
 
     def part(name: str, make: Callable[[], T], done: float) -> T | None:
         made: T | None = None
@@ -183,18 +183,18 @@ def practice(
             progress(done)
         return made
 
-    point = part("point", found.point, 0.05)
-    chip = part("chip", found.chip, 0.3)
+    point = part("point", neighbours.point, 0.05)
+    chip = part("chip", neighbours.chip, 0.3)
     return Practice(
-        emitter=found.extent,
+        emitter=neighbours.extent,
         point=point,
         chip=chip,
-        null_shift=part("null_shift", lambda: found.null_shift(chip), 0.4),
-        index=part("index", lambda: found.index(chip), 0.7),
-        budget=part("budget", found.budget, 0.75),
-        in_space=part("in_space", found.in_space, 1.0),
+        null_shift=part("null_shift", lambda: neighbours.null_shift(chip), 0.4),
+        index=part("index", lambda: neighbours.index(chip), 0.7),
+        budget=part("budget", neighbours.budget, 0.75),
+        in_space=part("in_space", neighbours.in_space, 1.0),
         skipped=skipped,
-        chip_shift=found.chip_shift(point, chip),
+        chip_shift=neighbours.chip_shift(point, chip),
     )
 
 

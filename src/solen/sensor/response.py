@@ -160,9 +160,9 @@ def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
         return np.asarray(np.where(whole > 0.0, part / whole, np.nan))
 
 
-def powers(found: Trace) -> dict[str, float]:
+def powers(trace: Trace) -> dict[str, float]:
     """Power of the emitter by receiver: that of the first source, as ambient light is measured apart and subtracted."""
-    return {name: (*reading.power_by_source, reading.power)[0] for name, reading in found.detectors.items()}
+    return {name: (*reading.power_by_source, reading.power)[0] for name, reading in trace.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:

@@ -358,10 +358,12 @@ class Sensor:
 
         def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
             integrates = len(failed) < FAILURES
-            found = self._reading(angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error)
-            if found[0].method != "adaptive":
+            reading = self._reading(
+                angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error
+            )
+            if reading[0].method != "adaptive":
                 failed.append(angle_deg)
-            return found
+            return reading
 
         return self._sweep("power", at, angles_deg, progress)
 
@@ -383,12 +385,12 @@ class Sensor:
         """Row of one key; a value at the edge of what it may be has no derivative, and says so."""
         nothing = Slope(math.nan, math.nan)
         try:
-            found = self.derivative(key, angle_deg)
+            derivative = self.derivative(key, angle_deg)
         except SolenError as bad:
             return Sensitivity(key, value, nothing, nothing, nothing, f"not on both sides of {value:g}: {bad}")
-        right, left = found.detectors["right"], found.detectors["left"]
-        if not found.reached:
-            return Sensitivity(key, value, nothing, nothing, nothing, found.why)
+        right, left = derivative.detectors["right"], derivative.detectors["left"]
+        if not derivative.reached:
+            return Sensitivity(key, value, nothing, nothing, nothing, derivative.why)
         return Sensitivity(key, value, right, left, contrast_slope(base, right, left))
 
     def _reading(
@@ -409,8 +411,8 @@ class Sensor:
         if whole is not None and whole.reached:
             return whole, powers(whole), whole.u_power
         if scene.is_random or scene.extrusion is not None:
-            found, u = self.sampled(angle_deg, standard_error)
-            return found, powers(found), u
+            reading, u = self.sampled(angle_deg, standard_error)
+            return reading, powers(reading), u
         dense, u = self.doubled(angle_deg)
         return dense, powers(dense), u
 
@@ -434,5 +436,5 @@ class Sensor:
             right=np.array([powers["right"] for _, powers, _ in results]),
             left=np.array([powers["left"] for _, powers, _ in results]),
             u_power=np.array([u for _, _, u in results]),
-            traces=tuple(found for found, _, _ in results),
+            traces=tuple(sweep for sweep, _, _ in results),
         )

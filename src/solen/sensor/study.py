@@ -225,14 +225,14 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
     return replace(found, practice=practice(case.sensor, case.power, rest, chip=chip))
 
 
-def _beside_design(found: DesignStudy, progress: Progress | None) -> DesignStudy:
+def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
     """The same with the lens that was asked for, where the design's own was measured."""
-    lens = found.with_lens
+    lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
-        return found
+        return plain
     lens.sensor.as_designed.check()
     designed = _case(lens.sensor.as_designed, None)
-    return replace(found, designed=designed, as_printed=as_printed(lens.sensor, lens.power, designed.power, progress))
+    return replace(plain, designed=designed, as_printed=as_printed(lens.sensor, lens.power, designed.power, progress))
 
 
 def _study(design: Design, progress: Progress | None) -> DesignStudy:

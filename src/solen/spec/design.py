@@ -107,12 +107,12 @@ class Design(Strict):
         """Dotted key of a key that one table has; the design's own, ``name``, as it is."""
         tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
-        found = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
-        if key == "name" or len(found) == 1:
-            return found[0] if found else key
-        if found:
-            remedy = f'name its table: design.set({{"{found[0]}": ...}})'
-            raise SpecError(key, limit=f"is a key of several tables: {', '.join(found)}", remedy=remedy)
+        dotted = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
+        if key == "name" or len(dotted) == 1:
+            return dotted[0] if dotted else key
+        if dotted:
+            remedy = f'name its table: design.set({{"{dotted[0]}": ...}})'
+            raise SpecError(key, limit=f"is a key of several tables: {', '.join(dotted)}", remedy=remedy)
         near = nearest(key, (one for fields in keys.values() for one in fields))
         raise SpecError(key, limit="unknown key", remedy=f"did you mean {near}?" if near else "solen schema lists them")
 

@@ -262,11 +262,11 @@ def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tu
     return "unknown key", f"the keys here are {', '.join(owner.model_fields)}"
 
 
-def _problem(found: ErrorDetails, root: type[Strict]) -> tuple[str, object, str, str]:
+def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, str, str]:
     """One problem as what, value, limit and remedy."""
-    kind, ctx = found["type"], found.get("ctx", {})
-    what = _dotted(root.table, found["loc"])
-    owner, rest = _owner(root, found["loc"])
+    kind, ctx = problem["type"], problem.get("ctx", {})
+    what = _dotted(root.table, problem["loc"])
+    owner, rest = _owner(root, problem["loc"])
     field = owner.model_fields.get(str(rest[0])) if rest else None
     if kind == "refused":
         return _dotted(what, [ctx["key"]]), ctx["value"], ctx["limit"], ctx["remedy"] or _default(field)
@@ -275,13 +275,13 @@ def _problem(found: ErrorDetails, root: type[Strict]) -> tuple[str, object, str,
     if kind == "missing":
         return what, None, "missing", f"add it: {field.description if field else ''}"
     if kind == "model_type":
-        if isinstance(found["input"], list):
+        if isinstance(problem["input"], list):
             return what, None, "several are not yet supported", f"write one table, [{what}]"
-        return what, found["input"], "must be a table", f"write [{what}] and its keys below"
-    if kind == "tuple_type" and len(found["loc"]) == 1 and str(found["loc"][0]) in _lists(root):
-        return what, found["input"], "must be a list of tables", f"write [[{what}]]"
-    limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else found["msg"]
-    return what, found["input"], limit, _default(field)
+        return what, problem["input"], "must be a table", f"write [{what}] and its keys below"
+    if kind == "tuple_type" and len(problem["loc"]) == 1 and str(problem["loc"][0]) in _lists(root):
+        return what, problem["input"], "must be a list of tables", f"write [[{what}]]"
+    limit = _LIMITS[kind].format(**ctx) if kind in _LIMITS else problem["msg"]
+    return what, problem["input"], limit, _default(field)
 
 
 def _default(field: FieldInfo | None) -> str:

@@ -83,14 +83,16 @@ def _(recorded: RecordedRun) -> Iterator[str]:
 
 
 @lines.register
-def _(found: RecordingList) -> Iterator[str]:
-    for entry in found.recordings:
+def _(recording_list: RecordingList) -> Iterator[str]:
+    for entry in recording_list.recordings:
         flags = f"{', simulated' if entry.simulated else ''}{'' if entry.there else ', MISSING'}"
         size = f"{entry.duration_s:.0f} s, {len(entry.sensors)} sensors"
         yield f"{entry.date}  {entry.file:24} {entry.protocol}, {size}, {entry.outcome}{flags}"
-    yield from (f"not closed: {name}; solen bench recover, or solen bench run --resume" for name in found.journals)
-    if not (found.recordings or found.journals or found.strangers):
-        yield f"no recordings in {found.folder}"
+    yield from (
+        f"not closed: {name}; solen bench recover, or solen bench run --resume" for name in recording_list.journals
+    )
+    if not (recording_list.recordings or recording_list.journals or recording_list.strangers):
+        yield f"no recordings in {recording_list.folder}"
 
 
 @contextmanager

@@ -46,21 +46,21 @@ def lens(
 
 
 @lines.register
-def _(found: Check) -> Iterator[str]:
-    yield f"{found.name}: a valid sensor at all {found.angles} angles"
-    material = {name: getattr(found.material, name) for name in ("index", "u_index", "mode")}
-    focus = scalars(found.foci[len(found.foci) // 2]) if found.foci else ()
-    lens = {"shape": "drawn"} if found.lens is None else dict(scalars(found.lens))
-    yield from listing(_stated(material | lens | dict(focus) | dict(scalars(found.body))))
-    yield from _foci(found.foci)
-    yield f"faces: {', '.join(found.body.faces)}"
+def _(result: Check) -> Iterator[str]:
+    yield f"{result.name}: a valid sensor at all {result.angles} angles"
+    material = {name: getattr(result.material, name) for name in ("index", "u_index", "mode")}
+    focus = scalars(result.foci[len(result.foci) // 2]) if result.foci else ()
+    lens = {"shape": "drawn"} if result.lens is None else dict(scalars(result.lens))
+    yield from listing(_stated(material | lens | dict(focus) | dict(scalars(result.body))))
+    yield from _foci(result.foci)
+    yield f"faces: {', '.join(result.body.faces)}"
 
 
 @lines.register
-def _(found: LensCheck) -> Iterator[str]:
-    focus = scalars(found.foci[len(found.foci) // 2]) if found.foci else ()
-    yield from listing(_stated(dict(scalars(found.lens)) | dict(focus)))
-    yield from _foci(found.foci)
+def _(result: LensCheck) -> Iterator[str]:
+    focus = scalars(result.foci[len(result.foci) // 2]) if result.foci else ()
+    yield from listing(_stated(dict(scalars(result.lens)) | dict(focus)))
+    yield from _foci(result.foci)
 
 
 def _stated(values: dict[str, object]) -> dict[str, object]:

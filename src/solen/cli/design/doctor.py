@@ -35,17 +35,18 @@ def doctor() -> Outcome[Installation]:
 
 
 @lines.register
-def _(found: Installation) -> Iterator[str]:
-    yield f"solen {found.version}, Python {found.python}, {found.platform}, {found.threads} threads"
-    yield f"  {found.executable}"
-    yield "  " + ", ".join(f"{name} {version}" for name, version in found.packages.items())
-    cache = found.cache
+def _(installation: Installation) -> Iterator[str]:
+    system = f"{installation.platform}, {installation.threads} threads"
+    yield f"solen {installation.version}, Python {installation.python}, {system}"
+    yield f"  {installation.executable}"
+    yield "  " + ", ".join(f"{name} {version}" for name, version in installation.packages.items())
+    cache = installation.cache
     size = f"{cache.files} functions, {cache.size_bytes / 1e6:.1f} MB" if cache.files else "empty until the first trace"
     yield f"  compiled tracer: {cache.folder or 'not kept'} ({size})"
     yield "optional packages:"
-    for package in found.optional:
+    for package in installation.optional:
         yield f"  {package.name:22} {package.version or f'missing; {package.install}'}"
-    for group, names in found.plugins.items():
+    for group, names in installation.plugins.items():
         if names:
             yield f"added to {group} by other packages: {', '.join(names)}"
     yield "in a bug report, paste the lines above, the command and all that it printed"
@@ -77,10 +78,10 @@ def _running_shell() -> Shell:
     from cyclopts.completion.detect import ShellDetectionError, detect_shell
 
     try:
-        found: str = detect_shell()
+        shell: str = detect_shell()
     except ShellDetectionError:
-        found = "unknown"
-    if found not in RELOAD:
+        shell = "unknown"
+    if shell not in RELOAD:
         limit = f"completion is for {', '.join(RELOAD)}"
-        raise SpecError("shell", value=found, limit=limit, remedy="name yours: solen completion bash")
-    return found  # type: ignore[return-value]  # a key of RELOAD is one
+        raise SpecError("shell", value=shell, limit=limit, remedy="name yours: solen completion bash")
+    return shell  # type: ignore[return-value]  # a key of RELOAD is one

@@ -29,18 +29,18 @@ def readout(file: Path, /, *, set_: Set = None, figure: FigureFile = None, out: 
 
 
 @lines.register
-def _(found: DesignReadings) -> Iterator[str]:
-    circuit, drive, whole, advice = found.circuit, found.circuit.drive, found.range, found.advice
+def _(readings: DesignReadings) -> Iterator[str]:
+    circuit, drive, whole, advice = readings.circuit, readings.circuit.drive, readings.range, readings.advice
     yield (
-        f"{found.name} (simulated): {circuit.transistor.name} on {circuit.load_ohm[0]:g} ohm and "
+        f"{readings.name} (simulated): {circuit.transistor.name} on {circuit.load_ohm[0]:g} ohm and "
         f"{circuit.supply_V:g} V, read by {circuit.adc.name}"
     )
     yield (
         f"  emitter {drive.name} at {drive.current_mA:g} mA: {drive.typical_mW:.3g} mW "
         f"({drive.least_mW:.3g} to {drive.most_mW:.3g})"
     )
-    yield f"  sensitivity at {found.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the stated one"
-    yield from _table(found)
+    yield f"  sensitivity at {readings.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the stated one"
+    yield from _table(readings)
     yield (
         f"  readings {whole.lowest_V:.3f} to {whole.highest_V:.3f} V, {100 * whole.used_of_supply:.0f} % of "
         f"the supply; resolution of one reading {_fine(whole.best_resolution_deg)} to "
@@ -52,14 +52,14 @@ def _(found: DesignReadings) -> Iterator[str]:
         yield f"  {advice.emitter_current_mA:.2g} mA in the emitter bring all of them within the trimmer"
 
 
-def _table(found: DesignReadings) -> Iterator[str]:
+def _table(readings: DesignReadings) -> Iterator[str]:
     """A row for each of some nine angles."""
-    names = "".join(f"  {name + ' V':>9}" for name in found.circuit.names)
+    names = "".join(f"  {name + ' V':>9}" for name in readings.circuit.names)
     yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
-    for row in range(0, len(found.angle_deg), max(1, (len(found.angle_deg) - 1) // MOST_ROWS)):
-        volts = "".join(f"  {value:9.4f}" for value in found.voltage_V[row])
-        noise, resolution = 1e3 * found.noise.reading_V[row].max(), found.resolution_of_all_deg[row]
-        yield f"  {found.angle_deg[row]:7.3g}{volts}  {noise:9.3f}  {_fine(float(resolution)):>9}"
+    for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MOST_ROWS)):
+        volts = "".join(f"  {value:9.4f}" for value in readings.voltage_V[row])
+        noise, resolution = 1e3 * readings.noise.reading_V[row].max(), readings.resolution_of_all_deg[row]
+        yield f"  {readings.angle_deg[row]:7.3g}{volts}  {noise:9.3f}  {_fine(float(resolution)):>9}"
 
 
 def _setting(setting: Setting) -> str:

@@ -38,14 +38,14 @@ def _(study: DesignStudy) -> Iterator[str]:
         yield from _practice(study.practice)
 
 
-def _as_printed(found: AsPrinted) -> Iterator[str]:
+def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
     """What a lens as it was printed does to the response."""
-    for comparison in (found.emitter, found.chip):
+    for comparison in (as_printed.emitter, as_printed.chip):
         if comparison is None or (largest := comparison.largest) is None:
             continue
         emitter = f"chip of {comparison.width_mm:g} mm" if comparison.width_mm else "point"
         yield (
-            f"  {'printed':8} {found.label} less as designed, {emitter}: contrast {largest.contrast:+.4f} ± "
+            f"  {'printed':8} {as_printed.label} less as designed, {emitter}: contrast {largest.contrast:+.4f} ± "
             f"{short(largest.u_contrast)} at most, at {largest.angle_deg:g} deg; received "
             f"{comparison.printed.received_share:.4f}, designed {comparison.designed.received_share:.4f}"
         )
@@ -54,9 +54,9 @@ def _as_printed(found: AsPrinted) -> Iterator[str]:
             yield f"  {'null':8} moves by {moved} deg"
 
 
-def _practice(found: Practice) -> Iterator[str]:
+def _practice(practice: Practice) -> Iterator[str]:
     """A real chip, its decentre, and another index."""
-    chip, null, emitter = found.chip, found.null_shift, found.emitter
+    chip, null, emitter = practice.chip, practice.null_shift, practice.emitter
     if chip is not None and emitter.kind != "file":
         first, last = float(chip.angle_deg[0]), float(chip.angle_deg[-1])
         ends = f"{text(chip.contrast_at(first))} at {first:g} deg to {text(chip.contrast_at(last))}"
@@ -65,9 +65,9 @@ def _practice(found: Practice) -> Iterator[str]:
     if null is not None:
         moved = f"{null.shift_deg:+.3f} ± {null.u_shift_deg:.1g} deg"
         yield f"  {'null':8} moves by {moved} for {null.step_mm:g} mm of the emitter towards +x"
-    if found.index and found.index_shift is not None:
-        step = found.index[0]
+    if practice.index and practice.index_shift is not None:
+        step = practice.index[0]
         what = "its uncertainty" if step.by_uncertainty else f"{abs(step.step):g} of index"
-        alone = "" if found.chip_shift is None else f"; the chip alone by {found.chip_shift.contrast:.3f}"
-        moved = f"{found.index_shift.contrast:.3f} at {found.index_shift.angle_deg:g} deg"
+        alone = "" if practice.chip_shift is None else f"; the chip alone by {practice.chip_shift.contrast:.3f}"
+        moved = f"{practice.index_shift.contrast:.3f} at {practice.index_shift.angle_deg:g} deg"
         yield f"  {'index':8} {what} moves the contrast by up to {moved}{alone}"

@@ -55,28 +55,28 @@ def sensitivity(
 
 
 @lines.register
-def _(found: DesignConvergence) -> Iterator[str]:
-    reference = found.reference
+def _(result: DesignConvergence) -> Iterator[str]:
+    reference = result.reference
     by = f"{reference.method} with {reference.rays} rays, u {short(reference.u_power)}"
-    yield f"{found.name} at {found.angle_deg:g} deg, mode {found.mode}: error against {by}"
-    for series in found.series:
+    yield f"{result.name} at {result.angle_deg:g} deg, mode {result.mode}: error against {by}"
+    for series in result.series:
         for rays, error, u in zip(series.rays, series.error, series.u_power, strict=True):
             yield f"  {series.method:8} {rays:8} rays  error {_short(error)}  u {_short(u)}"
 
 
 @lines.register
-def _(found: Sensitivities) -> Iterator[str]:
-    width = max((len(row.key) for row in found.sensitivities), default=0)
-    yield f"{found.name} at {found.angle_deg:g} deg: change per unit of each number"
+def _(sensitivities: Sensitivities) -> Iterator[str]:
+    width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
+    yield f"{sensitivities.name} at {sensitivities.angle_deg:g} deg: change per unit of each number"
     yield f"  {'':{width}}  {'value':>9}  {'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}"
-    for row in found.sensitivities:
+    for row in sensitivities.sensitivities:
         start = f"  {row.key:{width}}  {row.value:9.6g}"
         if row.why:
             yield f"{start}  {row.why}"
             continue
         slopes = "".join(f"  {_slope(slope.value)}" for slope in (row.right, row.left, row.contrast))
         yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}"
-    for key, why in found.skipped.items():
+    for key, why in sensitivities.skipped.items():
         yield f"left out: {key}: {why}"
 
 

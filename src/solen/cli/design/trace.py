@@ -79,40 +79,40 @@ def _refuse(of_designs: Mapping[str, object]) -> None:
 
 
 @lines.register
-def _(found: DesignTrace) -> Iterator[str]:
-    method = "" if found.method == "fan" else f", {found.method}"
-    yield f"{found.name} at {found.angle_deg:g} deg, {found.rays} rays, mode {found.mode}{method}"
-    for name, reading in sorted(found.detectors.items()):
+def _(result: DesignTrace) -> Iterator[str]:
+    method = "" if result.method == "fan" else f", {result.method}"
+    yield f"{result.name} at {result.angle_deg:g} deg, {result.rays} rays, mode {result.mode}{method}"
+    for name, reading in sorted(result.detectors.items()):
         u = "" if reading.u_power != reading.u_power else f" ± {reading.u_power:.1e}"
         yield f"  {name:9} {reading.power:.6f}{u}  ({reading.rays} rays)"
-    yield from _ledger(found)
-    if found.in_space:
-        yield f"  of what escaped, {found.missed:.6f} passed above or below, {found.leaked:.6f} leaked there"
-    if found.single_error is not None:
-        yield f"single precision is off by at most {found.single_error:.1e} where it was compared"
-    if not found.reached:
-        yield f"the tolerance was not reached: {found.why}"
-    yield from _undefined(found)
+    yield from _ledger(result)
+    if result.in_space:
+        yield f"  of what escaped, {result.missed:.6f} passed above or below, {result.leaked:.6f} leaked there"
+    if result.single_error is not None:
+        yield f"single precision is off by at most {result.single_error:.1e} where it was compared"
+    if not result.reached:
+        yield f"the tolerance was not reached: {result.why}"
+    yield from _undefined(result)
 
 
 @lines.register
-def _(found: SceneTrace) -> Iterator[str]:
-    yield f"{found.name} ({found.format}), {found.rays} rays, mode {found.mode}"
-    for name, reading in found.readings.items():
+def _(result: SceneTrace) -> Iterator[str]:
+    yield f"{result.name} ({result.format}), {result.rays} rays, mode {result.mode}"
+    for name, reading in result.readings.items():
         bins = "" if reading.position is None else f", {len(reading.position)} bins"
         yield f"  {name:9} {reading.power:.6g} ({reading.rays} rays{bins})"
-    yield from _ledger(found)
-    yield from _undefined(found)
-    for part in found.not_understood:
+    yield from _ledger(result)
+    yield from _undefined(result)
+    for part in result.not_understood:
         yield f"not understood: {part}"
 
 
-def _ledger(found: Trace) -> Iterator[str]:
-    for field in fields(found.ledger):
-        yield f"  {field.name:9} {getattr(found.ledger, field.name):.6f}"
+def _ledger(result: Trace) -> Iterator[str]:
+    for field in fields(result.ledger):
+        yield f"  {field.name:9} {getattr(result.ledger, field.name):.6f}"
 
 
-def _undefined(found: Trace) -> Iterator[str]:
-    if found.undefined_at_mm:
-        x, z = found.undefined_at_mm[0]
-        yield f"  {found.undefined} rays met an inconsistent interface, at [{x}, {z}] mm"
+def _undefined(result: Trace) -> Iterator[str]:
+    if result.undefined_at_mm:
+        x, z = result.undefined_at_mm[0]
+        yield f"  {result.undefined} rays met an inconsistent interface, at [{x}, {z}] mm"

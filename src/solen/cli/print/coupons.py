@@ -43,8 +43,8 @@ def coupons(
 
 
 @lines.register
-def _(found: CouponSet) -> Iterator[str]:
-    for coupon in found.coupons:
+def _(result: CouponSet) -> Iterator[str]:
+    for coupon in result.coupons:
         if coupon.parts:
             volume = sum(part.volume_mm3 for part in coupon.parts)
             yield f"{coupon.name}: {coupon.features} features, {volume:.5g} mm3"

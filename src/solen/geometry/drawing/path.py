@@ -53,9 +53,9 @@ def _commands(data: str, where: str) -> Iterator[tuple[str, list[float]]]:
     """Every command with its numbers, repeated ones spelt out: what follows an M are Ls."""
     place, command = 0, ""
     while data[place:].strip(" \t\r\n,"):
-        found = COMMAND.match(data, place)
-        if found:
-            command, place = found[1], found.end()
+        match = COMMAND.match(data, place)
+        if match:
+            command, place = match[1], match.end()
         elif command in ("", "Z", "z"):
             raise DataError(where, value=data[place : place + 20], limit="is not path data")
         numbers, place = _numbers(data, place, command, where)
@@ -66,11 +66,11 @@ def _commands(data: str, where: str) -> Iterator[tuple[str, list[float]]]:
 def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[float], int]:
     numbers: list[float] = []
     for i in range(COUNTS[command.upper()]):
-        found = (FLAG if command in "Aa" and i in (3, 4) else NUMBER).match(data, place)
-        if found is None:
+        match = (FLAG if command in "Aa" and i in (3, 4) else NUMBER).match(data, place)
+        if match is None:
             raise DataError(where, value=data[place : place + 20], limit=f"{command} needs another number there")
-        numbers.append(held(float(found[1]), where))
-        place = found.end()
+        numbers.append(held(float(match[1]), where))
+        place = match.end()
     return numbers, place
 
 

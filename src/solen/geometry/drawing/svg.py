@@ -66,21 +66,21 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
     if units is not None:
         return UNITS_MM[units]
     box = [float(number) for number in NUMBER.findall(root.get("viewBox", ""))]
-    found = []
+    scale = []
     for key, place in (("width", 2), ("height", 3)):
         length = re.fullmatch(r"\s*([-+.\deE]+?)\s*([a-zA-Z]+)\s*", root.get(key, ""))
         if length and length[2] in LENGTH_MM:
             whole_mm = float(length[1]) * LENGTH_MM[length[2]]
             if len(box) == 4 and not box[place] > 0.0:
                 raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
-            found.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
-    if not found:
+            scale.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
+    if not scale:
         limit = "does not say its unit: its width and height are not in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
-    if abs(found[0] - found[-1]) > 1e-3 * found[0]:
+    if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
         limit = "stretches the drawing: width and height over those of the view box differ"
         raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit=limit, remedy="make them fit")
-    return found[0]
+    return scale[0]
 
 
 class _Reader:

@@ -24,18 +24,18 @@ class Affine:
     @classmethod
     def of(cls, text: str, where: str) -> "Affine":
         """Map of a transform attribute; `DataError` where it is none."""
-        found, place = cls(), 0
+        affine, place = cls(), 0
         while place < len(text.rstrip()):
             call = CALL.match(text, place)
             if call is None:
                 raise DataError(f"{where}: transform", value=text, limit="is not understood")
             try:
                 numbers = [float(number) for number in re.split(r"[\s,]+", call[2].strip())]
-                found = found.after(_one(call[1], numbers))
+                affine = affine.after(_one(call[1], numbers))
             except ValueError:
                 raise DataError(f"{where}: transform", value=text, limit="is not understood") from None
             place = call.end()
-        return found
+        return affine
 
     def after(self, first: "Affine") -> "Affine":
         """The map that does ``first`` and then this one."""

@@ -22,6 +22,6 @@ def readout(
 ) -> Outcome[DesignReadings]:
     """Readings of a design over its motion, traced in power."""
     check_outputs(out, figure)
-    found = design_readings(Sensor.of(open_design(path, assignments)), progress)
-    found = replace(found, sources=(provenance_of(path),))
-    return write(found, "readout", out, figure=figure)
+    readings = design_readings(Sensor.of(open_design(path, assignments)), progress)
+    readings = replace(readings, sources=(provenance_of(path),))
+    return write(readings, "readout", out, figure=figure)

@@ -20,14 +20,14 @@ def run(
 
     design = open_design(path, assignments)
     with files.output_folder(out):
-        found = study(design, progress, practical=True)
-        drawn = html.figures(found)
+        result = study(design, progress, practical=True)
+        drawn = html.figures(result)
         texts = {f"{name}.svg": text for name, text in drawn.items()}
-        texts["results.json"] = json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n"
-        texts["results.csv"] = csv_table(found)
-        texts["report.html"] = html.html(found, drawn)
+        texts["results.json"] = json.dumps(result.to_dict(), indent=1, allow_nan=False) + "\n"
+        texts["results.csv"] = csv_table(result)
+        texts["report.html"] = html.html(result, drawn)
         files.write_all({out / name: text.encode("utf-8") for name, text in texts.items()})
         for name in html.FIGURES:
             if name not in drawn:  # of an earlier design
                 files.remove(out / f"{name}.svg")
-    return Outcome(found, {"report": out / "report.html"})
+    return Outcome(result, {"report": out / "report.html"})

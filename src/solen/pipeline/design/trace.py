@@ -39,16 +39,16 @@ def trace(
     _check_outputs(figure, netcdf)
     mode = {} if options.mode is None else {"trace.mode": options.mode}
     sensor = Sensor.of(with_values(open_design(path, assignments), mode))
-    found = trace_design(sensor, angle_deg, options, paths=paths)
+    result = trace_design(sensor, angle_deg, options, paths=paths)
 
     names = ", ".join(interface.name for interface in sensor.scene(angle_deg).interfaces)
     attributes: Attributes = {
-        "name": found.name,
+        "name": result.name,
         "angle_deg": angle_deg,
         "design": dumps(sensor.design),
         "interfaces": names,
     }
-    return Outcome(found, _written(found, attributes, "rays", figure, netcdf))
+    return Outcome(result, _written(result, attributes, "rays", figure, netcdf))
 
 
 def trace_file(
@@ -67,10 +67,10 @@ def trace_file(
     if figure is not None and file.scene.extrusion is not None:
         raise SpecError("--figure", limit="draws the plane, and these rays are in space", remedy="leave it out")
     traced = trace_scene(file, options, paths=paths or figure is not None)
-    found = described(file, traced, paths=paths)
+    result = described(file, traced, paths=paths)
 
-    attributes: Attributes = {"name": found.name, "format": found.format}
-    return Outcome(found, _written(found, attributes, "scene", figure, netcdf))
+    attributes: Attributes = {"name": result.name, "format": result.format}
+    return Outcome(result, _written(result, attributes, "scene", figure, netcdf))
 
 
 def convergence(
@@ -98,8 +98,8 @@ def sensitivity(
 ) -> Outcome[Sensitivities]:
     """Derivatives of a design's readings at one angle by its numbers."""
     check_figure(figure)
-    found = sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress)
-    return write(found, "sensitivity", figure=figure)
+    result = sensitivities(Sensor.of(open_design(path, assignments)), keys, angle_deg, progress)
+    return write(result, "sensitivity", figure=figure)
 
 
 def _check_outputs(figure: Path | None, netcdf: Path | None) -> None:

@@ -72,5 +72,7 @@ def stiffness(
         )
         for number, ((path, mode), label) in enumerate(zip(stated, each, strict=True))
     ]
-    found = stiffness_of(tests, options)
-    return write(found, "stiffness", out, {"csv": (csv, lambda: found.table().encode())}, figure=figure)
+    measured_stiffness = stiffness_of(tests, options)
+    return write(
+        measured_stiffness, "stiffness", out, {"csv": (csv, lambda: measured_stiffness.table().encode())}, figure=figure
+    )

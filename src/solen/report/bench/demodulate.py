@@ -27,10 +27,10 @@ def demodulation_figure(result: Demodulation) -> Figure:
 
 def _stretch(axes: Axes, result: Demodulation) -> None:
     """Some periods in the middle: dots that were used, on filled and off open; crosses that settle."""
-    samples, found = result.samples, result.readings
-    period = found.period_s if np.isfinite(found.period_s) else 1.0
-    middle = float(found.time_s[len(found.time_s) // 2])
-    here = np.abs(samples.time_s - middle) <= 0.5 * SHOWN_PERIODS * period / max(1, len(found.emitters))
+    samples, readings = result.samples, result.readings
+    period = readings.period_s if np.isfinite(readings.period_s) else 1.0
+    middle = float(readings.time_s[len(readings.time_s) // 2])
+    here = np.abs(samples.time_s - middle) <= 0.5 * SHOWN_PERIODS * period / max(1, len(readings.emitters))
     time, state = 1e3 * (samples.time_s[here] - samples.time_s[here][0]), samples.state[here]
     column = samples.values[here, 0]
     axes.plot(time, column, color=LOST, lw=0.6)

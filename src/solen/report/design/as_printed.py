@@ -10,16 +10,18 @@ RESOLVED = 2.0
 """How many times its uncertainty a difference must be to count as resolved."""
 
 
-def printed_sentences(found: AsPrinted) -> list[str]:
+def printed_sentences(as_printed: AsPrinted) -> list[str]:
     """What printing did to the lens and to the response, a sentence each."""
-    deviation, fit = found.lens.fit.deviation, found.lens.fit
+    deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [
-        f"The lens {found.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed oval, at most "
-        f"{abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are known "
-        f"to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
+        f"The lens {as_printed.label} lies {deviation.rms_um:.3g} µm (root mean square) from the designed oval, at "
+        f"most {abs(deviation.max_um):.3g} µm ({more} material, at x = {deviation.max_x_mm:.2f} mm); its points are "
+        f"known to {fit.u_rms_um:.2g} µm and were smoothed over {fit.smooth.resolution_mm:.2g} mm."
     ]
-    return lines + [_compared(comparison) for comparison in (found.emitter, found.chip) if comparison is not None]
+    return lines + [
+        _compared(comparison) for comparison in (as_printed.emitter, as_printed.chip) if comparison is not None
+    ]
 
 
 def _compared(comparison: Comparison) -> str:

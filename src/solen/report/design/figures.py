@@ -75,26 +75,26 @@ def sweep_figure(response: Response) -> Figure:
     return figure
 
 
-def practice_figure(found: Practice) -> Figure:
+def practice_figure(practice: Practice) -> Figure:
     """Contrast over angle with a point, a chip and the chip in space; how an index that is off changes it."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         chip_axes, index_axes = figure.subplots(1, 2)
-        _draw_chip(chip_axes, found)
+        _draw_chip(chip_axes, practice)
         _contrast_axes(chip_axes)
         chip_axes.legend(fontsize=8, loc="upper right")
-        _draw_indices(index_axes, found)
+        _draw_indices(index_axes, practice)
         index_axes.axhline(0.0, color=INK, lw=0.8)
         index_axes.set(xlabel="angle (deg)", ylabel="change of the contrast by another index")
-        if found.index:
+        if practice.index:
             index_axes.legend(fontsize=8)
-        if found.chip_shift is not None:
-            beside = f"beside it, a chip {found.emitter.width_mm:g} mm wide changes that of a point by up to"
-            index_axes.set_title(f"{beside} {found.chip_shift.contrast:.2f}", fontsize=8)
+        if practice.chip_shift is not None:
+            beside = f"beside it, a chip {practice.emitter.width_mm:g} mm wide changes that of a point by up to"
+            index_axes.set_title(f"{beside} {practice.chip_shift.contrast:.2f}", fontsize=8)
     return figure
 
 
-def convergence_figure(found: Convergence) -> Figure:
+def convergence_figure(convergence: Convergence) -> Figure:
     """Error against rays for each way to choose them, with the uncertainty that each states dashed, both logarithmic.
 
     An uncertainty of 0 has no place there; the legend says how many are not drawn.
@@ -102,18 +102,18 @@ def convergence_figure(found: Convergence) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 4.2), layout="constrained")
         axes = figure.add_subplot(xscale="log", yscale="log")
-        for series in found.series:
+        for series in convergence.series:
             name, colour, marker = METHODS[series.method]
             axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
             nil = int(np.sum(series.u_power == 0.0))
             told = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
             axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=told)
-        reference = found.reference
+        reference = convergence.reference
         if reference.u_power > 0.0:
             axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")
         name = METHODS[reference.method][0]
         axes.set(xlabel="rays traced", ylabel="error and stated u (share of the emitted power)")
-        axes.set_title(f"mode {found.mode}; errors against {name} with {reference.rays:,} rays", fontsize=9)
+        axes.set_title(f"mode {convergence.mode}; errors against {name} with {reference.rays:,} rays", fontsize=9)
         figure.legend(fontsize=8, loc="outside right upper")
     return figure
 
@@ -231,22 +231,22 @@ def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str,
     contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
 
 
-def _draw_chip(axes: Axes, found: Practice) -> None:
-    extent = found.emitter
+def _draw_chip(axes: Axes, practice: Practice) -> None:
+    extent = practice.emitter
     name = "the design's file of rays" if extent.kind == "file" else f"chip {extent.width_mm:g} mm wide"
-    if found.point is not None:
-        axes.plot(found.point.angle_deg, found.point.contrast, color=LOST, lw=1.4, label="point")
-    if found.chip is not None:
-        axes.plot(found.chip.angle_deg, found.chip.contrast, color=INK, lw=2.0, label=name)
-    if found.in_space is not None:
-        size, plane, space = found.in_space.emitter, found.in_space.plane, found.in_space.space
+    if practice.point is not None:
+        axes.plot(practice.point.angle_deg, practice.point.contrast, color=LOST, lw=1.4, label="point")
+    if practice.chip is not None:
+        axes.plot(practice.chip.angle_deg, practice.chip.contrast, color=INK, lw=2.0, label=name)
+    if practice.in_space is not None:
+        size, plane, space = practice.in_space.emitter, practice.in_space.plane, practice.in_space.space
         name = "in space" if extent.kind == "file" else f"{size.width_mm:g} × {size.height_mm:g} mm, in space"
         axes.plot(space.angle_deg, space.contrast, color=SPACE, lw=2.0, ls="--", label=name)
         axes.plot(plane.angle_deg, plane.contrast, "o", color=SPACE, mfc="none", ms=6, label="the same in the plane")
 
 
-def _draw_indices(axes: Axes, found: Practice) -> None:
-    for one in found.index or ():
+def _draw_indices(axes: Axes, practice: Practice) -> None:
+    for one in practice.index or ():
         colour, style = LOWER if one.step < 0.0 else HIGHER, "s-" if one.by_uncertainty else "o-"
         name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.by_uncertainty else "")
         axes.plot(one.response.angle_deg, one.change, style, color=colour, ms=3.5, lw=1.6, label=name)

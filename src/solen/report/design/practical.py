@@ -55,15 +55,15 @@ def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
 
 def index_rows(study: DesignStudy) -> IndexRows:
     """Contrast with the chip at the ends and near the middle, and foci of the lens, by the index of the material."""
-    found = study.practice
-    if found is None or not found.index:
+    practice = study.practice
+    if practice is None or not practice.index:
         return IndexRows([], [], [])
-    base = found.index[0].base
+    base = practice.index[0].base
     there = base.angle_deg.tolist()
     angles = sorted({there[0], *(near for near in (-NEAR_DEG, NEAR_DEG) if near in there), there[-1]} - {0.0})
     index = study.case.sensor.material.index
     told = [(index, f"{index:.6g} (this design)", base)]
-    for one in found.index:
+    for one in practice.index:
         note = " (its standard uncertainty)" if one.by_uncertainty else ""
         told.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
     told.sort(key=lambda row: row[0])
@@ -77,9 +77,9 @@ def _foci(lens: OvalLens | None, index: float) -> list[float | None]:
     return [] if lens is None else [lens.paraxial_focus_mm(index), lens.best_focus_mm(index)]
 
 
-def chip_words(found: Practice) -> str:
+def chip_words(practice: Practice) -> str:
     """The response with a chip beside that of a point; empty without both."""
-    chip, point, extent = found.chip, found.point, found.emitter
+    chip, point, extent = practice.chip, practice.point, practice.emitter
     if chip is None or point is None:
         return ""
     ends = [float(chip.angle_deg[0]), float(chip.angle_deg[-1])]
@@ -98,13 +98,13 @@ def chip_words(found: Practice) -> str:
     return f"{start} {_listed(told)}."
 
 
-def null_words(found: Practice) -> str:
+def null_words(practice: Practice) -> str:
     """How far a decentre moves the null; empty where that is not known."""
-    shift = found.null_shift
+    shift = practice.null_shift
     if shift is None:
         return ""
     return (
-        f"With {_chip(found.emitter)} the null moves by {shift.shift_deg:+.3f}° (± {shift.u_shift_deg:.1g}°) when "
+        f"With {_chip(practice.emitter)} the null moves by {shift.shift_deg:+.3f}° (± {shift.u_shift_deg:.1g}°) when "
         f"the emitter is moved by {shift.step_mm:g} mm towards +x."
     )
 
@@ -112,8 +112,8 @@ def null_words(found: Practice) -> str:
 def index_words(study: DesignStudy) -> str:
     """What an index that is off does to the response; empty without light."""
     angles, _, rows = index_rows(study)
-    found = study.practice
-    if found is None or not rows or any(value is None for row in rows for value in row.contrasts):
+    practice = study.practice
+    if practice is None or not rows or any(value is None for row in rows for value in row.contrasts):
         return ""
     shown = [i for i, angle in enumerate(angles) if angle <= 0.0] or [0]
     told = []
@@ -121,19 +121,19 @@ def index_words(study: DesignStudy) -> str:
         values = _listed([f"{signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
         told.append(f"at {angles[i]:+g}° the contrast is {values}")
     fixed = " and the lens stays as it is cut" if isinstance(study.case.sensor.cut, OvalLens) else ""
-    text = f"With {_chip(found.emitter)}, where the material's index is off{fixed}: {'; '.join(told)}."
-    return " ".join(filter(None, (text, _shift_words(found))))
+    text = f"With {_chip(practice.emitter)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    return " ".join(filter(None, (text, _shift_words(practice))))
 
 
-def _shift_words(found: Practice) -> str:
+def _shift_words(practice: Practice) -> str:
     """How far the index and the chip move the response."""
-    moved, chip = found.index_shift, found.chip_shift
+    moved, chip = practice.index_shift, practice.chip_shift
     if moved is None:
         return ""
     text = f"Over the motion the contrast moves by at most {moved.contrast:.3f} (at {moved.angle_deg:+.3g}°)"
     if chip is None:
         return f"{text}."
-    name = _chip(found.emitter)
+    name = _chip(practice.emitter)
     return f"{text}; {name} alone moves it from a point's by up to {chip.contrast:.3f} (at {chip.angle_deg:+.3g}°)."
 
 
@@ -149,19 +149,19 @@ def budget_words(study: DesignStudy) -> str:
 
 def space_words(study: DesignStudy) -> str:
     """The same chip in the plane and in space; empty without light."""
-    found = None if study.practice is None else study.practice.in_space
-    if found is None:
+    in_space = None if study.practice is None else study.practice.in_space
+    if in_space is None:
         return ""
-    same = found.same
-    ends = sorted({float(found.plane.angle_deg[0]), float(found.plane.angle_deg[-1])})
-    pairs = [(angle, found.plane.contrast_at(angle), same.contrast_at(angle)) for angle in ends]
+    same = in_space.same
+    ends = sorted({float(in_space.plane.angle_deg[0]), float(in_space.plane.angle_deg[-1])})
+    pairs = [(angle, in_space.plane.contrast_at(angle), same.contrast_at(angle)) for angle in ends]
     if any(one is None or other is None for _, one, other in pairs):
         return ""
     told = [f"{signed(one)} and {signed(other)} at {angle:+g}°" for angle, one, other in pairs]
     sampled = "" if all(trace.method == "adaptive" for trace in same.traces) else ", sampled"
-    plane, space, angles = found.plane.received_share, same.received_share, len(found.plane.angle_deg)
+    plane, space, angles = in_space.plane.received_share, same.received_share, len(in_space.plane.angle_deg)
     text = (
-        f"{_emitter(found)} gives, by rays in the plane and by rays in space in a body {found.thickness_mm:g} mm "
+        f"{_emitter(in_space)} gives, by rays in the plane and by rays in space in a body {in_space.thickness_mm:g} mm "
         f"thick, a contrast of {_listed(told)} (± {same.largest_u_contrast:.1g}{sampled}). Of its light "
         f"{plane:.1%} and {space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
     )
@@ -171,13 +171,13 @@ def space_words(study: DesignStudy) -> str:
     return text
 
 
-def _emitter(found: InSpace) -> str:
-    if found.emitter.kind == "file":
+def _emitter(in_space: InSpace) -> str:
+    if in_space.emitter.kind == "file":
         return "The design's file of rays"
-    size = f"A chip of {found.emitter.width_mm:g} × {found.emitter.height_mm:g} mm"
-    pattern = "with its pattern in a table" if found.pattern == "table" else found.pattern
-    fan = " (in place of the design's fan, which has no light out of the plane)" if found.pattern_replaced else ""
-    return f"{size}, {pattern} within ±{found.cone_deg / 2:g}°{fan},"
+    size = f"A chip of {in_space.emitter.width_mm:g} × {in_space.emitter.height_mm:g} mm"
+    pattern = "with its pattern in a table" if in_space.pattern == "table" else in_space.pattern
+    fan = " (in place of the design's fan, which has no light out of the plane)" if in_space.pattern_replaced else ""
+    return f"{size}, {pattern} within ±{in_space.cone_deg / 2:g}°{fan},"
 
 
 def _chip(extent: Extent) -> str:

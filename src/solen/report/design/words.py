@@ -43,23 +43,23 @@ def warnings(study: DesignStudy) -> list[str]:
 
 def headline(study: DesignStudy) -> str:
     """One sentence."""
-    found = study.case.summary
-    start = f"{signed(found.contrast_from)} at {found.from_deg:+g}°"
-    if found.from_deg == found.to_deg:
+    summary = study.case.summary
+    start = f"{signed(summary.contrast_from)} at {summary.from_deg:+g}°"
+    if summary.from_deg == summary.to_deg:
         return f"The contrast between the two receivers is {start}."
-    end = f"{signed(found.contrast_to)} at {found.to_deg:+g}°"
+    end = f"{signed(summary.contrast_to)} at {summary.to_deg:+g}°"
     return f"The contrast between the two receivers runs from {start} to {end}."
 
 
 def _signal(study: DesignStudy) -> str:
-    found, sentences = study.case.summary, [headline(study)]
+    summary, sentences = study.case.summary, [headline(study)]
     if study.with_lens is None:
         sentences.append("This design has no lens.")
     elif study.no_lens is not None:
         flat = study.no_lens.summary
         ends = f"{signed(flat.contrast_from)} to {signed(flat.contrast_to)}"
         sentences.append(f"Without the lens it runs from {ends}.")
-    first, last = found.contrast_from, found.contrast_to
+    first, last = summary.contrast_from, summary.contrast_to
     if first is not None and last is not None and first != last:
         side = "right" if first > last else "left"
         sentences.append(f"Turning to the right (a negative angle) brightens the {side} receiver.")
@@ -67,28 +67,28 @@ def _signal(study: DesignStudy) -> str:
 
 
 def _range(case: Case) -> str:
-    found = case.summary
-    if not found.received_share > 0.0:
+    summary = case.summary
+    if not summary.received_share > 0.0:
         return "No light reaches the receivers at any angle."
-    if found.null_deg is None:
+    if summary.null_deg is None:
         return "Both receivers never see the same in this range: there is no null to measure from."
-    balance = f"Both receivers see the same at {without_sign(found.null_deg):.2f}°"
-    if found.slope_per_deg is not None:
-        balance += f"; there the contrast changes by {abs(found.slope_per_deg):.2g} per degree"
-    if found.saturation_deg is None:
+    balance = f"Both receivers see the same at {without_sign(summary.null_deg):.2f}°"
+    if summary.slope_per_deg is not None:
+        balance += f"; there the contrast changes by {abs(summary.slope_per_deg):.2g} per degree"
+    if summary.saturation_deg is None:
         return f"{balance}. It stays below {SATURATED} in this range."
     return (
-        f"{balance}. About {found.saturation_deg:.2f}° away it first exceeds {SATURATED}: where it does, the two "
+        f"{balance}. About {summary.saturation_deg:.2f}° away it first exceeds {SATURATED}: where it does, the two "
         "signals tell the direction of the motion, but hardly its amplitude."
     )
 
 
 def _light(study: DesignStudy) -> str:
-    found, sensor = study.case.summary, study.case.sensor
+    summary, sensor = study.case.summary, study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
     budget = budget_words(study)
-    text = f"On average {found.received_share:.1%} of the emitted light reaches the receivers."
+    text = f"On average {summary.received_share:.1%} of the emitted light reaches the receivers."
     text += f" {budget}" if budget else ""
     if lens is None:
         return text

@@ -15,14 +15,14 @@ MOST_DOTS = 400
 """Points of a profile that are drawn at most."""
 
 
-def printed_figure(found: AsPrinted) -> Figure:
+def printed_figure(as_printed: AsPrinted) -> Figure:
     """Deviation of the printed lens from the design, both responses, and their difference with its uncertainty."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.2, 3.8), layout="constrained")
         shape_axes, contrast_axes, difference_axes = figure.subplots(1, 3)
-        draw_deviation(shape_axes, found.lens)
-        shape_axes.set_title(f"lens {found.label}", fontsize=9)
-        for one, colour in ((found.emitter, INK), (found.chip, SPACE)):
+        draw_deviation(shape_axes, as_printed.lens)
+        shape_axes.set_title(f"lens {as_printed.label}", fontsize=9)
+        for one, colour in ((as_printed.emitter, INK), (as_printed.chip, SPACE)):
             if one is not None:
                 _draw_responses(contrast_axes, one, colour)
                 _draw_difference(difference_axes, one, colour)

@@ -162,12 +162,12 @@ def _divided_at_ends(stretches: list[_Stretch], tolerance: float) -> list[_Stret
     """Stretches cut wherever another one ends on them."""
     ends = [point for stretch in stretches for point in (stretch.curve.start, stretch.curve.end)]
     corners = np.array(ends)
-    found: list[_Stretch] = []
+    divided: list[_Stretch] = []
     for stretch in stretches:
         near = _near(stretch.curve, corners, tolerance)
         places = [place_of(stretch.curve, ends[i], tolerance) for i in near]
-        found += _cut(stretch, [u for u in places if u is not None], tolerance)
-    return found
+        divided += _cut(stretch, [u for u in places if u is not None], tolerance)
+    return divided
 
 
 def _near(curve: Curve, points: np.ndarray, tolerance: float) -> list[int]:
@@ -195,16 +195,16 @@ def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_
 
 def _united(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
     """Stretches that coincide as one, of the owners of all; one that is walked there and back belongs twice."""
-    found: list[_Stretch] = []
+    united: list[_Stretch] = []
     for stretch in stretches:
-        same = next((other for other in found if _coincide(stretch.curve, other.curve, tolerance)), None)
+        same = next((other for other in united if _coincide(stretch.curve, other.curve, tolerance)), None)
         if same is None:
-            found.append(stretch)
+            united.append(stretch)
         else:
             same.owners += stretch.owners
-    for stretch in found:
+    for stretch in united:
         stretch.owners.sort()
-    return found
+    return united
 
 
 def _coincide(a: Curve, b: Curve, tolerance: float) -> bool:

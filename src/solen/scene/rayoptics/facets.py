@@ -172,11 +172,11 @@ def over_line(length: float, scale: float) -> list[float]:
     """Places along a base of that length at which ray-optics asks a formula over it, from one end to the other."""
     if length / scale > MOST_CORNERS * STEP:
         raise UnreadError("p2", f"would make more than {MOST_CORNERS} facets")
-    found, i = [], -STEP * scale
+    values, i = [], -STEP * scale
     while i < length + BEYOND * scale:
-        found.append(min(max(i + FIRST * scale, 0.0), length))
+        values.append(min(max(i + FIRST * scale, 0.0), length))
         i += STEP * scale
-    return found
+    return values
 
 
 def along_parameter(low: float, high: float, step: float) -> list[float]:

@@ -129,7 +129,7 @@ def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Func
 
 
 def _tokens(text: str) -> list[Token]:
-    found: list[Token] = []
+    tokens: list[Token] = []
     at = 0
     while at < len(text):
         match = TOKEN.match(text, at)
@@ -141,16 +141,16 @@ def _tokens(text: str) -> list[Token]:
         elif kind == "name":
             value = value.replace("{", "").replace("}", "")
         if kind != "space":
-            found.append(Token(kind, value, at))
+            tokens.append(Token(kind, value, at))
         at = match.end()
-        if len(found) > MOST_TOKENS:
+        if len(tokens) > MOST_TOKENS:
             _refuse(text, at, f"more than {MOST_TOKENS} signs", "is too long a formula")
-    return [*found, Token("end", "", len(text))]
+    return [*tokens, Token("end", "", len(text))]
 
 
-def _refuse(text: str, at: int, found: str, limit: str) -> NoReturn:
+def _refuse(text: str, at: int, result: str, limit: str) -> NoReturn:
     shown = text if len(text) <= 60 else f"{text[:57]}..."
-    raise DataError(f"formula {shown!r} at character {at + 1}", value=found or "its end", limit=limit)
+    raise DataError(f"formula {shown!r} at character {at + 1}", value=result or "its end", limit=limit)
 
 
 class _Reader:

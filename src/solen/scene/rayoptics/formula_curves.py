@@ -121,7 +121,7 @@ def _off_cubic(points: FloatArray, control: Control) -> float:
 
 def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Curve]:
     """Lines, arcs and cubics one after the other, found by halving."""
-    found: list[Curve] = []
+    curves: list[Curve] = []
     waiting = [(start, end)]
     while waiting:
         low, high = waiting.pop()
@@ -130,17 +130,17 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
             raise DataError(what, value=f"no value near {low:g}", limit="must have one everywhere in its range")
         if high - low <= NARROWEST * (end - start):
             first, last = _point(points[0]), _point(points[-1])
-            found += [] if first == last else [Segment(first, last)]
+            curves += [] if first == last else [Segment(first, last)]
             continue
         control = _cubic(points)
         if _off_cubic(points, control) <= TOLERANCE * size and _moves(control):
-            found.append(_line_or_cubic(points, control, size))
+            curves.append(_line_or_cubic(points, control, size))
         else:
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]
-        if len(found) + len(waiting) > MOST_PIECES:
+        if len(curves) + len(waiting) > MOST_PIECES:
             raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="needs too many pieces")
-    return found
+    return curves
 
 
 def _moves(control: Control) -> bool:
@@ -158,13 +158,13 @@ def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
 
 def _joined(pieces: list[Curve], size: float) -> list[Curve]:
     """Neighbours on one line as one segment, neighbouring cubics as one spline."""
-    found: list[list[Curve]] = []
+    rows: list[list[Curve]] = []
     for piece in pieces:
-        if found and type(found[-1][-1]) is type(piece) and _goes_on(found[-1], piece, size):
-            found[-1].append(piece)
+        if rows and type(rows[-1][-1]) is type(piece) and _goes_on(rows[-1], piece, size):
+            rows[-1].append(piece)
         else:
-            found.append([piece])
-    return [_one(group) for group in found]
+            rows.append([piece])
+    return [_one(group) for group in rows]
 
 
 def _goes_on(group: list[Curve], piece: Curve, size: float) -> bool:

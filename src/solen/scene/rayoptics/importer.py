@@ -350,14 +350,14 @@ class _Scene:
 
 def _span(objects: list[Any]) -> float:
     """How far the numbers x and y of the file reach."""
-    found: list[float] = []
+    values: list[float] = []
     waiting: list[Any] = [objects]
     while waiting:
         item = waiting.pop()
         if isinstance(item, dict):
             waiting += item.values()
             numbers = (number_in(item.get(key)) for key in ("x", "y"))
-            found += [x for x in numbers if x is not None and abs(x) <= LARGEST]
+            values += [x for x in numbers if x is not None and abs(x) <= LARGEST]
         elif isinstance(item, list):
             waiting += item
-    return max(found) - min(found) if found else 0.0
+    return max(values) - min(values) if values else 0.0

@@ -143,18 +143,18 @@ def _of_circles(a: Arc, b: Arc) -> list[Point]:
 
 
 def _both(a: Curve, b: Curve, points: Iterable[Point], tolerance: float) -> list[Place]:
-    found = [(place_of(a, point, tolerance), place_of(b, point, tolerance)) for point in points]
-    return [(u, v) for u, v in found if u is not None and v is not None]
+    both = [(place_of(a, point, tolerance), place_of(b, point, tolerance)) for point in points]
+    return [(u, v) for u, v in both if u is not None and v is not None]
 
 
 def _refined(a: Curve, b: Curve, tolerance: float) -> list[Place]:
-    found: list[Place] = []
+    places: list[Place] = []
     for u, v in _of_polylines(a, b):
         place = _newton(a, b, u, v)
         near = math.dist(a.point_at(place[0]), b.point_at(place[1])) <= tolerance
-        if near and all(math.dist(a.point_at(place[0]), a.point_at(other[0])) > tolerance for other in found):
-            found.append(place)
-    return found
+        if near and all(math.dist(a.point_at(place[0]), a.point_at(other[0])) > tolerance for other in places):
+            places.append(place)
+    return places
 
 
 def _of_polylines(a: Curve, b: Curve) -> list[Place]:

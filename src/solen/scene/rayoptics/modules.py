@@ -167,11 +167,11 @@ def _series(start: float, step: float, end: float, limit: int, name: str) -> lis
     """Values from start on, as long as they are not beyond the end; each is the one before and the step."""
     if step == 0.0 or (end - start) * step < 0.0 or (end - start) / step + 1.0 > limit:
         raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} rounds")
-    found, value = [], start
+    values, value = [], start
     while value <= end:  # as the peer has it: a falling range gives its start at most
-        found.append(value)
+        values.append(value)
         value += step
-    return found
+    return values
 
 
 def _any(value: Any, scope: Scope, limit: int) -> Any:

@@ -295,12 +295,12 @@ def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world
 
 def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
     """Parts of an outline, joined by straight lines where one does not end at the next one's start."""
-    found: list[Curve] = []
+    curves: list[Curve] = []
     for here, there in pairwise([*parts, parts[0]]):
-        found += here
+        curves += here
         if math.dist(here[-1].end, there[0].start) > 1e-9 * max(1.0, *map(abs, here[-1].end)):
-            found.append(Segment(here[-1].end, there[0].start))
-    return found
+            curves.append(Segment(here[-1].end, there[0].start))
+    return curves
 
 
 def reversed_curves(curves: Sequence[Curve]) -> list[Curve]:
@@ -437,11 +437,11 @@ def _stated_orders(shares: Sequence[float]) -> list[tuple[int, float]]:
 
 def _of_slits(ratio: float) -> list[tuple[int, float]]:
     """Orders of a wall with slits of this share of the interval: sin²(π m ratio) / (π m)², the same at all angles."""
-    found = [(0, ratio * ratio)]
+    of_slits = [(0, ratio * ratio)]
     for m in range(1, MOST_ORDERS + 1):
         share = (math.sin(math.pi * m * ratio) / (math.pi * m)) ** 2
-        found += [(way * m, share) for way in (1, -1)]
-    return [(m, share) for m, share in found if share > LEAST_ORDER]
+        of_slits += [(way * m, share) for way in (1, -1)]
+    return [(m, share) for m, share in of_slits if share > LEAST_ORDER]
 
 
 READERS: dict[str, Reader] = {

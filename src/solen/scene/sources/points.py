@@ -147,11 +147,11 @@ def _directions(coordinate: int, digits: int) -> list[int]:
     if coordinate == 0:
         return [1 << (digits - 1 - bit) for bit in range(digits)]
     degree, inner, first = POLYNOMIALS[coordinate - 1]
-    found = list(first)
+    directions = list(first)
     for bit in range(degree, digits):
-        new = found[bit - degree] ^ (found[bit - degree] << degree)
+        new = directions[bit - degree] ^ (directions[bit - degree] << degree)
         for k in range(1, degree):
             if (inner >> (degree - 1 - k)) & 1:
-                new ^= found[bit - k] << k
-        found.append(new)
-    return [number << (digits - 1 - bit) for bit, number in enumerate(found)]
+                new ^= directions[bit - k] << k
+        directions.append(new)
+    return [number << (digits - 1 - bit) for bit, number in enumerate(directions)]

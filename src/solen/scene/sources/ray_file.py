@@ -35,8 +35,8 @@ class RayFile(Source):
     @classmethod
     def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
         """All rays of a file, or some of them, with the file's spectrum; `DataError` where it cannot be read."""
-        found = read_rays(path)
-        return cls(path, point, axis_deg, rays or len(found), power=power, spectrum=found.spectrum)
+        ray_set = read_rays(path)
+        return cls(path, point, axis_deg, rays or len(ray_set), power=power, spectrum=ray_set.spectrum)
 
     @property
     def file(self) -> RaySet:
@@ -87,8 +87,8 @@ class RayFile(Source):
 
     @property
     def _own_colours(self) -> bool:
-        found = self.file
-        return found.line is not None and found.spectrum == self.spectrum
+        file = self.file
+        return file.line is not None and file.spectrum == self.spectrum
 
     def _which(self, u: FloatArray) -> IntArray:
         """Which rays: in turn where all of them are launched, else drawn by their power."""
@@ -98,8 +98,8 @@ class RayFile(Source):
         return drawn_by(power, u[:, 0])
 
     def _placed(self, which: IntArray) -> PlacedInSpace:
-        found = self.file
-        (x, y, z), (dx, dy, dz) = found.point_mm[which].T, found.direction[which].T
+        file = self.file
+        (x, y, z), (dx, dy, dz) = file.point_mm[which].T, file.direction[which].T
         axis_x, axis_z = heading(self.axis_deg)
         right_x, right_z = axis_z, -axis_x
         return (

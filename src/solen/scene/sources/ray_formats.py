@@ -212,8 +212,8 @@ def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
     return _lines(nm, weight / weight.sum())[0]
 
 
-def _short(what: str, where: str, found: int, needed: int) -> DataError:
-    limit = f"is truncated in {where}: {found} bytes, at least {needed} needed"
+def _short(what: str, where: str, result: int, needed: int) -> DataError:
+    limit = f"is truncated in {where}: {result} bytes, at least {needed} needed"
     return DataError(what, limit=limit, remedy="get the file again")
 
 
