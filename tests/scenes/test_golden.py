@@ -31,7 +31,7 @@ def test_every_scene_has_its_readings() -> None:
 def test_the_folder_covers_every_curve_behaviour_and_source() -> None:
     scenes = [scene_of(name) for name in NAMES]
     assert {type(i.curve) for scene in scenes for i in scene.interfaces} == {Segment, Arc, Parabola, CartesianOval}
-    ideal = {"splitter", "lens"}  # tests/trace/test_treated_surfaces.py has closed forms for these
+    ideal = {"splitter", "lens", "grating"}  # tests/trace has closed forms for these
     assert {i.behaviour for scene in scenes for i in scene.interfaces} == set(BEHAVIOURS) - ideal
     assert {type(source) for scene in scenes for source in scene.sources} == {Fan, Beam, Rays}
     assert any(region.absorption_per_mm for scene in scenes for region in scene.regions)

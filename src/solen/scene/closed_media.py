@@ -8,8 +8,8 @@ All ends are gathered to vertices by sorting, and nearly all vertices are decide
 are looked at only where three or more meet, for their order round the vertex, and where something does not fit: then
 the end may stand on the inside of another curve, which leaves that vertex on both sides.
 
-What only a look at whole areas would show is not judged: curves that cross, and a closed body that stands in another
-medium than its outside says.
+What only a look at whole areas would show is not judged: a closed body that stands in another medium than its outside
+says. That no two curves coincide or cross is the matter of `solen.scene.apart`.
 """
 
 import math
@@ -95,7 +95,7 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
     if all(_free(interface) for interface in interfaces):
         return
     ends = np.array([interface.curve.points(ENDS) for interface in interfaces]).reshape(-1, 2)
-    tolerance_mm = _tolerance_mm(interfaces, ends)
+    tolerance_mm = tolerance_of(interfaces, ends)
     vertices = _vertices(interfaces, ends, tolerance_mm)
     doubtful = [vertex for vertex in vertices if not _fits(vertex)]
     if not doubtful:
@@ -117,7 +117,8 @@ def _free(interface: "Interface") -> bool:
     return interface.left == interface.right
 
 
-def _tolerance_mm(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
+def tolerance_of(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
+    """Ends this near are one vertex, in mm: `TOLERANCE_MM`, and far out what rounding leaves of the largest number."""
     centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
     return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
 
@@ -218,13 +219,11 @@ def _passing(
     ending = {branch.interface.name for branch in vertex}
     near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
     return [
-        interfaces[k]
-        for k in near
-        if interfaces[k].name not in ending and _holds(interfaces[k].curve, at, tolerance_mm)
+        interfaces[k] for k in near if interfaces[k].name not in ending and holds(interfaces[k].curve, at, tolerance_mm)
     ]
 
 
-def _holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
+def holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
     """Whether a point lies on a curve, as rays see it: one of two that pass square to each other is not along it."""
     rays = [(along(point, direction, -BACK_MM), direction) for direction in ((1.0, 0.0), (0.0, 1.0))]
     return any(abs(t - BACK_MM) <= tolerance_mm for ray in rays for t in curve.hits(*ray))
@@ -242,7 +241,7 @@ def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list
     return DesignError(
         f"interface {name}",
         value=f"not closed at its {branch.end}",
-        limit=f"a gap of {gap_mm:.3g} mm at {_place(branch.at)} to the {what}; on its two sides are "
+        limit=f"a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the {what}; on its two sides are "
         f"{branch.interface.left} and {branch.interface.right}, so that others must go on from here",
         remedy="join the ends, name one region on both sides, or allow open_media",
     )
@@ -268,11 +267,12 @@ def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
         remedy = f"divide {' and '.join(interface.name for interface in through)} at this place, or {remedy}"
     return DesignError(
         f"interfaces {a.interface.name} and {b.interface.name}",
-        value=f"media do not fit at {_place(a.at)}",
+        value=f"media do not fit at {place_text(a.at)}",
         limit=f"between the two, {a.interface.name} has {a.after} and {b.interface.name} has {b.before}",
         remedy=remedy,
     )
 
 
-def _place(point: Point) -> str:
+def place_text(point: Point) -> str:
+    """A place as errors state it."""
     return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"

@@ -18,14 +18,13 @@ from typing import Literal, get_args
 from solen.curve import Curve, Segment, check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
 from solen.material import Dispersion
-from solen.plane import Point, cross, dot, minus, unit
+from solen.plane import Point
+from solen.scene.apart import ON_IT_MM, check_apart, overlap_mm
 from solen.scene.closed_media import check_closed
 from solen.scene.sources import Source
 from solen.scene.surface import Surface
 
 Behaviour = Literal["refracting", "mirror", "absorbing", "receiver", "splitter", "lens", "grating"]
-ON_IT_MM = 1e-9
-"""How near to an interface a monitor lies on it."""
 BEHAVIOURS: tuple[Behaviour, ...] = get_args(Behaviour)
 
 
@@ -119,9 +118,9 @@ class Extrusion:
 class Scene:
     """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
 
-    Media must be closed (see `solen.scene.closed_media`). ``open_media`` allows them to end in nothing, as a half-space
-    or an endless plate does in a drawing: a ray that goes round such an end and meets a medium that it is not in ends
-    there, and the trace counts it as undefined.
+    Interfaces lie apart (see `solen.scene.apart`) and media are closed (`solen.scene.closed_media`). ``open_media``
+    leaves both unchecked, for media that end in nothing, as a half-space or an endless plate does in a drawing: a ray
+    that goes round such an end and meets a medium that it is not in ends there, and the trace counts it as undefined.
     """
 
     regions: tuple[Region, ...]
@@ -142,6 +141,7 @@ class Scene:
             self._check_interface(interface)
         if not self.open_media:
             check_closed(self.interfaces)
+            check_apart(self.interfaces)
         if not self.sources:
             raise DesignError("scene sources", value=0, limit="at least one is needed")
         for source in self.sources:
@@ -247,23 +247,13 @@ class Scene:
     def _check_monitor(self, monitor: Monitor) -> None:
         """A monitor along an interface would count by rounding what lies on it."""
         for interface in self.interfaces:
-            if isinstance(interface.curve, Segment) and _overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
+            if isinstance(interface.curve, Segment) and overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
                 raise DesignError(
                     f"monitor {monitor.name}",
                     value=f"lies on interface {interface.name}",
                     limit="must lie off every interface",
                     remedy="move it a little to the side that you want counted",
                 )
-
-
-def _overlap_mm(a: Segment, b: Segment) -> float:
-    """Length that two segments share on one line; 0 where they are not on one line."""
-    direction = unit(minus(a.b, a.a))
-    starts = (minus(b.a, a.a), minus(b.b, a.a))
-    if any(abs(cross(direction, start)) > ON_IT_MM for start in starts):
-        return 0.0
-    low, high = sorted(dot(direction, start) for start in starts)
-    return min(high, a.length_mm) - max(low, 0.0)
 
 
 def _check_region(region: Region) -> None:
