@@ -77,19 +77,30 @@ def test_a_waveform_is_demodulated_by_its_own_edges(tmp_path: Path) -> None:
     time, values, _ = waveform(2.0, ppm=60.0, noise=0.002)
     shaken = values + 0.2 * np.cos(2 * np.pi * 100.0 * time)[:, None] + 0.1 * time[:, None]
     path = written(tmp_path / "w.csv", "# simulated: yes\ntime_s,right (V),left (V)", time, shaken[:, 0], shaken[:, 1])
-    options = DemodulationOptions(rate_hz=200.0, mains_hz=50.0)
+    options = DemodulationOptions(rate_hz=200.0)
     found = outcome_of(path, options, out=tmp_path / "r.csv", figure=tmp_path / "r.svg").result
     assert found.method == "waveform"
     assert found.off_stated_ppm == pytest.approx(60.0, abs=30.0)
-    assert found.readings_averaged == 4
+    assert found.readings_averaged is None
+    assert found.flicker is not None
+    assert found.flicker.mains_hz == pytest.approx(50.0, abs=0.01)
     for name, depth in (("right", -1.0), ("left", -0.5)):
         one = found.channels[name].emitters[1]
         assert one.mean == pytest.approx(depth, abs=3e-3)
-        assert one.sd < 0.01, "0.2 V of flicker are gone"
+        assert one.sd < 0.002, "0.2 V of flicker are gone"
         assert one.u_reading < 0.01
     drawn = (tmp_path / "r.svg").read_text(encoding="utf-8")
     assert "simulated: w.csv" in drawn
     assert read(tmp_path / "r.csv").provenance.simulated
+
+
+def test_single_samples_in_a_slot_are_averaged_over_periods_of_the_mains(tmp_path: Path) -> None:
+    time, values, state = stream(400, lambda t: 0.2 * np.cos(2 * np.pi * 100.0 * t))
+    path = written(tmp_path / "a.csv", "time_s,right (V),state", time, values[:, 0], state.tolist())
+    found = demodulate(path, DemodulationOptions(mains_hz=50.0), tmp_path / "r.csv")
+    assert (found.readings_averaged, found.flicker) == (4, None)
+    assert found.channels["right"].emitters[1].sd < 1e-3
+    assert read(tmp_path / "r.csv").channel("window").to("s")[0] == pytest.approx(0.02)
 
 
 def test_the_rejection_is_stated_beside_the_one_sided(tmp_path: Path) -> None:

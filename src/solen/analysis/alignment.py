@@ -6,6 +6,12 @@ then by least squares: with f the mean curve, a shift by δ changes the voltage 
 on both ways, which separates f and δ. Each cycle gives its own shift; a line through them over time gives lag
 and rate of the clock, its residuals their uncertainties.
 
+A log has few entries, and a ramp begins and ends between two of them: a straight line there would cut the corner. The
+ramp's own line and the level of the hold meet in it (`solen.analysis.corners`); such times are not used for the lag.
+
+What every cycle shares is not in the scatter of cycles: an encoder's steps are added, and where parts of the range ask
+for lags that differ more than those of the cycles, their scatter is the uncertainty.
+
 A hysteresis that does not depend on speed looks the same: on ways of one speed v, a lag δ shows f' v δ between them. A
 log on another clock therefore cannot show a sensor's hysteresis, and a warning states so.
 
@@ -19,16 +25,17 @@ import numpy as np
 from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import fftconvolve
 
+from solen.analysis.corners import LoggedAngle, logged_angle
 from solen.analysis.motion import Motion, find_motion
-from solen.arrays import BoolArray, FloatArray
+from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
 from solen.results import HIDDEN, Result
 
 _CELLS = 512
 _PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
 _NOISES, _STEPS = 25.0, 5.0  # a speed is measured over a time in which the angle moves by so many of its noise or steps
-_ALIKE = 0.02  # of a step: how far a level may be from a multiple of it
-_CORNER = 0.1  # of the speed: change from one pair of entries to the next that a steady ramp does not show
+_ALIKE, _FINER = 0.02, 12  # of a step: how far a level may be from a multiple of it; the finest seen may hold so many
+_PARTS = 8  # of the range, each of which asks for a lag of its own
 _ROUNDS = 12
 _LEAST_CORRELATION = 0.3
 _RIVAL = 0.97  # share of the highest correlation from which on another shift could be meant as well
@@ -62,7 +69,9 @@ class Alignment(Result):
     warnings: tuple[str, ...] = field(metadata=HIDDEN)
 
 
-def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: FloatArray) -> Alignment:
+def align(
+    time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: FloatArray, window_s: float = 0.0
+) -> Alignment:
     """Lag and rate of a log's clock against a recorder's.
 
     Parameters
@@ -71,6 +80,8 @@ def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: Flo
         The recording, (n,) and (n, m).
     log_s, log_deg
         The log, (k,), whose times never fall.
+    window_s
+        Time over which each voltage is a mean.
 
     Raises
     ------
@@ -79,31 +90,26 @@ def align(time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: Flo
     """
     motion = find_motion(log_s, log_deg)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)
-    middle = 0.5 * float(time_s[0] + time_s[-1])
+    laid = _Laid(time_s, volts, log_s, logged_angle(log_s, log_deg, motion), motion, window_s)
     lag, rate = coarse, 0.0
     for _ in range(_ROUNDS):
-        when, shifts, weights = _shifts(time_s, volts, log_s, log_deg, motion, (lag, rate, middle))
-        if not when.size:
+        shifts = laid.shifts(lag, rate)
+        if not shifts.when.size:
             limit = "covers no whole cycle of the recording"
             raise DataError("angle of the log", limit=limit, remedy="check that both are of the same test")
-        step = float(np.average(shifts, weights=weights))
-        lag += step
-        if abs(step) < 1e-7:
+        lag += shifts.mean
+        if abs(shifts.mean) < 1e-7:
             break
-    u_lag, slope, u_slope = _line(when - middle, shifts, weights)
+    u_lag, slope, u_slope = shifts.line(laid.middle_s)
     if math.isfinite(u_slope) and abs(slope) > 3.0 * u_slope:
         rate = slope
         for _ in range(3):
-            when, shifts, weights = _shifts(time_s, volts, log_s, log_deg, motion, (lag, rate, middle))
-            lag += float(np.average(shifts, weights=weights))
-            rate += _line(when - middle, shifts, weights)[1]
-        u_lag, _, u_slope = _line(when - middle, shifts, weights)
-    shown = _at(time_s, log_s, log_deg, (lag, rate, middle))
-    step = _step_of_encoder(log_deg, motion)
-    if step:
-        times = time_s + lag + rate * (time_s - middle)
-        sampled = (log_s, log_deg) if np.median(np.diff(log_s)) > np.median(np.diff(time_s)) else (times, shown)
-        u_lag = math.hypot(u_lag, _u_of_steps(*sampled, log_s, motion, step))
+            shifts = laid.shifts(lag, rate)
+            lag += shifts.mean
+            rate += shifts.line(laid.middle_s)[1]
+        u_lag, _, u_slope = shifts.line(laid.middle_s)
+    shown = laid.angle_deg(lag, rate, window_s)
+    u_lag = math.hypot(max(u_lag, shifts.u_parts), _u_of_steps(log_s, log_deg, motion))
     words = _warnings(lag, u_lag, rivals, motion.speed_deg_per_s, time_s, shown)
     return Alignment(lag, u_lag, 1e6 * rate, 1e6 * u_slope, shown, words)
 
@@ -145,67 +151,96 @@ def _coarse(
     return float(lags[best]), tuple(sorted(rivals, key=lambda lag: abs(lag - float(lags[best])))[:1])
 
 
-_Clock = tuple[float, float, float]
+@dataclass(frozen=True, eq=False)
+class _Shifts:
+    """Shift that each cycle asks for: its time, shift and weight, (c,).
 
-
-def _at(time_s: FloatArray, log_s: FloatArray, log_deg: FloatArray, clock: _Clock) -> FloatArray:
-    lag, rate, middle = clock
-    times = time_s + lag + rate * (time_s - middle)
-    return np.asarray(np.interp(times, log_s, log_deg, left=np.nan, right=np.nan))
-
-
-def _shifts(
-    time_s: FloatArray, volts: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion, clock: _Clock
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Shift that each cycle asks for beyond a clock's: its time, shift and weight."""
-    lag, rate, middle = clock
-    angle = _at(time_s, log_s, log_deg, clock)
-    speed = _speed(time_s, log_s, log_deg, motion, clock)
-    reach = motion.high_deg - motion.low_deg
-    inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _INNER) * reach
-    moving = inner & (np.abs(speed) > 0.3 * motion.speed_deg_per_s)
-    steady = moving & ~_on_corners(time_s + lag + rate * (time_s - middle), log_s, log_deg, motion)
-    moving = steady if steady.sum() > 0.5 * moving.sum() else moving
-    rest, change = _linearised(angle, speed, volts, moving, motion)
-    edges = np.array([[cycle.start_s, cycle.end_s] for cycle in motion.cycles])
-    ours = (edges - lag + rate * middle) / (1.0 + rate)
-    found = []
-    for start, end in ours:
-        first, last = np.searchsorted(time_s, [start, end])
-        part = np.flatnonzero(moving[first:last]) + first
-        if part.size >= 8:
-            r, s = rest[part], change[part]
-            weight = float((s * s).sum())
-            if weight > 0.0:
-                found.append((0.5 * (start + end), float((r * s).sum()) / weight, weight))
-    columns = np.array(found).reshape(-1, 3)
-    return columns[:, 0], columns[:, 1], columns[:, 2]
-
-
-def _speed(time_s: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion, clock: _Clock) -> FloatArray:
-    """Speed by the log, over a time in which its noise and steps are little, and at most a tenth of a ramp."""
-    fastest = motion.speed_deg_per_s
-    far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
-    wanted = max(float(np.median(np.diff(log_s))), far / fastest)
-    half = min(wanted, 0.1 * (motion.high_deg - motion.low_deg) / fastest)
-    after, before = (_at(time_s + shift, log_s, log_deg, clock) for shift in (half, -half))
-    return np.asarray((after - before) / (2.0 * half))
-
-
-def _on_corners(when: FloatArray, log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> BoolArray:
-    """Which times lie between two entries of the log that have a ramp's end between them.
-
-    A straight line cuts that corner, in every cycle alike where the log keeps step with the motion, so that their
-    scatter does not show it. Such entries stand between a slower pair and a faster one.
+    ``u_parts`` is the uncertainty of a common shift by what parts of the range ask for.
     """
-    usual = float(np.median(np.diff(log_s)))
-    steps = np.maximum(np.diff(log_s), 1e-3 * usual)
-    speed = np.diff(log_deg) / steps
-    least = max(_CORNER * motion.speed_deg_per_s, 6.0 * motion.noise_deg / usual)
-    change = np.diff(speed)
-    corner = np.zeros(speed.size + 2, dtype=bool)
-    corner[2:-2] = (np.minimum(np.abs(change[1:]), np.abs(change[:-1])) > least) & (change[1:] * change[:-1] > 0.0)
-    return np.asarray(corner[np.searchsorted(log_s, when)])
+
+    when: FloatArray
+    shift: FloatArray
+    weight: FloatArray
+    u_parts: float
+
+    @property
+    def mean(self) -> float:
+        return float(np.average(self.shift, weights=self.weight))
+
+    def line(self, middle_s: float) -> tuple[float, float, float]:
+        """Uncertainty of the level in the middle, slope, and the slope's uncertainty."""
+        return _line(self.when - middle_s, self.shift, self.weight)
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid:
+    """A recording on a log: times and voltages, the log's stamps, angle and motion, and how long each voltage takes."""
+
+    time_s: FloatArray
+    volts: FloatArray
+    log_s: FloatArray
+    log: LoggedAngle
+    motion: Motion
+    window_s: float
+
+    @property
+    def middle_s(self) -> float:
+        """Middle of the recording."""
+        return 0.5 * float(self.time_s[0] + self.time_s[-1])
+
+    def log_times(self, lag: float, rate: float) -> FloatArray:
+        """Times of the recording on the log's clock, (n,)."""
+        return np.asarray(self.time_s + lag + rate * (self.time_s - self.middle_s))
+
+    def angle_deg(self, lag: float, rate: float, window_s: float = 0.0) -> FloatArray:
+        """Angle of the log at the times of the recording, (n,)."""
+        return self.log.at(self.log_times(lag, rate), window_s)
+
+    def shifts(self, lag: float, rate: float) -> _Shifts:
+        """Shift that each cycle asks for beyond a clock's."""
+        motion, when = self.motion, self.log_times(lag, rate)
+        angle, speed = self.log.at(when), self._speed(when)
+        reach = motion.high_deg - motion.low_deg
+        inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _INNER) * reach
+        moving = inner & (np.abs(speed) > 0.3 * motion.speed_deg_per_s)
+        steady = moving & ~self.log.on_corner(when, self.window_s)
+        moving = steady if steady.sum() > 0.3 * moving.sum() else moving
+        rest, change = _linearised(angle, speed, self.volts, moving, motion)
+        edges = np.array([[cycle.start_s, cycle.end_s] for cycle in motion.cycles])
+        used = np.zeros(when.size, dtype=bool)
+        found = []
+        for start, end in edges:
+            part = np.flatnonzero(moving & (when >= start) & (when < end))
+            weight = float((change[part] ** 2).sum())
+            if part.size >= 8 and weight > 0.0:
+                used[part] = True
+                found.append((0.5 * (start + end) - lag, float((rest[part] * change[part]).sum()) / weight, weight))
+        columns = np.array(found).reshape(-1, 3)
+        place = np.clip((_PARTS * (angle[used] - motion.low_deg) / reach).astype(int), 0, _PARTS - 1)
+        u_parts = _u_of_parts(place, rest[used], change[used])
+        return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
+
+    def _speed(self, when: FloatArray) -> FloatArray:
+        """Speed by the log, over a time in which its noise and steps are little, and at most a tenth of a ramp."""
+        motion = self.motion
+        fastest = motion.speed_deg_per_s
+        far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
+        wanted = max(float(np.median(np.diff(self.log_s))), far / fastest)
+        half = min(wanted, 0.1 * (motion.high_deg - motion.low_deg) / fastest)
+        return np.asarray((self.log.at(when + half) - self.log.at(when - half)) / (2.0 * half))
+
+
+def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
+    """Uncertainty of a lag by what parts of the range, of each receiver on its own, ask for."""
+    top, weight = (
+        np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
+    )
+    held = weight > 1e-6 * weight.sum()
+    top, weight = top[held], weight[held]
+    if weight.size < 3:
+        return 0.0
+    apart = top / weight - top.sum() / weight.sum()
+    return math.sqrt(float(weight @ apart**2) / (weight.size - 1) / float(weight.sum()))
 
 
 def _linearised(
@@ -265,35 +300,49 @@ class _Cells:
 
 
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Step of an encoder, by levels that are all multiples of it; 0 for an angle sampled in step with its motion.
+    """Step of an encoder, by levels that are all multiples of it; 0 without one.
 
-    Such a one has few levels, too, but those of both ways lie anywhere, or each follows the next in a ramp.
+    Where each level follows the next in a ramp, an angle without noise may have been sampled in step with its motion.
+    Its last decimal is then the step that it may have been rounded to.
     """
-    step = motion.step_deg
+    step = _common_step(np.unique(log_deg) - log_deg.min())
     if not step:
         return 0.0
-    levels = (np.unique(log_deg) - log_deg.min()) / step
     each = [np.abs(np.diff(log_deg[ramp.start + 1 : ramp.stop - 1])) / step for ramp in motion.ramps]
-    whole = np.abs(levels - np.round(levels)).max() < _ALIKE
-    return step if whole and (np.abs(np.concatenate(each) - 1.0) > _ALIKE).any() else 0.0
+    return step if (np.abs(np.concatenate(each) - 1.0) > _ALIKE).any() else _last_decimal(log_deg)
 
 
-def _u_of_steps(times: FloatArray, angles: FloatArray, log_s: FloatArray, motion: Motion, step_deg: float) -> float:
-    """Uncertainty of a lag by an encoder's steps, as far as a ramp's samples are rounded alike.
+def _last_decimal(values: FloatArray) -> float:
+    """0.01 of values with two decimals; 0 of values with more than six."""
+    for decimals in range(7):
+        if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _ALIKE * 1e-3:
+            return float(10.0**-decimals)
+    return 0.0
 
-    Their rounding is step/√12 in all; what of it scatters about a ramp's straight line averages out, and is seen in the
-    cycles. The rest is one shift for every cycle.
+
+def _common_step(levels: FloatArray) -> float:
+    """Largest step of which ascending levels, the first of them 0, are multiples; 0 without one."""
+    steps = np.diff(levels)
+    finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
+    for part in range(1, _FINER + 1):
+        counted = levels * (part / finest)
+        if np.abs(counted - np.round(counted)).max() < _ALIKE:
+            return finest / part
+    return 0.0
+
+
+def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
+    """Uncertainty of a lag by an encoder's steps, which may meet every ramp alike.
+
+    Entries less than half a step apart meet every step of a ramp in all its parts, and its roundings average as
+    independent ones do. Of entries farther apart all may be rounded alike, which is step/√12.
     """
-    squares, freedom = 0.0, 0
-    for ramp in motion.ramps:
-        first, last = np.searchsorted(times, log_s[[ramp.start + 1, ramp.stop - 1]])
-        t, a = times[first:last], angles[first:last]
-        if t.size > 3 and t[-1] > t[0] and np.isfinite(a).all():
-            away = t - t.mean()
-            apart = a - a.mean() - away * (away @ a) / (away @ away)
-            squares, freedom = squares + float(apart @ apart), freedom + t.size - 2
-    seen = squares / freedom if freedom else 0.0
-    return math.sqrt(max(step_deg**2 / 12.0 - seen, 0.0)) / motion.speed_deg_per_s
+    step = _step_of_encoder(log_deg, motion)
+    if not step:
+        return 0.0
+    far = motion.speed_deg_per_s * float(np.median(np.diff(log_s)))
+    passed = (motion.high_deg - motion.low_deg) / step if far < 0.5 * step else 1.0
+    return step / math.sqrt(12.0 * passed) / motion.speed_deg_per_s
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:

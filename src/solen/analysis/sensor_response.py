@@ -214,7 +214,9 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:
         moving[ramp.start + 1 : ramp.stop - 1] = True  # its ends belong to holds, which repeat a value
-    marked = np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])
+    marked = np.zeros(signals.volts.shape, dtype=bool)
+    if not signals.ambient_subtracted:
+        marked |= np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])
     if signals.clipped is not None:
         marked |= signals.clipped
     return Run(signals, motion, tuple(range(options.drop, count)), marked, tuple(_clip_warnings(signals, marked)))
@@ -237,11 +239,12 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
     for name, column, flags in zip(signals.receivers, signals.volts.T, marked.T, strict=True):
         if flags.any():
             ends = sorted({float(value) for value in (column[flags].min(), column[flags].max())})
-            at = " and ".join(f"{value:.4g} V" for value in ends)
-            share = 100.0 * flags.mean()
+            where = " and ".join(f"{value:.4g} V" for value in ends)
+            what = "readings hold samples" if signals.ambient_subtracted else "samples"
+            at = "at a limit of the recorder" if signals.ambient_subtracted else f"clipped at {where}"
             warnings.append(
-                f"{name}: {int(flags.sum())} samples ({share:.2g} %) are clipped at {at}; angles at which a "
-                "cycle is clipped have no mean, and the numbers are those of the rest"
+                f"{name}: {int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
+                "clipped have no mean, and the numbers are those of the rest"
             )
     return warnings
 

@@ -2,23 +2,22 @@
 
 The idea: `SignalOptions` name columns and state what a file leaves out; every other role follows from headers
 (`solen.recording.column_roles`). Units become s, degrees and volts; an assumption is a warning, a doubt a refusal.
-Ambient light of emitters that switch is subtracted and a moving mean taken only where the options ask for it.
 
-The interface: `waveforms` of a `Recording`, by emitter; `Signals` are those of one sensor.
+The interface: `sampled` of a `Recording` gives `Waveforms` as they were recorded (`solen.analysis.waveforms` makes
+readings of them); `Signals` are those of one sensor.
 """
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, Self
+from typing import Literal, NoReturn, Self
 
 import numpy as np
 from pydantic import Field, model_validator
-from scipy.ndimage import uniform_filter1d
 
-from solen.analysis.demodulation import DEFAULT_SETTLE_US, Demodulated, find_clock, slots_of, subtract
+from solen.analysis.demodulation.clock import On
 from solen.analysis.timebase import TimeBase, time_base
-from solen.arrays import BoolArray, FloatArray, IndexArray
+from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Provenance, Recording
 from solen.recording.column_roles import (
@@ -31,6 +30,7 @@ from solen.recording.column_roles import (
     receiver_columns,
 )
 from solen.recording.words import plain
+from solen.results import Result
 from solen.spec.strict import Finite, Options, refused
 from solen.units import factor
 
@@ -38,7 +38,6 @@ _SLOW_S = 1.0  # from this step on, a time without a unit may count samples or m
 _HIGH_V = 100.0  # above what any receiver here shows
 _TURN_DEG = 360.0
 _FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
-_WIDEST = 0.05  # share of a recording that a moving mean may span
 
 AngleSource = Literal["required", "optional", "elsewhere"]
 
@@ -61,13 +60,17 @@ class SignalOptions(Options):
     """Angle reading at rest; it is subtracted."""
     flip_angle: bool = False
     """Count the angle the other way."""
-    on_off_hz: Finite | None = Field(None, gt=0)
-    """How often per second the emitters of a raw waveform switch on and off. Ambient light is then subtracted first, as
-    solen bench demodulate does."""
+    on_off_hz: Finite | None = Field(None, ge=0)
+    """How often per second the emitters of a raw waveform switch on and off, 0 where they do not; default: detected.
+    Ambient light is then subtracted first, as solen bench demodulate does."""
+    on: On | None = None
+    """Whether light makes such a waveform low or high; default: detected by the phase that follows the motion."""
+    mains_hz: Finite | None = Field(None, ge=0)
+    """Mains of lamps whose flicker is subtracted from such a waveform, 50 or 60, or 0 for none; default: detected."""
     emitters: int = Field(1, ge=1)
     """How many emitters take turns in it, each followed by an off phase; each counts as a sensor."""
-    rails: tuple[Finite, Finite] | None = None
-    """Lowest and highest voltage of the recorder, such as 0 5: samples there are clipped."""
+    rails: tuple[float, float] | None = None
+    """Lowest and highest voltage of the recorder, such as 0 5: samples there are clipped. Default: detected."""
     smooth_ms: Finite | None = Field(None, gt=0)
     """Width of a moving mean over the voltages; none by default."""
     columns: tuple[str, ...] = ()
@@ -87,6 +90,9 @@ class SignalOptions(Options):
                 raise refused("channel", "is named twice", value=name, remedy="give each receiver its own name")
         if self.rate_hz is not None and self.time is not None:
             raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="leave one out")
+        if self.emitters > 1 and not self.on_off_hz:
+            limit = "needs the rate at which each of them switches"
+            raise refused("emitters", limit, value=self.emitters, remedy="give --on-off-hz")
         if self.rails is not None and not self.rails[0] < self.rails[1]:
             low, high = self.rails
             raise refused("rails", "must be the lower and the higher voltage", value=f"{low} {high}")
@@ -97,6 +103,36 @@ class SignalOptions(Options):
         """Receivers with their columns, as ``channel`` names them; a name alone is also that of its column."""
         parts = [text.partition("=") for text in self.channel]
         return tuple((name.strip(), (column if equals else name).strip()) for name, equals, column in parts)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Switching(Result):
+    """What was found in a waveform whose emitters switch.
+
+    Attributes
+    ----------
+    on_off_hz
+        Rate of one emitter, as stated or, if ``detected``, as found and rounded.
+    on
+        Whether light makes the waveform low or high.
+    mains_hz, flicker_V
+        Mains of the lamps whose flicker was subtracted, and its largest amplitude; None without any.
+    samples
+        How many samples the waveform has.
+    clipped_samples
+        How many of them stand at a limit, by receiver.
+    limits_V
+        Lowest and highest voltage of each receiver; None where no limit shows.
+    """
+
+    on_off_hz: float
+    detected: bool
+    on: On
+    mains_hz: float | None
+    flicker_V: float | None
+    samples: int
+    clipped_samples: dict[str, int]
+    limits_V: dict[str, tuple[float | None, float | None]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +151,10 @@ class Waveforms:
         Samples that the recording marks as clipped, (n, m); None where it marks none.
     ambient_subtracted
         Whether ambient light was subtracted, so that no light is 0 V.
+    window_s
+        Time over which each is a mean; 0 for samples.
+    switching
+        What was found where emitters switch; None where they do not.
     warnings
         Assumptions, and what is left out.
     """
@@ -126,6 +166,8 @@ class Waveforms:
     angle_deg: FloatArray | None = None
     clipped: BoolArray | None = None
     ambient_subtracted: bool = False
+    window_s: float = 0.0
+    switching: Switching | None = None
     warnings: tuple[str, ...] = ()
 
     def rows(self, kept: BoolArray) -> "Waveforms":
@@ -159,6 +201,8 @@ class Signals:
         Samples that the recording marks as clipped, (n, m); None where it marks none.
     provenance
         Of the recording.
+    ambient_subtracted
+        Whether ambient light was subtracted; clipped samples are then those marked before.
     ambient_V
         Mean of the ambient light that was subtracted, by side, where the recording states it.
     """
@@ -172,6 +216,7 @@ class Signals:
     source: str = ""
     clipped: BoolArray | None = None
     provenance: Provenance = field(default_factory=Provenance)
+    ambient_subtracted: bool = False
     ambient_V: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -185,15 +230,15 @@ def ambient_by_side(recording: Recording) -> dict[str, float]:
     }
 
 
-def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:
-    """Samples of a recording by emitter; the key is empty where emitters do not switch, or only one does.
+def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "optional") -> Waveforms:
+    """Samples of a recording as they are.
 
     Parameters
     ----------
     recording
         Its columns.
     options
-        Which of them are what, and what to do with them first.
+        Which of them are what.
     angle
         Whether the recording has to hold the angle; ``elsewhere`` does not look for it.
 
@@ -202,17 +247,11 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     DataError, SpecError
         Where a column is missing, holds no numbers or has a unit of another kind.
     """
-    whole = _sampled(recording, options, angle)
-    parts = {"": whole} if options.on_off_hz is None else _demodulated(whole, options, options.on_off_hz)
-    return {emitter: _smoothed(part, options, recording) for emitter, part in parts.items()}
-
-
-def _sampled(recording: Recording, options: SignalOptions, angle: AngleSource) -> Waveforms:
     warnings = list(recording.warnings)
     base = sample_times(recording, options, warnings)
     angle_deg = None if angle == "elsewhere" else recorded_angle_deg(recording, options, warnings)
     if angle_deg is None and angle == "required":
-        _refuse_without_angle(recording)
+        refuse_without_angle(recording)
     channels = _receivers(recording, options, angle)
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
@@ -223,9 +262,16 @@ def _sampled(recording: Recording, options: SignalOptions, angle: AngleSource) -
         angle_deg=None if angle_deg is None else angle_deg[base.order],
         clipped=np.column_stack(flags)[base.order] if any(one.any() for one in flags) else None,
         ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
+        window_s=_window_s(recording),
         warnings=(*base.warnings, *warnings),
     )
     return _complete(samples, _file(recording))
+
+
+def _window_s(recording: Recording) -> float:
+    """Time over which each row is a mean, as `solen bench demodulate` writes it."""
+    column = recording.find("window")
+    return 0.0 if column is None or column.unit != "s" else float(np.nanmedian(column.values))
 
 
 def _file(recording: Recording) -> str:
@@ -297,7 +343,8 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[str]) -> FloatA
     return channel.values
 
 
-def _refuse_without_angle(recording: Recording) -> None:
+def refuse_without_angle(recording: Recording) -> NoReturn:
+    """`DataError` with what a person can do about a recording without an angle."""
     remedy = "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; "
     limit = "no column is recognised as the angle"
     raise DataError(_file(recording), limit=limit, remedy=remedy + existing(recording))
@@ -368,44 +415,3 @@ def _volts(channel: Channel, warnings: list[str]) -> FloatArray:
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
         warnings.append(f"{channel.name} states no unit; V is assumed{doubt}")
     return channel.values
-
-
-def _demodulated(whole: Waveforms, options: SignalOptions, rate_hz: float) -> dict[str, Waveforms]:
-    """On less off by emitter, at the angle in the middle of each on slot, interpolated between samples."""
-    clock = find_clock(whole.time_s, whole.volts, rate_hz, emitters=options.emitters)
-    states = clock.states(1e-6 * DEFAULT_SETTLE_US, options.emitters)
-    found = subtract(slots_of(whole.time_s, whole.volts, states, gap_s=clock.shorter_s))
-    warnings = (*whole.warnings, *_demodulation_warnings(found, rate_hz, clock.rate_hz))
-    names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in found.emitters}
-    return {name: _readings(whole, found, emitter, warnings) for emitter, name in names.items()}
-
-
-def _readings(whole: Waveforms, found: Demodulated, emitter: int, warnings: tuple[str, ...]) -> Waveforms:
-    here = found.of(emitter)
-    base = time_base(found.time_s[here], "readings")
-    angle = None if whole.angle_deg is None else np.interp(base.time_s, whole.time_s, whole.angle_deg)
-    rows: IndexArray = np.flatnonzero(here)[base.order]
-    clipped = found.clipped[rows] if found.clipped[rows].any() else None
-    warnings = (*warnings, *base.warnings)
-    return Waveforms(base.time_s, base.step_s, whole.receivers, found.signal[rows], angle, clipped, True, warnings)
-
-
-def _demodulation_warnings(found: Demodulated, rate_hz: float, seen_hz: float) -> list[str]:
-    first = (
-        f"ambient light is subtracted: a reading is on less the mean of off before and after, {found.time_s.size} "
-        f"readings at {seen_hz:.6g} Hz ({rate_hz:g} Hz was stated)"
-    )
-    missing = sum(found.counts.missing.values())
-    return [first, f"{missing} on slots are missing from the recording"] if missing else [first]
-
-
-def _smoothed(samples: Waveforms, options: SignalOptions, recording: Recording) -> Waveforms:
-    """Centred moving mean of each receiver, where one is asked for."""
-    if options.smooth_ms is None:
-        return samples
-    most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
-    if options.smooth_ms > most_ms:
-        limit = f"must be at most {most_ms:.4g}, a twentieth of {_file(recording)}"
-        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller one, or none")
-    width = max(1, round(1e-3 * options.smooth_ms / samples.step_s)) | 1  # an odd number of samples
-    return replace(samples, volts=np.asarray(uniform_filter1d(samples.volts, width, axis=0, mode="nearest")))

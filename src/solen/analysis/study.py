@@ -14,11 +14,21 @@ from pathlib import Path
 import numpy as np
 
 from solen.analysis.alignment import Alignment, align
+from solen.analysis.detected import command, explicit, find_log
 from solen.analysis.figures_of_merit import NEAR_ZERO_DEG
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
 from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorResponse, group_of, sensor_response
-from solen.analysis.signals import Signals, Waveforms, ambient_by_side, recorded_angle_deg, sample_times, waveforms
+from solen.analysis.signals import (
+    Signals,
+    Switching,
+    Waveforms,
+    ambient_by_side,
+    recorded_angle_deg,
+    refuse_without_angle,
+    sample_times,
+)
+from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
@@ -52,8 +62,12 @@ class Study(Result):
         Swing without a lens beside that with one, by receiver; None unless there are both.
     alignment
         How the clock of the log differs from the recorder's, by recording.
+    switching
+        What was found in waveforms whose emitters switch, by recording.
     options
-        How the recordings were analysed.
+        How the recordings were analysed, with what was detected.
+    command
+        The command that states all of it; None where recordings differ in what was detected.
     dark_V
         Voltage without light: as stated, or 0 where ambient light is subtracted.
     ambient_subtracted
@@ -69,10 +83,13 @@ class Study(Result):
     mean_of_controls: SensorGroup | None
     lens_beside_none: dict[str, SwingWithoutLens] | None
     alignment: dict[str, Alignment]
+    switching: dict[str, Switching]
     options: AnalysisOptions
+    command: str | None
     dark_V: float | None
     ambient_subtracted: bool
     provenances: tuple[Provenance, ...] = field(metadata=HIDDEN)
+    logs_found: bool = field(metadata=HIDDEN)
     warnings: tuple[str, ...]
 
     @reported
@@ -95,16 +112,25 @@ class Study(Result):
         """What every figure must state about the processing; empty for nothing."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
+    @property
+    def detected(self) -> bool:
+        """Whether anything was detected that nobody stated."""
+        return any(one.detected for one in self.switching.values()) or self.logs_found
+
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One recording of a file: its samples with their angle, where it comes from, and how the log's clock differs."""
+    """One recording of a file: its samples with their angle, where it comes from, and how the log's clock differs.
+
+    ``beside`` is the log where it was found and not stated.
+    """
 
     label: str
     samples: Waveforms
     recording: Recording
     log: Recording | None = None
     alignment: Alignment | None = None
+    beside: Path | None = None
 
 
 def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
@@ -117,14 +143,17 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     """
     options = options or AnalysisOptions()
     _check_files(files, options)
-    sensors, provenances, alignment, warnings, bare = _read(files, options)
+    found = _read(files, options)
+    sensors, bare = found.sensors, found.bare
     _check_controls(options, sensors)
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
     lens, control = ([one for one in responses.values() if (one.lens is False) == without] for without in (False, True))
     groups = [group_of(ones) if ones else None for ones in (lens, control)]
-    warnings += [
+    stated = explicit(options, found.switching, found.logs)
+    warnings = [
+        *found.warnings,
         *_pooling_warnings(options, sensors),
         *(
             f"{one.label}: {line}" if len(responses) > 1 else line
@@ -138,33 +167,49 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         mean_of_sensors=groups[0],
         mean_of_controls=groups[1],
         lens_beside_none=_compared(*groups),
-        alignment=alignment,
-        options=options,
+        alignment=found.alignment,
+        switching=found.switching,
+        options=stated or options,
+        command=None if stated is None else command(files, stated),
         dark_V=used.dark_V,
         ambient_subtracted=bare,
-        provenances=tuple(provenances),
+        provenances=tuple(found.provenances),
+        logs_found=bool(found.logs),
         warnings=tuple(dict.fromkeys(warnings)),
     )
 
 
-def _read(
-    files: Sequence[Path], options: AnalysisOptions
-) -> tuple[dict[str, list[Signals]], list[Provenance], dict[str, Alignment], list[str], bool]:
-    """Signals of each sensor; provenances, alignments, warnings, and whether all are without ambient light."""
-    sensors: dict[str, list[Signals]] = {}
-    provenances: list[Provenance] = []
-    alignment: dict[str, Alignment] = {}
-    warnings: list[str] = []
-    bare = True
+@dataclass
+class _Found:
+    """What was read: signals of each sensor; provenances, alignments, switching and warnings of recordings.
+
+    ``logs`` were found beside recordings, ``bare`` states whether all are without ambient light.
+    """
+
+    sensors: dict[str, list[Signals]] = field(default_factory=dict)
+    provenances: list[Provenance] = field(default_factory=list)
+    alignment: dict[str, Alignment] = field(default_factory=dict)
+    switching: dict[str, Switching] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    logs: list[Path] = field(default_factory=list)
+    bare: bool = True
+
+
+def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
+    found = _Found()
     for path, part in _parts(files, options):
         for one in _signals(part, options, path, len(files)):
-            sensors.setdefault(one.label, []).append(one)
-        provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
-        bare &= part.samples.ambient_subtracted
-        warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
+            found.sensors.setdefault(one.label, []).append(one)
+        found.provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
+        found.bare &= part.samples.ambient_subtracted
+        found.warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
         if part.alignment is not None:
-            alignment[part.label] = part.alignment
-    return sensors, provenances, alignment, warnings, bare
+            found.alignment[part.label] = part.alignment
+        if part.samples.switching is not None:
+            found.switching[part.label] = part.samples.switching
+        if part.beside is not None:
+            found.logs.append(part.beside)
+    return found
 
 
 def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
@@ -202,11 +247,11 @@ def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Pa
     for number, path in enumerate(files):
         stated = {} if options.pattern is None else labels(path, options.pattern)
         for group, recording in read_parts(path, sheet=options.sheet, columns=options.columns or None):
-            by_emitter = waveforms(recording, options, angle="elsewhere" if elsewhere else "required")
+            by_emitter = waveforms(recording, options, angle="elsewhere" if elsewhere else "optional")
             for emitter, samples in by_emitter.items():
                 own = ".".join(filter(None, (group, emitter)))
                 part = _Part(_label(path, stated.get("sensor"), own, len(files)), samples, recording)
-                yield path, _with_angle(part, options, number)
+                yield path, _with_angle(part, options, number, files)
 
 
 def _label(path: Path, stated: str | None, own: str, files: int) -> str:
@@ -217,20 +262,31 @@ def _label(path: Path, stated: str | None, own: str, files: int) -> str:
     return own if files == 1 and stated is None else f"{label}.{own}"
 
 
-def _with_angle(part: _Part, options: AnalysisOptions, number: int) -> _Part:
+def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Sequence[Path]) -> _Part:
     """The recording with the angle of a log, or of the commanded protocol, where it has none of its own."""
     samples = part.samples
     if options.angle_file:
-        log = read(options.angle_file[number if len(options.angle_file) > 1 else 0])
-        alignment, warnings = _aligned(samples, log, options)
-        kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
-        kept = replace(kept, warnings=(*samples.warnings, *warnings, *alignment.warnings))
-        return replace(part, samples=kept, log=log, alignment=alignment)
-    if options.protocol is None:
+        return _by_log(part, options.angle_file[number if len(options.angle_file) > 1 else 0], options)
+    if options.protocol is not None:
+        found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
+        warnings = (*samples.warnings, *found.warnings)
+        return replace(part, samples=replace(samples, angle_deg=found.angle_deg, warnings=warnings))
+    if samples.angle_deg is not None:
         return part
-    found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
-    warnings = [*samples.warnings, *found.warnings]
-    return replace(part, samples=replace(samples, angle_deg=found.angle_deg, warnings=tuple(warnings)))
+    beside = find_log(files[number], files)
+    if beside is None:
+        refuse_without_angle(part.recording)
+    warning = f"{files[number].name} holds no angle: that of {beside.name} beside it is used"
+    part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
+    return replace(_by_log(part, beside, options), beside=beside)
+
+
+def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
+    samples, log = part.samples, read(path)
+    alignment, warnings = _aligned(samples, log, options)
+    kept = replace(samples, angle_deg=alignment.angle_deg).rows(np.isfinite(alignment.angle_deg))
+    kept = replace(kept, warnings=(*samples.warnings, *warnings, *alignment.warnings))
+    return replace(part, samples=kept, log=log, alignment=alignment)
 
 
 def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[str]]:
@@ -244,7 +300,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
         raise DataError(file, limit="no column is recognised as the angle", remedy="name it with --angle")
     angle = logged[base.order]
     held = np.isfinite(angle)
-    alignment = align(samples.time_s, samples.volts, base.time_s[held], angle[held])
+    alignment = align(samples.time_s, samples.volts, base.time_s[held], angle[held], samples.window_s)
     return alignment, [f"{file}: {line}" for line in (*base.warnings, *warnings)]
 
 
@@ -269,6 +325,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
             source=path.name,
             clipped=None if samples.clipped is None else samples.clipped[:, places],
             provenance=provenance,
+            ambient_subtracted=samples.ambient_subtracted,
             ambient_V=ambient_V,
         )
 

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.signals import SignalOptions, Waveforms, waveforms
+from solen.analysis.signals import SignalOptions, Waveforms
+from solen.analysis.waveforms import waveforms
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
 from solen.recording import Channel, Provenance, Recording, read_parts
@@ -25,7 +26,7 @@ from solen.units import factor
 
 _SEPARATORS = (";", "\t", ",")
 STDIN = "-"
-FILE_OPTIONS = ("angle", "zero_deg", "flip_angle", "on_off_hz", "emitters", "smooth_ms", "sheet")
+FILE_OPTIONS = ("angle", "zero_deg", "flip_angle", "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
 """Options that have a meaning for files alone."""
 
 

@@ -24,10 +24,14 @@ NEAR = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Means of blocks of readings: as `Demodulated`, with ``left_out`` readings that fill no unbroken block."""
+    """Means of blocks of readings: as `Demodulated`, with ``left_out`` readings that fill no unbroken block.
+
+    ``places`` are the readings of each, (B, readings).
+    """
 
     time_s: FloatArray
     emitter: IntArray
+    places: IndexArray
     signal: FloatArray
     u: FloatArray
     ambient: FloatArray
@@ -60,6 +64,7 @@ def averaged(found: Demodulated, slots: Slots, readings: int) -> Averaged:
     return Averaged(
         time_s=found.time_s[places].mean(axis=1),
         emitter=found.emitter[places[:, 0]],
+        places=places,
         signal=found.signal[places].mean(axis=1),
         u=np.where(np.isfinite(found.signal[places]).all(axis=1), u, np.nan),
         ambient=found.ambient[places].mean(axis=1),

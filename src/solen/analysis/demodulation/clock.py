@@ -8,7 +8,8 @@ after an edge, whatever the noise of that sample is.
 With several emitters in turn, each of them on and off once, the clock is that of the slots, and an emitter is known by
 its place in the sequence, counted from the first on slot of the recording.
 
-The interface: `find_clock`; `Clock.states` gives the state of each sample for `slots_of`.
+The interface: `find_clock` near a stated rate, `find_switching` at any; `Clock.states` gives the state of each sample
+for `slots_of`.
 """
 
 from dataclasses import dataclass, field
@@ -31,8 +32,12 @@ LEAST_SAMPLES = 6
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
 """How far from the stated rate it is searched, and how much of the recording that takes."""
 BINS = 200
-CLEAR = 6.0
-"""How many times its noise a modulation must stand out by."""
+CLEAR, CERTAIN = 6.0, 20.0
+"""How many times its noise a modulation must stand out by; and without doubt."""
+SMOOTH = 0.2
+"""Share of a period between on and off from which on it looks like flicker rather than a switch."""
+SLOWEST_HZ, TRIED = 15.0, 4
+"""Lowest rate that is looked for where none is stated, above any motion's, and how many lines are tried."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -143,6 +148,42 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
         clearness=clearness,
         between_share=_between_share(phase, level, emitters),
     )
+
+
+def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Clock | None:
+    """Clock of a waveform of one emitter whose rate nobody stated; None without one.
+
+    Times (N,) ascend, values (N, C) move the same way with the light. The strongest lines are tried, the highest first.
+    """
+    step = float(np.median(np.diff(time_s)))
+    if not step > 0.0 or 1.0 / step < LEAST_SAMPLES * SLOWEST_HZ:
+        return None
+    start = time_s - time_s[0]
+    signal = -(values - values.mean(axis=0)).sum(axis=1)
+    for rate_hz in _lines(start, signal, 1.0 / step / LEAST_SAMPLES):
+        try:
+            clock = find_clock(time_s, values, rate_hz, on=on)
+        except DataError:
+            continue
+        if clock.clearness >= CERTAIN and clock.between_share <= SMOOTH:
+            return clock
+    return None
+
+
+def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[float]:
+    """Frequencies of the strongest lines of the first seconds, the strongest first."""
+    last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
+    frequency = np.fft.rfftfreq(last, float(start[last - 1]) / (last - 1))
+    power = np.abs(np.fft.rfft((signal[:last] - signal[:last].mean()) * np.hanning(last)))
+    power[(frequency < SLOWEST_HZ) | (frequency > fastest_hz)] = 0.0
+    found: list[float] = []
+    for _ in range(TRIED):
+        place = int(np.argmax(power))
+        if not power[place] > 0.0:
+            break
+        found.append(float(frequency[place]))
+        power[np.abs(frequency - frequency[place]) <= SEARCHED_SHARE * frequency[place]] = 0.0
+    return found
 
 
 def _check(time_s: FloatArray, rate_hz: float) -> None:

@@ -10,19 +10,19 @@ from typing import Any, Literal
 
 import numpy as np
 
-from solen.analysis.demodulation.average import Averaged, averaged, readings_per_mains
-from solen.analysis.demodulation.clock import Clock
+from solen.analysis.demodulation.average import Averaged
+from solen.analysis.demodulation.clock import CERTAIN, SMOOTH, Clock
+from solen.analysis.demodulation.flicker import Flicker
+from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
-from solen.analysis.demodulation.samples import DemodulationOptions, Samples, limits_of, other_columns, samples_of
-from solen.analysis.demodulation.slots import Slots, slots_of
-from solen.analysis.demodulation.subtract import Counts, Demodulated, subtract
+from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
+from solen.analysis.demodulation.subtract import Counts, Demodulated
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
 REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
 """Frequencies of ambient light whose rejection is reported."""
-SMOOTH, SWAPPED, LEAST_TO_COMPARE = 0.2, 2.0, 20
-CLEAR = 20.0
+SWAPPED, LEAST_TO_COMPARE = 2.0, 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,12 +74,12 @@ class Demodulation(Result):
 
     Attributes
     ----------
-    samples, slots, readings
-        What was recorded, its slots and all readings.
-    means
-        Means of readings over whole mains periods; None unless asked for.
+    switched
+        What was recorded, its slots and readings.
     options
         How it was demodulated.
+    flicker
+        Of lamps, fitted to the off phases of a waveform and subtracted; None where there was none.
     method
         Where the state of the emitters comes from: ``states`` or ``waveform``.
     clock, off_stated_ppm
@@ -94,6 +94,8 @@ class Demodulation(Result):
         Time after each switch that is left out.
     counts
         What was missing.
+    clipped_samples
+        How many samples of each channel stand at a limit, by name.
     channels
         Readings of each channel, by name.
     rejection
@@ -106,14 +108,12 @@ class Demodulation(Result):
         What the readings cannot show.
     """
 
-    samples: Samples = field(metadata=HIDDEN)
-    slots: Slots = field(metadata=HIDDEN)
-    readings: Demodulated = field(metadata=HIDDEN)
-    means: Averaged | None = field(metadata=HIDDEN)
+    switched: Switched = field(metadata=HIDDEN)
     options: DemodulationOptions
     method: Literal["states", "waveform"]
     clock: Clock | None
     off_stated_ppm: float | None
+    flicker: Flicker | None
     rate_hz: float | None
     readings_kept: int
     readings_averaged: int | None
@@ -121,6 +121,7 @@ class Demodulation(Result):
     window_s: float
     settle_us: float
     counts: Counts
+    clipped_samples: dict[str, int]
     channels: dict[str, ChannelReadings]
     rejection: tuple[Rejection, ...]
     simulated: bool
@@ -128,9 +129,19 @@ class Demodulation(Result):
     warnings: tuple[str, ...]
 
     @property
-    def kept(self) -> Demodulated | Averaged:
-        """The readings, or the means where these were asked for."""
-        return self.means or self.readings
+    def samples(self) -> Samples:
+        """What was recorded."""
+        return self.switched.samples
+
+    @property
+    def readings(self) -> Demodulated:
+        """All readings."""
+        return self.switched.readings
+
+    @property
+    def means(self) -> Averaged | None:
+        """Means of readings over whole mains periods; None unless these were needed."""
+        return self.switched.means
 
 
 def demodulated(recording: Recording, options: DemodulationOptions | None = None) -> Demodulation:
@@ -143,53 +154,35 @@ def demodulated(recording: Recording, options: DemodulationOptions | None = None
     """
     options = options or DemodulationOptions()
     samples = samples_of(recording, options)
-    slots = slots_of(
-        samples.time_s,
-        samples.values,
-        samples.state,
-        settle_s=samples.settle_s if samples.clock is None else 0.0,
-        limits=limits_of(samples, options),
-        gap_s=None if samples.clock is None else samples.clock.shorter_s,
-    )
-    readings = subtract(slots, options.kernel)
-    means = None
-    if options.mains_hz is not None:
-        means = averaged(readings, slots, readings_per_mains(readings.period_s, options.mains_hz))
-    channels, kept = zip(samples.names, samples.units, strict=True), means or readings
-    clock, window_s = samples.clock, _window_s(samples, slots)
+    found = switched(samples, kernel=options.kernel, mains_hz=options.mains_hz, rails=(options.low, options.high))
+    readings, means, clock = found.readings, found.means, samples.clock
+    channels = zip(samples.names, samples.units, strict=True)
     return Demodulation(
-        samples=samples,
-        slots=slots,
-        readings=readings,
-        means=means,
+        switched=found,
         options=options,
         method="states" if clock is None else "waveform",
         clock=clock,
         off_stated_ppm=None if clock is None else _off_stated_ppm(clock, options),
+        flicker=found.flicker,
         rate_hz=1.0 / readings.period_s if np.isfinite(readings.period_s) else None,
-        readings_kept=len(kept.time_s),
+        readings_kept=len(found.kept.time_s),
         readings_averaged=None if means is None else means.readings,
-        samples_per_slot=float(np.median(slots.samples)),
-        window_s=window_s,
+        samples_per_slot=float(np.median(found.slots.samples)),
+        window_s=found.window_s,
         settle_us=1e6 * samples.settle_s,
         counts=readings.counts,
-        channels={name: _channel(readings, kept, n, unit) for n, (name, unit) in enumerate(channels)},
-        rejection=_rejection(readings, means, window_s, options),
+        clipped_samples={name: int(count) for name, count in zip(samples.names, found.clipped, strict=True)},
+        channels={name: _channel(readings, found.kept, n, unit) for n, (name, unit) in enumerate(channels)},
+        rejection=_rejection(found, options),
         simulated=recording.provenance.simulated,
         sources=(recording.provenance,),
-        warnings=(*recording.warnings, *_warnings(samples, readings, means)),
+        warnings=(*recording.warnings, *_warnings(found)),
     )
 
 
 def _off_stated_ppm(clock: Clock, options: DemodulationOptions) -> float:
     stated_hz = (options.rate_hz or np.nan) * options.emitters
     return 1e6 * (clock.rate_hz / stated_hz - 1.0)
-
-
-def _window_s(samples: Samples, slots: Slots) -> float:
-    step = float(np.median(np.diff(samples.time_s[:10_000]))) if len(samples.time_s) > 1 else 0.0
-    count = float(np.median(slots.samples))
-    return step * count if count > 1 else 0.0
 
 
 def _channel(readings: Demodulated, kept: Demodulated | Averaged, place: int, unit: str) -> ChannelReadings:
@@ -207,27 +200,26 @@ def _channel(readings: Demodulated, kept: Demodulated | Averaged, place: int, un
     return ChannelReadings(unit, emitters, mean, sd, float(readings.slot_sd[place]))
 
 
-def _rejection(
-    readings: Demodulated, means: Averaged | None, window_s: float, options: DemodulationOptions
-) -> tuple[Rejection, ...]:
-    period_s = readings.period_s
+def _rejection(found: Switched, options: DemodulationOptions) -> tuple[Rejection, ...]:
+    period_s, means = found.readings.period_s, found.means
     if not np.isfinite(period_s):
         return ()
-    hz = np.array(REPORTED_HZ)
-    two_sided, one_sided = (rejection_dB(gain(hz, period_s, window_s, kernel)) for kernel in ("two-sided", "one-sided"))
+    hz, slot_s = np.array(REPORTED_HZ), found.slot_s
+    two_sided, one_sided = (rejection_dB(gain(hz, period_s, slot_s, kernel)) for kernel in ("two-sided", "one-sided"))
     if means is None:
         return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided]).tolist())
-    left = gain(hz, period_s, window_s, options.kernel) * mean_gain(hz, period_s, means.readings)
+    left = gain(hz, period_s, slot_s, options.kernel) * mean_gain(hz, period_s, means.readings)
     with_mean = rejection_dB(np.maximum(left, 1e-10))
     return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided, with_mean]).tolist())
 
 
-def _warnings(samples: Samples, readings: Demodulated, means: Averaged | None) -> list[str]:
+def _warnings(found: Switched) -> list[str]:
+    samples, readings, means = found.samples, found.readings, found.means
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
         *([] if means is None or not means.left_out else [_LEFT_OUT.format(means.left_out)]),
-        *_swapped(samples, readings),
+        *swapped(samples, readings),
         *([] if samples.clock is None else _clock_warnings(samples.clock)),
     ]
 
@@ -273,13 +265,13 @@ def _clock_warnings(clock: Clock) -> list[str]:
             f"{100.0 * clock.between_share:.0f} % of a period lie between on and off: this looks like flicker or a "
             "slow receiver rather than an emitter that switches"
         )
-    if clock.clearness < CLEAR:
+    if clock.clearness < CERTAIN:
         warnings.append(f"the modulation stands out only {clock.clearness:.0f} times: edges are uncertain")
     return warnings
 
 
-def _swapped(samples: Samples, readings: Demodulated) -> list[str]:
-    """Whether what is taken as off varies more than what is taken as on, as where they are swapped."""
+def swapped(samples: Samples, readings: Demodulated) -> list[str]:
+    """Warning where what is taken as off varies more than what is taken as on, as where they are swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
@@ -294,17 +286,24 @@ def _swapped(samples: Samples, readings: Demodulated) -> list[str]:
 def readings_csv(result: Demodulation, recording: Recording) -> str:
     """Readings as CSV: time, emitter; of each channel signal, uncertainty, ambient light and whether it clipped.
 
-    Other columns of the recording stand beside them, at the times of the readings.
+    Other columns of the recording stand beside them, averaged over the samples of each reading; the last column is the
+    time over which a reading is a mean, unless it is a single sample.
     """
-    kept, options = result.kept, result.options
+    kept, options = result.switched.kept, result.options
     columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
     for place, (name, one) in enumerate(result.channels.items()):
         plain, unit = re.sub(r"[,\s\"]+", "_", name), f" ({one.unit})" if one.unit else ""
         heads = (f"{plain}{unit}", f"u_{plain}{unit}", f"ambient_{plain}{unit}", f"clipped_{plain}")
         for head, values in zip(heads, (kept.signal, kept.u, kept.ambient, kept.clipped), strict=True):
             columns[head] = values[:, place].tolist()
-    for head, other in other_columns(recording, options, kept.time_s).items():
-        columns[head.replace(",", " ").replace('"', " ")] = other.tolist()
+    others = other_columns(recording, options)
+    if others:
+        means = result.switched.beside(np.column_stack(list(others.values())))
+        columns |= {
+            head.replace(",", " ").replace('"', " "): one.tolist() for head, one in zip(others, means.T, strict=True)
+        }
+    if result.switched.window_s:
+        columns["window (s)"] = [result.switched.window_s] * len(kept.time_s)
     formats = [_format(head) for head in columns]
     rows = zip(*columns.values(), strict=True)
     remarks = [f"# readings of {recording.provenance.file}: on less off, {options.kernel}"]

@@ -1,7 +1,7 @@
 """Samples of several channels with the state of the emitters at each, from the columns of a recording.
 
-The interface: `samples_of` a `Recording` by `DemodulationOptions` gives `Samples`; `limits_of` them where they clip;
-`other_columns` are what else was recorded, at the times of readings.
+The interface: `samples_of` a `Recording` by `DemodulationOptions` gives `Samples`; `other_columns` are what else was
+recorded, at each sample.
 """
 
 import re
@@ -26,8 +26,6 @@ VOLTAGES = ("V", "mV", "µV")
 OFF_WORDS, ON_WORDS = ("off", "dark", "aus", "0", "false"), ("on", "light", "an", "ein", "1", "true")
 DEFAULT_SETTLE_US = 300.0
 """Time after a switch that is left out of a waveform: some ten time constants at 2 kΩ."""
-DISTINCT, AT_EXTREME = 100, 4
-"""Clipping is detected in channels of so many different values, from so many samples at the extreme."""
 
 
 class DemodulationOptions(Options):
@@ -49,8 +47,9 @@ class DemodulationOptions(Options):
     """Time after each switch that is left out; default: 300 in a waveform, 0 with states."""
     kernel: Kernel = "two-sided"
     """two-sided subtracts by the off phases before and after, one-sided by the one before, for comparison."""
-    mains_hz: Finite | None = Field(None, gt=0)
-    """Take means over whole periods of the mains, 50 or 60; a filter, off by default."""
+    mains_hz: Finite | None = Field(None, ge=0)
+    """Mains of lamps that flicker, 50 or 60; default: detected in a waveform, whose flicker is fitted to the off phases
+    and subtracted. Of single samples in a slot means over whole periods are taken, if stated. 0 leaves it alone."""
     low: Finite | None = None
     """Value at and below which a channel is clipped; default: detected from its extremes."""
     high: Finite | None = None
@@ -90,6 +89,21 @@ class Samples:
     settle_s: float
     clock: Clock | None
 
+    @property
+    def slot_settle_s(self) -> float:
+        """Time at the beginning of a slot that is still to be left out: a clock's states have left it out."""
+        return self.settle_s if self.clock is None else 0.0
+
+    @property
+    def gap_s(self) -> float | None:
+        """Time without samples that parts two slots of one state."""
+        return None if self.clock is None else self.clock.shorter_s
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Rate of the on slots by the clock."""
+        return None if self.clock is None else self.clock.rate_hz
+
 
 def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     """Samples of a recording with the state of each, from its column or from the waveform.
@@ -119,22 +133,25 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     return Samples(time_s, values, names, units, clock.states(settle_s, options.emitters), settle_s, clock)
 
 
-def other_columns(recording: Recording, options: DemodulationOptions, at_s: FloatArray) -> dict[str, FloatArray]:
-    """Other columns of numbers, such as a stage's angle, interpolated at the times of readings (M,), by header.
+def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
+    """Other columns of numbers, such as a stage's angle, at the samples (N,), by header.
 
-    Times lie within those of the samples; a column without numbers is left out.
+    Interpolated where a number is missing; a column without numbers is left out.
     """
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
+    kept = np.isfinite(time_s)
     used = {time.name, *(one.name for one in _channels(recording, options, time))}
     state = recording.find(*_state_names(options)) if options.rate_hz is None else None
     used |= {state.name} if state is not None else set()
     columns = {}
     for channel in recording.channels:
-        there = np.isfinite(time_s) & np.isfinite(channel.values)
+        there = kept & np.isfinite(channel.values)
         if channel.name not in used and there.any():
             name, unit = _name_and_unit(channel)
-            columns[f"{name} ({unit})" if unit else name] = np.interp(at_s, time_s[there], channel.values[there])
+            columns[f"{name} ({unit})" if unit else name] = np.interp(
+                time_s[kept], time_s[there], channel.values[there]
+            )
     return columns
 
 
@@ -202,24 +219,3 @@ def _state_of_word(text: str, row: int) -> int:
         limit = "must be off, on, a number, or emitter and its number"
         raise DataError(f"state in row {row}", value=text, limit=limit)
     return int(number[1])
-
-
-def limits_of(samples: Samples, options: DemodulationOptions) -> tuple[FloatArray, FloatArray]:
-    """Values of each channel at and beyond which it is clipped (C,): as stated, or by how often its extremes occur."""
-    low, high = np.full(samples.values.shape[1], -np.inf), np.full(samples.values.shape[1], np.inf)
-    for place, column in enumerate(samples.values.T):
-        there = column[np.isfinite(column)]
-        if there.size:
-            low[place] = -_upper_limit(-there) if options.low is None else options.low
-            high[place] = _upper_limit(there) if options.high is None else options.high
-    return low, high
-
-
-def _upper_limit(values: FloatArray) -> float:
-    """The largest value, where a channel of many values takes it far more often than the next one; else inf."""
-    count = int((values == values.max()).sum())
-    distinct = np.unique(values[:: max(1, len(values) // 100_000)])
-    if count < AT_EXTREME or len(distinct) < DISTINCT:
-        return np.inf
-    near = int((values == distinct[-2]).sum())
-    return float(values.max()) if count > AT_EXTREME * max(1, near) else np.inf

@@ -56,6 +56,7 @@ def slots_of(
     *,
     settle_s: float = 0.0,
     limits: tuple[FloatArray, FloatArray] | None = None,
+    clipped: BoolArray | None = None,
     gap_s: float | None = None,
 ) -> Slots:
     """Slots of samples.
@@ -72,6 +73,8 @@ def slots_of(
         Time from a slot's first sample during which samples are left out.
     limits
         Lowest and highest value of each channel, both (C,): a sample there is taken as cut off.
+    clipped
+        Which samples are cut off, (N, C), in place of limits.
     gap_s
         Time without samples from which on two of one state are of two slots; by default one and a half usual steps.
         Where every phase is known to last longer, fewer samples hide none.
@@ -83,8 +86,9 @@ def slots_of(
     """
     _check(time_s, values, state)
     begins = _begins(time_s, state, gap_s)
+    at_limit = at_limits(values, limits) if clipped is None else clipped
     if begins.all():
-        return _single(time_s, values, state, settle_s, limits)
+        return _single(time_s, values, state, settle_s, at_limit)
     slot = np.cumsum(begins) - 1
     starts = np.flatnonzero(begins)
     used = state != DROPPED
@@ -96,7 +100,7 @@ def slots_of(
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.add.reduceat(np.where(valid, values, 0.0), starts, axis=0) / counts
         middle = np.add.reduceat(np.where(used, time_s, 0.0), starts) / kept
-    at_limit = _at_limit(values, limits) & used[:, None]
+    at_limit = at_limit & used[:, None]
     there, states = kept > 0, state[starts]
     return Slots(
         time_s=middle[there],
@@ -109,13 +113,7 @@ def slots_of(
     )
 
 
-def _single(
-    time_s: FloatArray,
-    values: FloatArray,
-    state: IntArray,
-    settle_s: float,
-    limits: tuple[FloatArray, FloatArray] | None,
-) -> Slots:
+def _single(time_s: FloatArray, values: FloatArray, state: IntArray, settle_s: float, at_limit: BoolArray) -> Slots:
     """Slots that are one sample each; none is left of them where samples are to settle."""
     there = (state != DROPPED) & (settle_s <= 0.0)
     whole = bool(there.all())
@@ -127,7 +125,7 @@ def _single(
         mean=mean if finite.all() else np.where(finite, mean, np.nan),
         scatter={},
         samples=np.ones(len(mean), dtype=np.int64),
-        clipped=_at_limit(mean, limits),
+        clipped=at_limit if whole else at_limit[there],
         emptied=int(np.sum((state != DROPPED) & ~there)),
     )
 
@@ -151,7 +149,8 @@ def _begins(time_s: FloatArray, state: IntArray, gap_s: float | None) -> BoolArr
     return np.concatenate([[True], (np.diff(state) != 0) | (steps > max(usual, gap_s or 0.0))])
 
 
-def _at_limit(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
+def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) -> BoolArray:
+    """Which samples (N, C) stand at or beyond a limit of their channel."""
     if limits is None:
         return np.broadcast_to(np.False_, values.shape)
     low, high = limits

@@ -46,8 +46,8 @@ class Demodulated:
 
     Attributes
     ----------
-    time_s, emitter
-        Of each reading, (M,).
+    time_s, emitter, slot
+        Of each reading, (M,): the last is the place of its on slot.
     signal, u
         On less ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
     ambient
@@ -66,6 +66,7 @@ class Demodulated:
 
     time_s: FloatArray
     emitter: IntArray
+    slot: IndexArray
     signal: FloatArray
     u: FloatArray
     ambient: FloatArray
@@ -143,6 +144,7 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     return Demodulated(
         time_s=slots.time_s[on],
         emitter=emitter,
+        slot=on,
         signal=slots.mean[on] - ambient,
         u=np.where(np.isfinite(ambient), u, np.nan),
         ambient=ambient,

@@ -20,6 +20,9 @@ def analyse(
 ) -> Outcome[Study]:
     """Cycles, response curve and figures of merit of recorded sensors.
 
+    Emitters that switch, flicker of lamps, clipped samples and the log of a stage in the same folder are detected, and
+    the command that states all of it is printed.
+
     Parameters
     ----------
     files
@@ -45,6 +48,8 @@ def _(study: Study) -> Iterator[str]:
     for name, swing in (study.lens_beside_none or {}).items():
         if math.isfinite(swing.without_lens_percent):
             yield f"without a lens {name} swings by {swing.without_lens_percent:.3g} % of what it does with one"
+    if study.detected and study.command is not None:
+        yield f"in full: {study.command}"
 
 
 def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:

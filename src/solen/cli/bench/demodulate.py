@@ -54,6 +54,12 @@ def _(result: Demodulation) -> Iterator[str]:
         f"missing {sum(counts.missing.values())}, without off {counts.without_off}, one-sided {counts.one_sided}, "
         f"clipped {counts.clipped}"
     )
+    if any(result.clipped_samples.values()):
+        at_limit = ", ".join(f"{name} {count}" for name, count in result.clipped_samples.items())
+        yield f"samples at a limit: {at_limit} of {len(result.samples.time_s)}"
+    if result.flicker is not None:
+        amplitude = short(float(result.flicker.amplitude.max()))
+        yield f"flicker of lamps on {result.flicker.mains_hz:.5g} Hz, up to {amplitude}, is subtracted"
     for name, one in result.channels.items():
         for emitter, values in one.emitters.items():
             mean = f"mean {text(values.mean)}, u of a reading {_short(values.u_reading)}"

@@ -47,7 +47,7 @@ def _stretch(axes: Axes, result: Demodulation) -> None:
 
 
 def _readings(axes: Axes, result: Demodulation) -> None:
-    kept, samples, many = result.kept, result.samples, len(result.readings.emitters) > 1
+    kept, samples, many = result.switched.kept, result.samples, len(result.readings.emitters) > 1
     number = 0
     for place, channel in enumerate(samples.names):
         for emitter in result.readings.emitters:
@@ -69,11 +69,11 @@ def _rejection(axes: Axes, result: Demodulation) -> None:
     if not np.isfinite(period):
         axes.set_axis_off()
         return
-    hz = np.linspace(0.5, min(150.0, 0.99 / period), 600)
+    hz, slot_s = np.linspace(0.5, min(150.0, 0.99 / period), 600), result.switched.slot_s
     for one, style in zip(KERNELS, ("-", "--"), strict=True):
-        axes.plot(hz, rejection_dB(gain(hz, period, result.window_s, one)), style, color=SERIES[0], lw=1.3, label=one)
+        axes.plot(hz, rejection_dB(gain(hz, period, slot_s, one)), style, color=SERIES[0], lw=1.3, label=one)
     if means is not None:
-        both = gain(hz, period, result.window_s, result.options.kernel) * mean_gain(hz, period, means.readings)
+        both = gain(hz, period, slot_s, result.options.kernel) * mean_gain(hz, period, means.readings)
         axes.plot(
             hz, rejection_dB(np.maximum(both, 1e-4)), color=SERIES[1], lw=1.0, label=f"and mean of {means.readings}"
         )

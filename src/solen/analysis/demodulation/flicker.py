@@ -1,0 +1,258 @@
+"""Flicker of lamps in a waveform: fitted to the samples while the emitters are off, and subtracted from all.
+
+The idea: lamps flicker at twice the mains' frequency, and wires pick up the mains itself. Readings at 200 Hz see 100 Hz
+alternate from one to the next, which no difference of slots can take out. The samples inside the slots can: those of
+the off slots are the room alone, and show both of its phases. Sines at multiples of the mains are fitted to them, in
+windows of a third of a second that overlap, so that a lamp whose light wanders is followed; their phase from window to
+window gives the frequency. What is fitted is subtracted from the samples of the on slots, too. Nothing is averaged over
+time, so that a moving sensor is not smeared.
+
+A multiple that falls on the switching rate looks like the emitter's own light, and a window is too short to tell them
+apart. The whole recording is not: that multiple keeps its height and phase beside the lamp's fundamental, which is
+known. Where the two hardly drift past each other, its shape inside the off slots alone is left to show it; the first
+part of each slot, where a slow receiver may still settle, is then not used.
+
+The interface: `find_flicker` of samples with their states gives a `Flicker`.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.analysis.demodulation.slots import OFF
+from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.results import HIDDEN, Result
+
+MAINS_HZ = (50.0, 60.0)
+ORDERS, LAMP = (1, 2, 4), 2
+"""Multiples of the mains that are fitted (others look like these in slots of 200 Hz), and that of a lamp."""
+WINDOW_S, FEWEST = 0.32, 30
+"""Length of a window, and off samples for each number that is fitted in it."""
+CLEAR, SHARE = 8.0, 0.02
+"""How many times its uncertainty the power of a sine must be, and its least share of the strongest one's height."""
+NEAR_RATE_HZ = 6.0
+"""How far from a multiple of the switching rate a sine must lie, so that a window tells them apart."""
+TURNED, SETTLING = 2.0, 0.4
+"""Turns by which a multiple must drift past the rate, or else this first part of each off slot is not used for it."""
+
+_Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Flicker(Result):
+    """Light of lamps on the mains in C channels.
+
+    Attributes
+    ----------
+    mains_hz
+        Frequency of the mains on the recording's clock.
+    multiples
+        Which multiples of it were subtracted.
+    amplitude
+        Of the strongest of them in each channel, in its unit, (C,).
+    values
+        What was subtracted from each sample, (N, C).
+    """
+
+    mains_hz: float
+    multiples: tuple[int, ...]
+    amplitude: FloatArray
+    values: FloatArray = field(metadata=HIDDEN)
+
+
+def find_flicker(
+    time_s: FloatArray,
+    values: FloatArray,
+    state: IntArray,
+    rate_hz: float,
+    mains_hz: tuple[float, ...] = MAINS_HZ,
+    used: BoolArray | None = None,
+) -> Flicker | None:
+    """Flicker of samples; None where no multiple of the mains stands out.
+
+    Parameters
+    ----------
+    time_s, values, state
+        Samples, (N,), (N, C) and (N,).
+    rate_hz
+        Rate of the slots that are on.
+    mains_hz
+        Nominal frequencies, of which the clearest is taken.
+    used
+        Samples that may be used, (N,): not those at a limit.
+    """
+    off = (state == OFF) & np.isfinite(values).all(axis=1)
+    if used is not None:
+        off &= used
+    room = _Room(time_s[off], values[off], _late(state)[off])
+    found = [_fitted(room, nominal, rate_hz) for nominal in mains_hz]
+    best = max((one for one in found if one is not None), key=lambda one: one.clearness, default=None)
+    if best is None:
+        return None
+    flicker, multiples = best.at(time_s), best.orders
+    for order in ORDERS:
+        drift = abs(_beside(order * best.mains_hz, rate_hz)) * float(np.ptp(time_s))
+        if order % LAMP == 0 and LAMP in multiples and order not in best.free:
+            more = best.multiple(time_s, room, order // LAMP, drift > TURNED)
+            flicker, multiples = flicker + more, (*multiples, order)
+    return Flicker(best.mains_hz, tuple(sorted(multiples)), best.heights.max(axis=0), flicker)
+
+
+def _late(state: IntArray) -> BoolArray:
+    """Samples that are not in the first part of a run of one state."""
+    starts = np.flatnonzero(np.diff(state, prepend=state[0] - 1))
+    lengths = np.diff(np.append(starts, state.size))
+    inside = np.arange(state.size) - np.repeat(starts, lengths)
+    return np.asarray(inside >= SETTLING * np.repeat(lengths, lengths))
+
+
+def _beside(hz: float, rate_hz: float) -> float:
+    """How far a frequency is from the next multiple of a rate."""
+    return (hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz
+
+
+@dataclass(frozen=True, eq=False)
+class _Room:
+    """Off samples, (n,) and (n, C), and which are not at the beginning of a slot."""
+
+    time_s: FloatArray
+    values: FloatArray
+    late: BoolArray
+
+    def windows(self) -> list[tuple[float, slice]]:
+        """Middle and samples of windows that overlap by half."""
+        if not self.time_s.size:
+            return []
+        hop = 0.5 * WINDOW_S
+        count = max(1, int((self.time_s[-1] - self.time_s[0]) / hop) - 1)
+        starts = self.time_s[0] + hop * np.arange(count)
+        ends = np.append(starts[:-1] + WINDOW_S, self.time_s[-1] + 1e-9)
+        places = np.searchsorted(self.time_s, [starts, ends])
+        middles = 0.5 * (starts + ends)
+        return [(float(t), slice(int(a), int(b))) for t, a, b in zip(middles, *places, strict=True)]
+
+    def less_windows(self, values: FloatArray) -> FloatArray:
+        """Values at the off samples (n, k) less their mean over each half window."""
+        place = ((self.time_s - self.time_s[0]) / (0.5 * WINDOW_S)).astype(np.int64)
+        count = np.maximum(np.bincount(place), 1)
+        return np.column_stack([one - (np.bincount(place, one) / count)[place] for one in values.T])
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Sines in windows: middles (w,), their complex heights (w, orders, C), and how clearly the clearest stands out."""
+
+    mains_hz: float
+    free: tuple[int, ...]
+    orders: tuple[int, ...]
+    middle_s: FloatArray
+    sines: _Complex
+    power: FloatArray
+    clearness: float
+
+    @property
+    def heights(self) -> FloatArray:
+        """Amplitude of each order in each channel, (orders, C)."""
+        return np.asarray(np.sqrt(self.power))
+
+    def order(self, time_s: FloatArray, order: int) -> _Complex:
+        """Complex sine of an order at times, (n, C): between the windows' middles each counts by its nearness."""
+        own = self.sines[:, self.orders.index(order)]
+        turning = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
+        slow = [np.interp(time_s, self.middle_s, part) for one in own.T for part in (one.real, one.imag)]
+        return np.asarray(np.column_stack([a + 1j * b for a, b in zip(slow[::2], slow[1::2], strict=True)]) * turning)
+
+    def at(self, time_s: FloatArray) -> FloatArray:
+        """Sum of all orders at times, (n, C)."""
+        return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
+
+    def multiple(self, time_s: FloatArray, room: _Room, times: int, drifts: bool) -> FloatArray:
+        """Multiple of the lamp's sine that keeps its height and phase beside it, (n, C)."""
+        if not drifts:
+            room = _Room(room.time_s[room.late], room.values[room.late], room.late[room.late])
+        left = room.less_windows(room.values - self.at(room.time_s))
+        basis = _powers(self.order(room.time_s, LAMP), times)
+        wanted = _powers(self.order(time_s, LAMP), times)
+        found = []
+        for place in range(left.shape[1]):
+            columns = room.less_windows(np.column_stack([basis[:, place].real, basis[:, place].imag]))
+            numbers = np.linalg.lstsq(columns, left[:, place], rcond=None)[0]
+            found.append(np.column_stack([wanted[:, place].real, wanted[:, place].imag]) @ numbers)
+        return np.column_stack(found)
+
+
+def _powers(sine: _Complex, times: int) -> _Complex:
+    """Sine of a multiple of the phase, as high as the sine itself."""
+    height = np.abs(sine)
+    return np.asarray(height * (sine / np.where(height > 0.0, height, 1.0)) ** times)
+
+
+def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
+    """Sines at multiples of a nominal mains' frequency that stand out; None where none does."""
+    free = tuple(order for order in ORDERS if abs(_beside(order * nominal, rate_hz)) > NEAR_RATE_HZ)
+    found, mains = _sines(room, nominal, free), nominal
+    if found is None:
+        return None
+    for _ in range(2):
+        clear = found.clear()
+        order = free[int(np.argmax(clear))]
+        mains += _drift_hz(found, free.index(order)) / order
+        refined = _sines(room, mains, free)
+        found = found if refined is None else refined
+    clear, power = found.clear(), found.power()
+    strong = power.max(axis=1) > SHARE**2 * power.max()
+    orders = tuple(order for order, high, ok in zip(free, clear, strong, strict=True) if high > CLEAR and ok)
+    if not orders:
+        return None
+    last = _sines(room, mains, orders) or found
+    return _Fit(mains, free, orders, last.middle_s, last.heights, last.power(), float(clear.max()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sines:
+    """Of windows: middles (w,), complex heights at the zero of time (w, k, C), and their variances (w, k, C)."""
+
+    middle_s: FloatArray
+    heights: _Complex
+    variance: FloatArray
+
+    def power(self) -> FloatArray:
+        """Mean square height beyond noise, (k, C)."""
+        return np.asarray(np.maximum((np.abs(self.heights) ** 2 - self.variance).mean(axis=0), 0.0))
+
+    def clear(self) -> FloatArray:
+        """How many times its uncertainty the power of each order is, in its clearest channel, (k,)."""
+        u = self.variance.mean(axis=0) / np.sqrt(max(len(self.middle_s) / 2.0, 1.0))
+        return np.asarray((self.power() / np.where(u > 0.0, u, np.inf)).max(axis=1))
+
+
+def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | None:
+    """Sines of orders in each window that has samples enough."""
+    numbers = 2 + 2 * len(orders)
+    hz = mains_hz * np.array(orders)
+    middles, heights, variances = [], [], []
+    for middle, part in room.windows():
+        samples = part.stop - part.start
+        if samples < FEWEST * numbers:
+            continue
+        times, values = room.time_s[part], room.values[part]
+        turn = 2.0 * np.pi * hz * times[:, None]
+        columns = np.column_stack([np.ones(samples), times - middle, np.cos(turn), -np.sin(turn)])
+        inverse = np.linalg.inv(columns.T @ columns)
+        fit = inverse @ (columns.T @ values)
+        noise = ((values - columns @ fit) ** 2).sum(axis=0) / (samples - numbers)
+        both = np.diag(inverse)[2:].reshape(2, -1).sum(axis=0)
+        middles.append(middle)
+        heights.append(fit[2 : 2 + hz.size] + 1j * fit[2 + hz.size :])
+        variances.append(both[:, None] * noise)
+    return _Sines(np.array(middles), np.array(heights), np.array(variances)) if middles else None
+
+
+def _drift_hz(found: _Sines, place: int) -> float:
+    """How much higher the frequency of an order is, by its phase from window to window."""
+    own = found.heights[:, place]
+    steps = np.diff(found.middle_s)
+    if not steps.size:
+        return 0.0
+    turned = np.angle((own[1:] * own[:-1].conj()).sum())
+    return float(turned / (2.0 * np.pi * np.median(steps)))

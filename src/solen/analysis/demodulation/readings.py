@@ -1,0 +1,175 @@
+"""From samples with their states to readings: the one road that every command takes.
+
+The idea: samples at a limit are marked as they were recorded, before anything is subtracted from them. The lamps'
+flicker is taken out where the samples inside slots show it; of single samples, which do not, means over whole periods
+of the mains are taken where they are asked for. Then slots are averaged and on less off is a reading. Whatever else was
+recorded, such as the angle of a stage, is averaged over the very samples that make a reading.
+
+The interface: `switched` of `Samples` gives `Switched`; `limits_of` samples where they clip.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.analysis.demodulation.average import Averaged, averaged, readings_per_mains
+from solen.analysis.demodulation.flicker import MAINS_HZ, Flicker, find_flicker
+from solen.analysis.demodulation.rejection import Kernel
+from solen.analysis.demodulation.samples import Samples
+from solen.analysis.demodulation.slots import OFF, Slots, at_limits, slots_of
+from solen.analysis.demodulation.subtract import Demodulated, subtract
+from solen.arrays import BoolArray, FloatArray
+
+DISTINCT, AT_EXTREME = 100, 4
+"""Clipping is detected in channels of so many different values, from so many samples at the extreme."""
+DENSE = 4
+"""Samples in a slot from which on its inside shows flicker."""
+RESTING = 0.5
+"""Share of the off samples at one extreme from which on it is where the channel rests in the dark."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switched:
+    """Readings, and what they were made of.
+
+    Attributes
+    ----------
+    samples, slots, readings
+        What was recorded, its slots and all readings.
+    means
+        Means of readings over whole mains periods; None unless these were needed.
+    flicker
+        What was taken out of the samples; None where nothing was.
+    limits
+        Lowest and highest value of each channel, both (C,), infinite where none is known.
+    clipped
+        How many samples of each channel stand at a limit, (C,).
+    dark_at_limit
+        Channels that rest at a limit while the emitters are off, (C,).
+    """
+
+    samples: Samples
+    slots: Slots
+    readings: Demodulated
+    means: Averaged | None
+    flicker: Flicker | None
+    limits: tuple[FloatArray, FloatArray]
+    clipped: FloatArray
+    dark_at_limit: BoolArray
+
+    @property
+    def kept(self) -> Demodulated | Averaged:
+        """The readings, or the means where these were asked for."""
+        return self.means or self.readings
+
+    @property
+    def slot_s(self) -> float:
+        """Time over which a slot is a mean; 0 for a single sample."""
+        samples, count = self.samples, float(np.median(self.slots.samples))
+        return float(np.median(np.diff(samples.time_s[:10_000]))) * count if count > 1 else 0.0
+
+    @property
+    def window_s(self) -> float:
+        """Time over which a reading is a mean."""
+        return self.slot_s if self.means is None else self.means.readings * self.readings.period_s
+
+    def beside(self, values: FloatArray) -> FloatArray:
+        """Means (M, k) of other samples (N, k) over those that make each reading."""
+        other = _slots(self.samples, values)
+        own = other.mean[self.readings.slot]
+        return own if self.means is None else np.asarray(own[self.means.places].mean(axis=1))
+
+
+def switched(
+    samples: Samples,
+    *,
+    kernel: Kernel = "two-sided",
+    mains_hz: float | None = None,
+    rails: tuple[float | None, float | None] = (None, None),
+) -> Switched:
+    """Readings of samples.
+
+    Parameters
+    ----------
+    samples
+        With their states.
+    kernel
+        Which off slots are subtracted.
+    mains_hz
+        Of lamps that flicker; None where it is detected, 0 to leave flicker as it is.
+    rails
+        Lowest and highest value of every channel; None where it is detected.
+
+    Raises
+    ------
+    DataError
+        Where there is nothing to subtract, or no number of readings lasts whole periods of the mains.
+    """
+    limits, resting = limits_of(samples, rails)
+    at_limit = at_limits(samples.values, limits) & ~(resting & (samples.state == OFF)[:, None])
+    slots = _slots(samples, samples.values, at_limit)
+    flicker = means = None
+    dense = float(np.median(slots.samples)) >= DENSE
+    if dense and mains_hz != 0.0:
+        readings_hz = samples.rate_hz or _rate_hz(slots)
+        tried = MAINS_HZ if mains_hz is None else (mains_hz,)
+        used = ~at_limit.any(axis=1)
+        flicker = find_flicker(samples.time_s, samples.values, samples.state, readings_hz, tried, used)
+    if flicker is not None:
+        slots = _slots(samples, samples.values - flicker.values, at_limit)
+    readings = subtract(slots, kernel)
+    if not dense and mains_hz:
+        means = averaged(readings, slots, readings_per_mains(readings.period_s, mains_hz))
+    return Switched(samples, slots, readings, means, flicker, limits, at_limit.sum(axis=0), resting)
+
+
+def _slots(samples: Samples, values: FloatArray, at_limit: BoolArray | None = None) -> Slots:
+    """Slots of values that were taken with the samples."""
+    settle_s, gap_s = samples.slot_settle_s, samples.gap_s
+    return slots_of(samples.time_s, values, samples.state, settle_s=settle_s, clipped=at_limit, gap_s=gap_s)
+
+
+def _rate_hz(slots: Slots) -> float:
+    """Rate of on slots."""
+    on = slots.time_s[slots.state > OFF]
+    return 1.0 / float(np.median(np.diff(on))) if on.size > 1 else np.inf
+
+
+def limits_of(
+    samples: Samples, rails: tuple[float | None, float | None] = (None, None)
+) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
+    """Values of each channel at and beyond which it is clipped, both (C,), and which channels rest there in the dark.
+
+    As stated, or by how often its extremes occur. What is usual in the dark is the circuit's level without light; only
+    what departs from it is cut off.
+    """
+    low, high = (np.full(samples.values.shape[1], end) for end in (-np.inf, np.inf))
+    resting = np.zeros(low.size, dtype=bool)
+    off, dark_high = samples.state == OFF, _dark_is_high(samples)
+    for place, column in enumerate(samples.values.T):
+        there = column[np.isfinite(column)]
+        if there.size:
+            low[place] = -_upper_limit(-there) if rails[0] is None else rails[0]
+            high[place] = _upper_limit(there) if rails[1] is None else rails[1]
+        dark = column[off] >= high[place] if dark_high else column[off] <= low[place]
+        resting[place] = dark.size > 0 and float(dark.mean()) > RESTING
+    return (low, high), resting
+
+
+def _dark_is_high(samples: Samples) -> bool:
+    off, on = (np.nanmean(samples.values[which]) if which.any() else 0.0 for which in _off_and_on(samples))
+    return bool(off > on)
+
+
+def _off_and_on(samples: Samples) -> tuple[BoolArray, BoolArray]:
+    return np.asarray(samples.state == OFF), np.asarray(samples.state > OFF)
+
+
+def _upper_limit(values: FloatArray) -> float:
+    """The largest value, where a channel of many values takes it far more often than the next one; else inf."""
+    count = int((values == values.max()).sum())
+    distinct = np.unique(values[:: max(1, len(values) // 100_000)])
+    if count < AT_EXTREME or len(distinct) < DISTINCT:
+        return np.inf
+    near = int((values == distinct[-2]).sum())
+    return float(values.max()) if count > AT_EXTREME * max(1, near) else np.inf

@@ -1,0 +1,172 @@
+"""Waveforms of a recording, by emitter: readings without ambient light where the emitters switch.
+
+The idea: a recorder that is faster than the switching sees it. Unless the options state a rate, the strongest line of
+the voltages is tried: where it is a switch, and what it switches follows the motion, ambient light and the lamps'
+flicker are subtracted (`solen.analysis.demodulation`), and samples at the recorder's limits marked before.
+
+The interface: `waveforms` of a `Recording`.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from solen.analysis.demodulation.clock import Clock, On, find_clock, find_switching
+from solen.analysis.demodulation.demodulate import swapped
+from solen.analysis.demodulation.flicker import MAINS_HZ
+from solen.analysis.demodulation.readings import Switched, switched
+from solen.analysis.demodulation.samples import DEFAULT_SETTLE_US, Samples
+from solen.analysis.signals import AngleSource, SignalOptions, Switching, Waveforms, sampled
+from solen.analysis.timebase import time_base
+from solen.arrays import IndexArray
+from solen.errors import SpecError
+from solen.recording import Recording
+
+_WIDEST = 0.05  # share of a recording that a moving mean may span
+_FOLLOWS = 0.5  # of the scatter of either phase: what the difference of both must have to be a sensor's
+
+
+def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:
+    """Readings of a recording by emitter; the key is empty where emitters do not switch, or only one does.
+
+    Parameters
+    ----------
+    recording
+        Its columns.
+    options
+        Which of them are what, and what to do with them first.
+    angle
+        Whether the recording has to hold the angle; ``elsewhere`` does not look for it.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where a column is missing, holds no numbers or has a unit of another kind, or a stated rate is not in it.
+    """
+    file = recording.provenance.file or "recording"
+    whole = sampled(recording, options, angle)
+    if whole.ambient_subtracted and options.rails is not None:
+        limit = f"are no limits of {file}, from which ambient light was subtracted: its clipped readings are marked"
+        rails = " ".join(f"{one:g}" for one in options.rails)
+        raise SpecError("--rails", value=rails, limit=limit, remedy="leave it out")
+    parts = _by_emitter(whole, options)
+    return {emitter: _smoothed(part, options, file) for emitter, part in parts.items()}
+
+
+def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms]:
+    rate_hz, detected = options.on_off_hz, options.on_off_hz is None
+    if rate_hz == 0.0 or (detected and whole.ambient_subtracted):
+        return {"": whole}
+    clock = _clock(whole, options, rate_hz, options.on or "low")
+    if clock is None:
+        return {"": whole}
+    rate_hz = rate_hz or float(f"{clock.rate_hz:.4g}")
+    found, on = _found(whole, options, clock), options.on or "low"
+    if options.on is None and swapped(found.samples, found.readings):
+        on, clock = "high", find_clock(whole.time_s, whole.volts, rate_hz, on="high", emitters=options.emitters)
+        found = _found(whole, options, clock)
+    if detected and not _follows(found):
+        warning = (
+            f"the voltages switch at {rate_hz:g} Hz, but by the same step wherever the sensor stands: this is taken "
+            f"for light of the room; --on-off-hz {rate_hz:g} takes it for the emitter's"
+        )
+        return {"": replace(whole, warnings=(*whole.warnings, warning))}
+    state = _state(whole, found, rate_hz, on, detected=detected)
+    part = replace(whole, switching=state, warnings=(*whole.warnings, *_warnings(found, state, clock)))
+    names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in found.readings.emitters}
+    return {name: _readings(part, found, emitter) for emitter, name in names.items()}
+
+
+def _clock(whole: Waveforms, options: SignalOptions, rate_hz: float | None, on: On) -> Clock | None:
+    if rate_hz is None:
+        return find_switching(whole.time_s, whole.volts, on)
+    return find_clock(whole.time_s, whole.volts, rate_hz, on=on, emitters=options.emitters)
+
+
+def _follows(found: Switched) -> bool:
+    """Whether what switches changes as the phases themselves do, as an emitter's light in a moving sensor."""
+    on = found.readings.signal + found.readings.ambient
+    least = np.minimum(np.nanstd(on, axis=0), np.nanstd(found.readings.ambient, axis=0))
+    return bool((np.nanstd(found.readings.signal, axis=0) > _FOLLOWS * least).any())
+
+
+def _found(whole: Waveforms, options: SignalOptions, clock: Clock) -> Switched:
+    settle_s = min(1e-6 * DEFAULT_SETTLE_US, 0.3 * clock.shorter_s)
+    states = clock.states(settle_s, options.emitters)
+    units = ("V",) * len(whole.receivers)
+    samples = Samples(whole.time_s, whole.volts, whole.receivers, units, states, settle_s, clock)
+    return switched(samples, mains_hz=options.mains_hz, rails=options.rails or (None, None))
+
+
+def _state(whole: Waveforms, found: Switched, rate_hz: float, on: On, *, detected: bool) -> Switching:
+    flicker, names = found.flicker, whole.receivers
+    mains = None if flicker is None else min(MAINS_HZ, key=lambda one: abs(one - flicker.mains_hz))
+    limits = zip(names, *found.limits, strict=True)
+    return Switching(
+        on_off_hz=rate_hz,
+        detected=detected,
+        on=on,
+        mains_hz=mains,
+        flicker_V=None if flicker is None else float(flicker.amplitude.max()),
+        samples=whole.time_s.size,
+        clipped_samples={name: int(n) for name, n in zip(names, found.clipped, strict=True)},
+        limits_V={name: (_finite(low), _finite(high)) for name, low, high in limits},
+    )
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _readings(whole: Waveforms, found: Switched, emitter: int) -> Waveforms:
+    kept = found.kept
+    here = np.flatnonzero(kept.emitter == emitter)
+    base = time_base(kept.time_s[here], "readings")
+    rows: IndexArray = here[base.order]
+    angle = None if whole.angle_deg is None else found.beside(whole.angle_deg[:, None])[rows, 0]
+    return replace(
+        whole,
+        time_s=base.time_s,
+        step_s=base.step_s,
+        volts=kept.signal[rows],
+        angle_deg=angle,
+        clipped=kept.clipped[rows],
+        ambient_subtracted=True,
+        window_s=found.window_s,
+        warnings=(*whole.warnings, *base.warnings),
+    )
+
+
+def _warnings(found: Switched, state: Switching, clock: Clock) -> list[str]:
+    each = clock.rate_hz / max(len(found.readings.emitters), 1)
+    by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
+    warnings = [
+        f"ambient light is subtracted: a reading is on less the mean of off before and after, {found.kept.time_s.size} "
+        f"readings at {each:.6g} Hz ({by}); light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
+    ]
+    missing = sum(found.readings.counts.missing.values())
+    if missing:
+        warnings.append(f"{missing} on slots are missing from the recording")
+    if found.flicker is not None:
+        lines = " and ".join(f"{n * found.flicker.mains_hz:.4g}" for n in found.flicker.multiples)
+        warnings.append(
+            f"lamps flicker at {lines} Hz by up to {state.flicker_V:.2g} V: fitted to the off phases and subtracted"
+        )
+    for name, resting in zip(found.samples.names, found.dark_at_limit, strict=True):
+        if resting:
+            warnings.append(f"{name} rests at its limit in the dark: weak light of the emitter or the room is not seen")
+    return warnings
+
+
+def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveforms:
+    """Centred moving mean of each receiver, where one is asked for."""
+    if options.smooth_ms is None:
+        return samples
+    most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
+    if options.smooth_ms > most_ms:
+        limit = f"must be at most {most_ms:.4g}, a twentieth of {file}"
+        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller one, or none")
+    width = max(1, round(1e-3 * options.smooth_ms / samples.step_s)) | 1  # an odd number of samples
+    return replace(samples, volts=np.asarray(uniform_filter1d(samples.volts, width, axis=0, mode="nearest")))
