@@ -19,6 +19,10 @@ from typing import TextIO
 
 from solen.errors import OutputError, SolenError
 
+DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{digit}" for name in ("COM", "LPT") for digit in "0123456789¹²³")}
+"""Names that are no files on Windows, whatever their ending."""
+LONGEST_NAME = 200
+"""Of a name, in bytes: with its ending it must be a valid file name everywhere."""
 SEALED = b"SOLENSEAL1"
 _SEAL = struct.Struct("<10sQI")
 _APART = 1 << 13
@@ -164,6 +168,27 @@ def _crc(path: Path, size: int | None = None) -> int:
         while left and (chunk := file.read(min(left, 1 << 20))):
             crc, left = zlib.crc32(chunk, crc), left - len(chunk)
     return crc
+
+
+def check_name(what: str, name: str, error: type[SolenError], remedy: str = "choose another") -> None:
+    """Raise ``error`` in one line where a name is no file's on some system: Windows, macOS or Linux."""
+    limit = ""
+    if any(sign in name for sign in '/\\:*?"<>|') or any(ord(sign) < 32 for sign in name):
+        limit = 'must be the name of a file, without its folder and without any of / \\ : * ? " < > |'
+    elif not name or name[0] == "." or name[-1] in ". ":
+        limit = "must not begin with a dot, nor end in a dot or a blank"
+    elif name.partition(".")[0].rstrip().upper() in DEVICES:
+        limit = f"is a device on Windows: {name.partition('.')[0]}"
+    elif (length := len(name.encode())) > LONGEST_NAME:
+        name, limit = f"{name[:20]}…", f"is {length} bytes long; {LONGEST_NAME} at most"
+    if limit:
+        raise error(what, value=name, limit=limit, remedy=remedy)
+
+
+def csv_cell(text: str) -> str:
+    """A text for a CSV file: what a spreadsheet would take for a formula begins with an apostrophe."""
+    shown = f"'{text}" if text[:1] in {"=", "+", "-", "@", "\t", "\r"} else text
+    return '"' + shown.replace('"', '""') + '"' if any(sign in shown for sign in ',"\n\r') else shown
 
 
 def remove(path: Path) -> None:

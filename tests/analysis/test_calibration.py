@@ -1,6 +1,7 @@
 """Calibration and decoding: against the long way, on truths, and whether the bands hold what they say."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from solen.analysis.calibration import (
     pooled,
     training_of,
 )
+from solen.analysis.calibration.calibrate import place_of
 from solen.analysis.calibration.posterior import posterior
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -275,3 +277,9 @@ def test_a_stream_that_rises_is_told_whole_or_in_pieces() -> None:
     assert np.concatenate(pieces) == pytest.approx(whole.rises, abs=1e-9)
     still = Tracker().of(time, 0.02 * np.random.default_rng(2).standard_normal(time.size), noise)
     assert np.mean([word == "" for word in still.words()]) > 0.88
+
+
+@pytest.mark.parametrize("sensor", ["U_L/V,U_R/V", "../../a", "con", "a."])
+def test_a_sensor_whose_name_is_no_file_s_is_refused_in_a_line(sensor: str) -> None:
+    with pytest.raises(DataError, match=r"^sensor = .*; name the file with --out$"):
+        place_of([Path("run.csv"), Path("again.csv")], sensor)

@@ -1,5 +1,6 @@
 """The journal: what was written is there after any end, each row once, and it can be gone on with."""
 
+import errno
 import json
 import struct
 import subprocess
@@ -7,12 +8,14 @@ import sys
 import textwrap
 import time
 import zlib
+from io import FileIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from solen.bench.journal import Journal, read_journal
+from solen.bench.journal import Journal, read_journal, reserve_of
 from solen.bench.records import MAGIC_1
 from solen.errors import BenchError, DataError
 
@@ -122,6 +125,31 @@ def test_what_is_no_journal_is_refused(tmp_path: Path, name: str, data: bytes) -
     (tmp_path / name).write_bytes(data)
     with pytest.raises(DataError):
         read_journal(tmp_path / name)
+
+
+def test_a_full_disk_leaves_room_to_say_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reserve = reserve_of(tmp_path / "a.journal")
+
+    class Filling(FileIO):
+        """A file on a disk that is full at 2.2 kB, but for what is given up."""
+
+        def write(self, data: Any) -> int:
+            if self.tell() + len(data) > 2_200 and reserve.exists():
+                super().write(bytes(data)[:7])  # what still fitted
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return super().write(data)
+
+    monkeypatch.setattr("solen.bench.journal.FileIO", Filling)
+    with Journal.create(tmp_path / "a.journal", {}, {"board": ROW}) as journal:
+        for first in range(0, 90, 10):
+            journal.rows("board", rows(first, 10))
+        with pytest.raises(BenchError, match=r"a\.journal; .*No space left on device; make room"):
+            journal.rows("board", rows(90, 10))
+        journal.event(1.0, "fault", reason="no room")
+    found = read_journal(tmp_path / "a.journal")
+    assert found.outcome == "fault"
+    assert len(found.missing) == 1
+    assert not reserve.exists()
 
 
 CHILD = """

@@ -2,6 +2,7 @@
 
 import json
 import math
+import sqlite3
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -139,13 +140,14 @@ def test_a_run_that_was_ended_is_taken_up_after_its_last_whole_cycle(
 
 def test_what_a_stop_leaves_can_be_closed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording, "READ_SIMULATED_S", 0.1)
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"emitters off, stage stopped; .*protocol\.journal: .*--resume"):
         recorded(bench, watch=stopping(2, KeyboardInterrupt()))
     with pytest.raises(BenchError, match=r"protocol\.journal; exists already.*; solen bench recover"):
         recorded(bench)
     periods = len(read_journal(bench / "out" / "protocol.journal").streams["board"])
     found = recover(bench / "out" / "protocol.journal")
     assert (found.outcome, found.cycles, found.periods) == ("stopped", 2, periods)
+    assert "the run ended before its end: KeyboardInterrupt" in found.warnings
     (row,) = list_recordings(bench / "out").recordings
     assert (row.outcome, row.sensors, row.there) == ("stopped", ("A", "B"), True)
 
@@ -250,6 +252,8 @@ def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str]
     ("change", "told"),
     [
         (('name = "B"', 'name = "A"'), "name A is used twice"),
+        (('name = "B"', 'name = "aux.1"'), "'aux.1'; is a device on Windows"),
+        (('name = "B"', 'name = "B."'), "nor end in a dot"),
         (("right = 4", "right = 1"), "input 1 is used twice"),
         (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "must be one of M-060.DG, M-111.1DG"),
         (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
@@ -320,8 +324,10 @@ def test_a_full_disk_is_told_before_anything_is_written_to_it(bench: Path, monke
     ("more", "told"),
     [
         ({"seed": -4}, "seed = -4; must be at least 0"),
-        ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; 200 at most; shorten it"),
+        ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; 200 at most"),
         ({"name": "../a"}, "must be the name of a file, without its folder"),
+        ({"name": "nul"}, "--name = 'nul'; is a device on Windows"),
+        ({"name": "a."}, "nor end in a dot"),
         ({"resume": True}, "no such journal: .*; leave --resume out"),
     ],
 )
@@ -341,6 +347,25 @@ def test_what_is_written_to_start_from_runs(tmp_path: Path) -> None:
         assert load(tmp_path / "bench" / rig.sensor[0].design).motion.kind == kind
     with pytest.raises(OutputError, match="exists already"):
         new(tmp_path / "bench")
+
+
+def test_a_folder_that_cannot_be_written_to_is_listed(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded(bench)
+    out, connect = bench / "out", sqlite3.connect
+
+    def read_only(path: Path, **more: Any) -> sqlite3.Connection:
+        opened: sqlite3.Connection = connect(f"{path.as_uri()}?mode=ro", uri=True, **more)
+        return opened
+
+    (out / "strange.nc").write_bytes(b"no netCDF")
+    monkeypatch.setattr("sqlite3.connect", read_only)
+    with_catalogue = list_recordings(out)
+    looked = list_recordings(out, look=True)
+    (out / "recordings.sqlite").unlink()
+    without = list_recordings(out)
+    assert with_catalogue.recordings == looked.recordings == without.recordings
+    assert looked.strangers == without.strangers == ("strange.nc",)
+    assert not (out / "recordings.sqlite").exists()
 
 
 def test_a_catalogue_takes_in_what_was_put_there_and_tells_what_is_missing(bench: Path) -> None:

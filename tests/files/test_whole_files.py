@@ -244,3 +244,63 @@ def test_a_name_as_long_as_a_name_may_be_is_written(tmp_path: Path) -> None:
     target = tmp_path / ("x" * 251 + ".txt")
     assert files.write_text(target, "x").read_text(encoding="utf-8") == "x"
     assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("a/b", "without its folder"),
+        ("..", "must not begin with a dot"),
+        ("run.", "nor end in a dot"),
+        ("run ", "a blank"),
+        ("con", "a device on Windows: con"),
+        ("COM1.nc", "a device on Windows: COM1"),
+        ("lpt¹", "a device on Windows"),
+        ("a\tb", "without its folder"),
+        ("", "must not begin"),
+        ("a" * 300, "is 300 bytes long; 200 at most"),
+    ],
+)
+def test_names_that_are_no_files_on_some_system_are_refused(name: str, why: str) -> None:
+    with pytest.raises(DataError) as refusal:
+        files.check_name("sensor", name, DataError)
+    assert why in told(refusal.value)
+
+
+def test_names_of_files_pass() -> None:
+    for name in ("lens-1", "console", "com10", "a.b", "Ωm"):
+        files.check_name("sensor", name, DataError)
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("U_L (V)", "U_L (V)"),
+        ("=1+1", "'=1+1"),
+        ("-x", "'-x"),
+        ("+x", "'+x"),
+        ("@x,y", '"\'@x,y"'),
+        ('say "a"', '"say ""a"""'),
+        ("", ""),
+    ],
+)
+def test_texts_that_a_spreadsheet_would_compute_are_escaped(text: str, cell: str) -> None:
+    assert files.csv_cell(text) == cell
+
+
+@pytest.mark.parametrize("place", [0, 50, 499])
+def test_a_sealed_file_that_was_changed_is_refused(tmp_path: Path, place: int) -> None:
+    target = files.write_bytes(tmp_path / "a", bytes(range(250)) * 2)
+    files.check_seal(target, DataError)  # without a seal it passes
+    files.seal(target)
+    files.check_seal(target, DataError)
+    data = bytearray(target.read_bytes())
+    assert data[:500] == bytes(range(250)) * 2
+    data[place] ^= 1
+    target.write_bytes(data)
+    with pytest.raises(DataError, match="damaged"):
+        files.check_seal(target, DataError)
+    data[place] ^= 1
+    data[505] ^= 1  # the first of both seals
+    target.write_bytes(data)
+    files.check_seal(target, DataError)

@@ -87,9 +87,28 @@ def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
     if not folder.is_dir():
         raise SpecError(str(folder), limit="is not a folder", remedy="name the folder of the recordings")
     catalogue = Catalogue(folder)
-    strangers = catalogue.look() if look or not (folder / NAME).exists() else ()
     journals = tuple(sorted(path.name for path in folder.glob(f"*{JOURNAL}")))
-    return RecordingList(folder, catalogue.entries(), journals, strangers)
+    try:
+        strangers = catalogue.look() if look or not (folder / NAME).exists() else ()
+        return RecordingList(folder, catalogue.entries(), journals, strangers)
+    except _ReadOnlyError:
+        entries, strangers = _read(folder)
+        return RecordingList(folder, entries, journals, strangers)
+
+
+def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
+    """Recordings of a folder that no catalogue can be written to, by their dates, and files that are none."""
+    entries, strangers = [], []
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        try:
+            entries.append(entry_of(path))
+        except DataError:
+            strangers.append(path.name)
+    return tuple(sorted(entries, key=lambda one: (one.date, one.file))), tuple(strangers)
+
+
+class _ReadOnlyError(OutputError):
+    """A catalogue that cannot be written, though its files may be read."""
 
 
 class Catalogue:
@@ -141,7 +160,9 @@ class Catalogue:
                 yield table
         except sqlite3.DatabaseError as bad:
             remedy = "remove it; solen bench recordings --look makes a new one"
-            raise OutputError(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
+            name = getattr(bad, "sqlite_errorname", "")
+            error = _ReadOnlyError if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN")) else OutputError
+            raise error(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 
 def header_of(path: Path) -> dict[str, Any]:

@@ -4,7 +4,8 @@ The idea: whatever asks the program to go must leave emitters off and the stage 
 `Ended`, a `KeyboardInterrupt`, in the main thread, once; later ones are passed over, so that nobody interrupts the
 switching off. Within `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 
-The interface: `ended_by_signals` around a run; `uninterrupted` around what must not be left half-way; `Ended`.
+The interface: `ended_by_signals` around a run; `uninterrupted` around what must not be left half-way;
+`pass_over` further ones; `Ended`.
 """
 
 import signal
@@ -59,6 +60,13 @@ def ended_by_signals() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def pass_over() -> None:
+    """Pass over every further request: for a program that is about to end, and still has something to say."""
+    for name in NAMES:
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
 
 
 @contextmanager

@@ -15,6 +15,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import FileIO
 from itertools import pairwise
@@ -31,6 +32,8 @@ from solen.errors import BenchError, DataError
 SUFFIX = ".journal"
 FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
 """Bytes after which the header is written again: at first, and at most, as the gap doubles each time."""
+RESERVE_BYTES = 1 << 16
+"""Kept free beside a journal that is written, so that a full disk leaves room to say why the run ended."""
 _NEAR = 20
 """Records on either side of a gap that are asked for a time."""
 
@@ -145,6 +148,9 @@ class Journal:
         self._streams = {name: stream for stream, name in enumerate(self._dtypes)}
         self._header, self._number = _json(header), number
         self._since, self._gap = 0, FIRST_GAP
+        self._reserve = reserve_of(path)
+        with suppress(OSError):  # a disk that is full already says so at the first record
+            self._reserve.write_bytes(os.urandom(RESERVE_BYTES))
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
@@ -212,6 +218,8 @@ class Journal:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        with suppress(OSError):
+            self._reserve.unlink(missing_ok=True)
 
     def __enter__(self) -> Self:
         return self
@@ -239,8 +247,15 @@ class Journal:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as bad:
+            with suppress(OSError):  # room to say how the run ended
+                self._reserve.unlink(missing_ok=True)
             remedy = "make room; what is written stays"
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None
+
+
+def reserve_of(path: Path) -> Path:
+    """File whose bytes are given up where the disk of a journal is full; a kill leaves it."""
+    return path.with_name(f".{path.name}.reserve")
 
 
 def read_journal(path: Path) -> JournalContent:

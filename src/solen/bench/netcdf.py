@@ -117,7 +117,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
             time_s, readings, remarks = content(file, journaled)
             _positions(file, journaled)
             remarks += [event["reason"] for event in journaled.events if event["what"] == "remark"]
-            remarks += [*_timing(file, journaled), *_damage(journaled)]
+            remarks += [*_timing(file, journaled), *_damage(journaled), *_ended(journaled)]
             done.append(
                 RecordedRun(
                     path=path,
@@ -273,6 +273,12 @@ def _positions(file: Any, journaled: JournalContent) -> None:
 
 def _looks(journaled: JournalContent) -> Looks:
     return Looks.of(journaled.streams["stage"], journaled.header.get("clock_resolution_s", 0.0))
+
+
+def _ended(journaled: JournalContent) -> list[str]:
+    """Why a run ended before its end."""
+    ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
+    return [f"the run ended before its end: {ends[-1]['reason']}"] if ends and journaled.outcome != "done" else []
 
 
 def _damage(journaled: JournalContent) -> list[str]:

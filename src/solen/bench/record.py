@@ -24,7 +24,7 @@ from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import open_instruments
 from solen.bench.ends import Ended, ended_by_signals, uninterrupted
 from solen.bench.homing import Confirm, make_known
-from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal
+from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal, reserve_of
 from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording
 from solen.bench.protocol import Protocol, load_protocol
@@ -41,8 +41,6 @@ READ_SIMULATED_MOST_S = 10.0
 """A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
 ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
 """A recording needs at most the size of its journal times the first, and the second in bytes."""
-LONGEST_NAME = 200
-"""Of a recording, in bytes: with its ending it must be a valid file name everywhere."""
 PAUSE_S = 1.0
 """Shortest time between the end of a part of a run and the part that resumes it."""
 
@@ -101,7 +99,7 @@ def record(
     if options.real_time and not rig.simulated:
         raise SpecError("--real-time", limit="is for a simulated rig; a real one always runs in real time")
     name = options.name or protocol_file.stem
-    _check_name(name)
+    files.check_name("--name", name, SpecError)
     path, target = folder / f"{name}{SUFFIX}", folder / f"{name}.nc"
     simulated_time = rig.simulated and not options.real_time
     with files.output_folder(folder), locked(path):
@@ -153,6 +151,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     row = Catalogue(target.parent).add(target)
     if row.periods != content.counts["samples" if "daq" in content.header else "board"]:
         raise OutputError(str(target), limit="does not hold what the journal holds", remedy=f"keep {path.name}")
+    files.remove(reserve_of(path))
     if not content.damaged:
         files.remove(path)
     return recorded
@@ -208,14 +207,6 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
                 raise BenchError(f"{protocol_file}: step[{number}]", value=step.target, limit=limit)
     if rig.simulated and {rig.stage.driver, rig.sampler.driver} != {"simulated"}:
         raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
-
-
-def _check_name(name: str) -> None:
-    if (length := len(name.encode())) > LONGEST_NAME:
-        limit = f"is {length} bytes long; {LONGEST_NAME} at most"
-        raise SpecError("--name", value=f"{name[:20]}…", limit=limit, remedy="shorten it")
-    if any(sign in name for sign in '/\\:*?"<>|') or name.startswith("."):
-        raise SpecError("--name", value=name, limit="must be the name of a file, without its folder")
 
 
 def _resumed(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:

@@ -20,6 +20,7 @@ from solen.bench.drivers import DRIVERS
 from solen.bench.gcs2 import STAGES
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
+from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
@@ -189,6 +190,11 @@ class SensorOf(BenchTable):
     emitter: Input = Field(description="which emitter of the board lights it.")
     right: Input = Field(description="which input of the board its right receiver is on.")
     left: Input = Field(description="which input of the board its left receiver is on.")
+
+    @model_validator(mode="after")
+    def _names_a_file(self) -> Self:
+        check_name("name", self.name, BenchError)
+        return self
 
 
 class Spread(BenchTable):

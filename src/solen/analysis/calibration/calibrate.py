@@ -16,6 +16,7 @@ from solen.analysis.calibration.training import training_of
 from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
+from solen.files import check_name
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain
 
@@ -179,7 +180,8 @@ def _cautions(sensor: SensorResponse, one: Calibration, check: Check | None) -> 
 
 
 def place_of(recordings: Sequence[Path], sensor: str) -> Path:
-    """Where a sensor's calibration is written by default: beside its recording."""
+    """Where a sensor's calibration is written by default: beside its recording; `DataError` for what names no file."""
+    check_name("sensor", sensor, DataError, "name the file with --out")
     for path in recordings:
         if sensor == path.stem or sensor.startswith(f"{path.stem}."):
             return path.with_name(f"{sensor}{SUFFIX}")

@@ -17,6 +17,7 @@ from solen.analysis.demodulation.readings import Switched, switched
 from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
 from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated
+from solen.files import csv_cell
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
@@ -312,7 +313,7 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
     if result.simulated:
         remarks.append("# simulated: yes")
     table = [",".join(write(value) for write, value in zip(formats, row, strict=True)) for row in rows]
-    return "\n".join([*remarks, ",".join(columns), *table]) + "\n"
+    return "\n".join([*remarks, ",".join(map(csv_cell, columns)), *table]) + "\n"
 
 
 def _format(head: str) -> Callable[[Any], str]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.bench.catalogue import RecordingList
+from solen.bench.ends import Ended, pass_over
 from solen.bench.netcdf import RecordedRun
 from solen.bench.record import RecordOptions
 from solen.bench.run import Tick
@@ -42,7 +43,11 @@ def run(
         Folder of the recording.
     """
     with _live() as (watch, report, confirm):
-        return pipeline.run(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
+        try:
+            return pipeline.run(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
+        except Ended:
+            pass_over()  # what is kept is still to be said
+            raise
 
 
 def recover(journal: Path, /) -> Outcome[RecordedRun]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solen.errors import DataError
+from solen.files import csv_cell
 from solen.material.rows import chosen_rows, refuse_unused
 from solen.material.stiffness.cautions import cautions
 from solen.material.stiffness.columns import read_test
@@ -115,7 +116,7 @@ class MeasuredStiffness(MaterialStiffness, Measured):
         lines = ["specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"]
         for material in self.materials:
             for specimen in material.specimens:
-                names = ",".join('"' + text.replace('"', "'") + '"' for text in (specimen.name, material.label or ""))
+                names = ",".join(csv_cell(text) for text in (specimen.name, material.label or ""))
                 test = specimen.test
                 columns = zip(test.strain, test.stress_MPa, test.true_strain, test.true_stress_MPa, strict=True)
                 lines += [f"{names},{a:.9g},{b:.9g},{c:.9g},{d:.9g}" for a, b, c, d in columns]
