@@ -1,5 +1,6 @@
 """The scale of a picture is one unknown: coupons in pictures whose scale is stated wrongly, up to the shrinkage."""
 
+import contextlib
 import dataclasses
 import json
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from solen.errors import DataError
 from solen.fabricate.process import (
     MeasuredCoupon,
     MeasuredFeature,
@@ -116,9 +118,15 @@ def test_shrinkage_from_pictures_of_a_wrong_scale(tmp_path: Path) -> None:
 
 @pytest.mark.evidence
 def test_shrinkage_from_300_pictures_of_a_wrong_scale(tmp_path: Path) -> None:
-    """Wrong by up to 2 %, stated to 1 %: within the 95 % interval in 95 % of them at least."""
-    names = ["group-a" if seed % 10 == 0 else "holes" for seed in range(300)]
-    off, u = np.array([pictured(tmp_path, name, seed, 0.01) for seed, name in enumerate(names)]).T
+    """Wrong by up to 2 %, stated to 1 %: within the 95 % interval in 95 % of them at least; few are refused."""
+    found = []
+    for seed in range(300):
+        with contextlib.suppress(DataError):  # at 20 µm a pixel two neighbouring holes can be taken for each other
+            found.append(pictured(tmp_path, "group-a" if seed % 10 == 0 else "holes", seed, 0.01))
+    off, u = np.array(found).T
     within = float(np.mean(np.abs(off) < 1.96 * u))
-    print(f"within 95 % intervals: {within:.3f}; error {np.std(off):.2f} %, stated {np.median(u):.2f} %")
+    print(
+        f"{len(found)} measured, within 95 % intervals: {within:.3f}; error {np.std(off):.2f} %, u {np.median(u):.2f}"
+    )
+    assert len(found) > 285
     assert within >= 0.95

@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import solen.cli.print.fidelity  # noqa: F401  registers its lines
 from solen.arrays import FloatArray
+from solen.cli.app import lines
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, CouponOptions, Feature, layout
 from solen.metrology import Image, as_image
@@ -143,6 +145,10 @@ def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored:
     assert math.remainder(pose.rotation_deg - angle_deg, 360) == pytest.approx(0.0, abs=0.02)
     assert found.location.oriented
     assert pose.mirrored is mirrored
+    assert any("shows the coupon mirrored" in text for text in found.warnings) is mirrored
+    assert ("seen mirrored" in next(iter(lines(found)))) is mirrored
+    turned_over = replace(found, location=replace(found.location, pose=replace(pose, mirrored=True), oriented=True))
+    assert "seen mirrored" in next(iter(lines(turned_over)))
     assert found.pitch_ratio == pytest.approx(1.0, abs=1e-4)
 
 

@@ -11,10 +11,10 @@ import pytest
 
 from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
-from solen.metrology import as_image
+from solen.metrology import as_image, measure_lens
 from solen.metrology.comparison import compare, doubts
 from solen.metrology.nominal import NominalFront, nominal_front
-from solen.metrology.outline import measure_outline
+from solen.metrology.outline import SeenFrom, measure_outline
 from solen.metrology.pose import Pose
 from solen.metrology.registration import effective_number, register
 from solen.metrology.template_match import match_template
@@ -223,6 +223,36 @@ def test_a_mirrored_picture_of_an_asymmetric_front_is_told() -> None:
         found = measure_outline(picture, lopsided).chosen.registration
         assert found.pose.mirrored is expected
         assert found.rms_um < 0.2 * UM_PER_PX
+
+
+@pytest.mark.parametrize("seen_from", ["top", "bottom"])
+def test_of_a_symmetric_lens_the_face_is_what_is_stated(seen_from: SeenFrom) -> None:
+    """A bump on the right comes out on the left where the picture was taken from below."""
+    image = plain(printed(bump(0.8, 25.0, 0.15)))
+    found = measure_outline(image, NOMINAL, seen_from=seen_from)
+    laid = found.chosen.registration
+    side = 1.0 if seen_from == "top" else -1.0
+    assert laid.pose.mirrored == (seen_from == "bottom")
+    assert laid.points_mm[np.argmax(laid.deviation_um), 0] == pytest.approx(0.8 * side, abs=0.05)
+    assert not any("--seen-from" in text for text in found.warnings)
+    assert any("--seen-from" in text for text in measure_outline(image, NOMINAL).warnings)
+
+
+def test_the_face_of_a_symmetric_lens_is_unknown_unless_it_is_stated() -> None:
+    image = plain()
+    assert measure_lens(image, shipped()).mirrored is None
+    assert measure_lens(image, shipped(), seen_from="bottom").mirrored is True
+
+
+def test_a_stated_face_that_the_outline_contradicts_is_warned_of() -> None:
+    front = NOMINAL.front_mm.copy()
+    front[:, 1] += 0.05 * np.exp(-(((front[:, 0] - 1.0) / 0.3) ** 2))
+    lopsided = NominalFront("lopsided", front, NOMINAL.left_mm, NOMINAL.right_mm)
+    image = plain(np.vstack([front, [[2.2, 3.0], [-2.2, 3.0]]]), Placing(UM_PER_PX, (600.0, 650.0), angle_deg=5.0))
+    found = measure_outline(image, lopsided, seen_from="bottom")
+    assert found.chosen.registration.pose.mirrored
+    assert any("seen from the top" in text for text in found.warnings)
+    assert not any("--seen-from" in text for text in measure_outline(image, lopsided, seen_from="top").warnings)
 
 
 def test_effective_number_of_noise_and_of_a_wave() -> None:

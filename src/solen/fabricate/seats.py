@@ -5,6 +5,9 @@ along the height, as deep as the package unless stated. A slot is cut into the t
 receiver from its face inwards, at the emitter through the top of the lens and on into the stem. There the film's edges
 centre what it carries. The underside has no slots: the exposures of the first layers are long and would close them.
 
+A mark is a round dimple in the top of the left arm: a print of a symmetric design is else its own mirror image, and
+nobody can tell later which of its faces a picture shows, nor which receiver was drawn on the left.
+
 The sensor of the paper has its parts glued to film of 0.1 mm at the extremities; the figure with the details is not
 public, so the shape of these seats is solen's own.
 """
@@ -14,16 +17,40 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import brentq
 
-from solen.curve import Curve, Segment
+from solen.curve import Arc, Curve, Segment
 from solen.errors import DataError, DesignError
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
 from solen.geometry import Body, Face
 from solen.parts import ReceiverPart, library_part, load_part
 from solen.plane import Point, along, left_of, minus, unit
 from solen.spec import Design
+from solen.spec.strict import Options
 
 BEYOND_MM = 0.5
 """How far a tool reaches past the surface that it cuts into."""
+MARK_MM, MARK_DEEP_MM, MARK_FROM_MM = 1.0, 0.2, 0.5
+"""Diameter and depth of the mark, and its distance from the receiver's face or from the slot there."""
+
+
+class SeatOptions(Options):
+    """Seats in short, for what a design file says at length."""
+
+    pockets: bool = False
+    """Seat the receivers in pockets; short for --set fabricate.pockets=true."""
+    slots: bool = False
+    """Cut slots for supports of film at receivers and emitter; short for --set fabricate.slots=[...]."""
+    mark: bool = False
+    """Mark the top of the left arm with a dimple, to know the faces of the print; short for fabricate.mark=true."""
+
+    @property
+    def assignments(self) -> list[str]:
+        """The same as keys and values of a design."""
+        asked = {
+            "fabricate.pockets=true": self.pockets,
+            'fabricate.slots=["receivers", "emitter"]': self.slots,
+            "fabricate.mark=true": self.mark,
+        }
+        return [assignment for assignment, wanted in asked.items() if wanted]
 
 
 def sensor_part(design: Design, body: Body) -> Part:
@@ -37,7 +64,7 @@ def sensor_part(design: Design, body: Body) -> Part:
         Where the body cannot be built, or a seat does not fit.
     """
     prism = sensor_prism(body, design.body.thickness_mm)
-    return Part(design.name, (prism,), (*_pockets(design, body), *_slots(design, body)))
+    return Part(design.name, (prism,), (*_pockets(design, body), *_slots(design, body), *_mark(design, body)))
 
 
 def _pockets(design: Design, body: Body) -> list[Cut]:
@@ -68,6 +95,20 @@ def _slots(design: Design, body: Body) -> list[Cut]:
         Cut(Prism(name, (tool,), floor_mm, top_mm + BEYOND_MM), Prism(name, (takes,), floor_mm, top_mm))
         for name, tool, takes in outlines
     ]
+
+
+def _mark(design: Design, body: Body) -> list[Cut]:
+    spec, top_mm = design.fabricate, design.body.thickness_mm
+    if not spec.mark:
+        return []
+    faces = [face for _, face in _receivers(body, "mark", "fabricate.mark")]
+    face = min(faces, key=lambda one: one.curve.middle_point[0])
+    slot_mm = spec.slot_length_mm if "receivers" in spec.slots else 0.0
+    inwards = left_of(unit(minus(face.curve.end, face.curve.start)))
+    middle = along(face.curve.middle_point, inwards, slot_mm + MARK_FROM_MM + 0.5 * MARK_MM)
+    outline = (Face("mark", Arc.circle(middle, 0.5 * MARK_MM)),)
+    floor_mm = top_mm - MARK_DEEP_MM
+    return [Cut(*(Prism("mark", (outline,), floor_mm, to_mm) for to_mm in (top_mm + BEYOND_MM, top_mm)))]
 
 
 def _package(design: Design) -> tuple[float, float, float]:

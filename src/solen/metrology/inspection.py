@@ -15,7 +15,7 @@ from solen.lens.profile import MeasuredProfile
 from solen.metrology.comparison import ComparedDesign, compare, designs_to_compare, doubts
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, nominal_front
-from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
+from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, SeenFrom, measure_outline
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
@@ -35,6 +35,8 @@ class InspectOptions(PrintPriors, ScaleOptions):
 
     edge: EdgeChoice = "auto"
     """Edge of a thick transparent part to take; auto: the sharper, else the outer."""
+    seen_from: SeenFrom | None = None
+    """Face that the picture shows: top is away from the build plate, bottom lay on it and is seen mirrored."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +186,8 @@ class LensInspection(Result):
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
-        Whether the picture shows the part from its other side.
+        Whether the picture shows the part from its other side; None where the design is its own mirror image and the
+        face is not stated.
     points_rejected
         How many places along the chosen edge were rejected, by reason.
     seen
@@ -217,7 +220,7 @@ class LensInspection(Result):
     u_rotation_deg: float
     vertex_px: tuple[float, float]
     u_shift_um: tuple[float, float]
-    mirrored: bool
+    mirrored: bool | None
     points_rejected: dict[str, int]
     seen: float
     measured_x_mm: tuple[float, float]
@@ -268,6 +271,7 @@ def measure_lens(
     edge: EdgeChoice = "auto",
     against: Sequence[Design] = (),
     priors: PrintPriors = PrintPriors(),
+    seen_from: SeenFrom | None = None,
 ) -> LensInspection:
     """Measure a printed lens in a picture against its design.
 
@@ -283,6 +287,8 @@ def measure_lens(
         Other designs to compare with; by default those of the paper's three indices where it is the paper's lens.
     priors
         What is known of the print's size and form.
+    seen_from
+        Face that the picture shows.
 
     Raises
     ------
@@ -293,7 +299,7 @@ def measure_lens(
     """
     check_vision("solen print inspect")
     nominal = nominal_front(design)
-    outline = measure_outline(image, nominal, edge, priors)
+    outline = measure_outline(image, nominal, edge, priors, seen_from)
     chosen = outline.chosen
     fit, bias_um = chosen.registration, EDGE_BIAS_PX * image.um_per_px
     designs = compare(chosen, designs_to_compare(design, nominal, against), priors)
@@ -312,7 +318,7 @@ def measure_lens(
         u_rotation_deg=float(np.hypot(fit.u_rotation_deg, turned_deg)),
         vertex_px=fit.pose.origin_px,
         u_shift_um=(float(np.hypot(fit.u_shift_um[0], bias_um)), float(np.hypot(fit.u_shift_um[1], bias_um))),
-        mirrored=fit.pose.mirrored,
+        mirrored=None if nominal.is_symmetric and seen_from is None else fit.pose.mirrored,
         points_rejected={reason: count for reason, count in chosen.edge.rejected.items() if count},
         seen=outline.seen,
         measured_x_mm=outline.ends_x_mm,

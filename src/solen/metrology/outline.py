@@ -39,6 +39,7 @@ from solen.metrology.registration import Registration, register
 from solen.metrology.template_match import Match, match_template
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
+SeenFrom = Literal["top", "bottom"]
 REACH = 0.08
 """How far to each side of the design an edge is searched, as a fraction of the lens's width."""
 LEAST_SCORE = 0.08
@@ -47,6 +48,12 @@ LEAST_KEPT = 0.4
 RIVAL = 0.9
 SIDES = 0.8
 """Ratio of rms deviations above which it is not clear from which side a picture was taken."""
+
+
+UNKNOWN_SIDE = (
+    "the design is its own mirror image, so the picture does not show from which face it was taken: left and right, "
+    "and the sign of what is not symmetric, may be exchanged (--seen-from top or bottom)"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +119,11 @@ class Outline:
 
 
 def measure_outline(
-    image: Image, nominal: NominalFront, choice: EdgeChoice = "auto", priors: PrintPriors = PrintPriors()
+    image: Image,
+    nominal: NominalFront,
+    choice: EdgeChoice = "auto",
+    priors: PrintPriors = PrintPriors(),
+    seen_from: SeenFrom | None = None,
 ) -> Outline:
     """Measure the front of a lens in a picture.
 
@@ -127,6 +138,8 @@ def measure_outline(
         is, the outer one.
     priors
         What is known of the print's size and form.
+    seen_from
+        Face that the picture shows; ``bottom`` lay on the build plate, and is seen mirrored. None: the side that fits.
 
     Raises
     ------
@@ -138,7 +151,8 @@ def measure_outline(
     if choice not in get_args(EdgeChoice):
         raise SpecError("edge", value=choice, limit=f"must be one of {', '.join(get_args(EdgeChoice))}")
     check_scale(image, nominal)
-    match, warnings = _match(image, nominal)
+    sides = (False, True) if seen_from is None else (seen_from == "bottom",)
+    match, warnings = _match(image, nominal, sides[:1] if nominal.is_symmetric else sides)
     pose, band, traced = _traced(image, match.pose, nominal)
     check_seen(image, band.share_seen)
     if not traced:
@@ -146,7 +160,7 @@ def measure_outline(
     edges = edges_along(image, pose, nominal, band, traced)
     walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MOST_EDGES)
     traced_side = pose.mirrored
-    pose, side_warnings = _side(edges, pose, nominal)
+    pose, side_warnings = _side(edges, pose, nominal, sides)
     walls = walls if pose.mirrored == traced_side else walls[::-1]
     width = part_width_mm([wall[0] if wall else None for wall in walls], pose, nominal)
     named = _named(edges, walls, image, _Prior(pose, nominal, priors))
@@ -165,9 +179,8 @@ def measure_outline(
     return Outline(tuple(ordered), band.share_seen, ends, width, tuple(warnings))
 
 
-def _match(image: Image, nominal: NominalFront) -> tuple[Match, list[str]]:
-    """Where the lens is, and a warning of what else may be one; both sides are tried where they differ."""
-    sides = (False,) if nominal.is_symmetric else (False, True)
+def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[str]]:
+    """Where the lens is, and a warning of what else may be one; ``sides`` are whether it may be seen mirrored."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
@@ -241,18 +254,24 @@ def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge |
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 
-def _side(edges: list[Edge], pose: Pose, nominal: NominalFront) -> tuple[Pose, list[str]]:
-    """Pose from the side on which the edge lies best, where the design has two, and a warning where it is not clear."""
+def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Pose, list[str]]:
+    """Pose from a side that is allowed and on which the edge lies best, and a warning where that is in doubt."""
     edge = max(edges, key=lambda one: one.share_kept)
-    if nominal.is_symmetric or edge.share_kept < LEAST_KEPT:
+    if nominal.is_symmetric:
+        return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []
+    if edge.share_kept < LEAST_KEPT:
         return pose, []
-    sides = [pose, replace(pose, mirrored=not pose.mirrored)]
-    best, other = sorted((register(*edge.measured, side, nominal) for side in sides), key=lambda fit: fit.rms_um)
-    if best.rms_um <= SIDES * other.rms_um:
+    both = [pose, replace(pose, mirrored=not pose.mirrored)]
+    best, other = sorted((register(*edge.measured, side, nominal) for side in both), key=lambda fit: fit.rms_um)
+    if best.pose.mirrored not in sides:
+        seen = "bottom" if best.pose.mirrored else "top"
+        doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, and "
+        return other.pose, [f"{doubt}{other.rms_um:.3g} as --seen-from has it): check which face the picture shows"]
+    if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
         return best.pose, []
     return best.pose, [
         f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} µm rms): "
-        "the picture may show it from either side"
+        "the picture may show it from either side (--seen-from)"
     ]
 
 

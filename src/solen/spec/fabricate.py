@@ -42,6 +42,9 @@ class Fabricate(Strict):
     film_mm: Length = Field(0.1, description="Thickness of the film in mm: the depth of a slot.")
     slot_width_mm: Length = Field(2.0, description="Width of the film in mm.")
     slot_length_mm: Length = Field(2.0, description="How far a slot reaches into the body, in mm.")
+    mark: Annotated[bool, Field(strict=True)] = Field(
+        False, description="Whether the top of the left arm has a dimple, by which the faces of a print are known."
+    )
     clearance_mm: Annotated[Number, Field(ge=0, le=10)] = Field(
         0.05, description="Room in mm on each side of a package and of a film."
     )

@@ -10,6 +10,7 @@ from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
 from solen.errors import SpecError
 from solen.fabricate import ExportedSolid
 from solen.fabricate.layers import Slicing
+from solen.fabricate.seats import SeatOptions
 from solen.results import Outcome
 
 
@@ -27,8 +28,7 @@ def export(
     svg: bool = False,
     layers: bool = False,
     slicing: Annotated[Slicing | None, FLAT] = None,
-    pockets: bool = False,
-    slots: bool = False,
+    seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
     thickness_mm: str | None = None,
     tolerance_mm: float = 1e-3,
     set_: Set = None,
@@ -58,10 +58,6 @@ def export(
         Drawing of the outline, a named path for each face.
     layers
         Pictures of layers for a printer, with STL and settings for its program; the options are of solen print layers.
-    pockets
-        Seat the receivers in pockets; short for --set fabricate.pockets=true.
-    slots
-        Cut slots for supports of film at receivers and emitter; short for --set fabricate.slots=[...].
     thickness_mm
         In place of body.thickness_mm.
     tolerance_mm
@@ -70,12 +66,8 @@ def export(
     from solen.pipeline.design import export as pipeline
 
     asked = {"step": step, "stl": stl, "3mf": threemf, "glb": glb, "dxf": dxf, "comsol": comsol, "svg": svg}
-    chosen = {
-        "fabricate.pockets": "true" if pockets else None,
-        "fabricate.slots": '["receivers", "emitter"]' if slots else None,
-        "body.thickness_mm": thickness_mm,
-    }
-    assignments = [*(set_ or ()), *(f"{key}={value}" for key, value in chosen.items() if value is not None)]
+    thickness = [] if thickness_mm is None else [f"body.thickness_mm={thickness_mm}"]
+    assignments = [*(set_ or ()), *seats.assignments, *thickness]
     formats = tuple(kind for kind, wanted in asked.items() if wanted)
     if slicing is not None and not layers:
         raise SpecError("options of layers", limit="have no meaning without --layers", remedy="add --layers")

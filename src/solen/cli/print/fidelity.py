@@ -55,7 +55,7 @@ def fidelity(
 
 @lines.register
 def _(measured: CouponMeasurement) -> Iterator[str]:
-    yield f"{measured.coupon} in a {measured.image} of {measured.scale.um_per_px:.4g} µm per pixel"
+    yield f"{measured.coupon} in a {measured.image} of {measured.scale.um_per_px:.4g} µm per pixel{_seen(measured)}"
     for limit in measured.limits:
         yield _minimum(limit)
     yield f"  {'':24} nominal    measured   u (mm)"
@@ -63,6 +63,13 @@ def _(measured: CouponMeasurement) -> Iterator[str]:
         size = "   -    " if one.measured_mm is None else f"{one.measured_mm:.5f}"
         u = "-" if one.u_measured_mm is None else short(one.u_measured_mm)
         yield f"  {one.name:24} {one.nominal_mm:<8.4g}   {size}   {u}" + ("" if one.resolved else f"  {one.reason}")
+
+
+def _seen(measured: CouponMeasurement) -> str:
+    """From which face the coupon is seen, where its marks show it."""
+    if not measured.location.oriented:
+        return ""
+    return ", seen mirrored: from below, or the picture is flipped" if measured.location.pose.mirrored else ""
 
 
 def _minimum(limit: Limit) -> str:

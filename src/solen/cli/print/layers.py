@@ -6,6 +6,7 @@ from typing import Annotated
 
 from solen.cli.app import FLAT, FigureFile, Set, lines, listing, progress_bar
 from solen.fabricate.layers import LayeredPrint, Slicing
+from solen.fabricate.seats import SeatOptions
 from solen.parts import PrinterList, PrinterSummary
 from solen.parts import printers as library
 from solen.results import Outcome
@@ -17,22 +18,27 @@ def layers(
     *,
     out: Path,
     slicing: Annotated[Slicing, FLAT] = Slicing(),
+    seats: Annotated[SeatOptions, FLAT] = SeatOptions(),
     set_: Set = None,
+    run: str | None = None,
     figure: FigureFile = None,
 ) -> Outcome[LayeredPrint]:
-    """Cut a design or a mesh into anti-aliased layers for a printer, with STL and settings for its own program.
+    """Cut a design, a coupon's job or a mesh into anti-aliased layers for a printer, with STL and settings.
 
     Parameters
     ----------
     file
-        A design (.toml) or a closed mesh (.stl in mm, .3mf); its name names the files.
+        A design (.toml), the job of a coupon (.json) or a closed mesh (.stl in mm, .3mf); its name names the files.
     out
         Folder for the files; made if need be.
+    run
+        Which run of a coupon that is printed in several: base or layer of film-layer.
     """
     from solen.pipeline.print import layers as pipeline
 
     with progress_bar("layers") as progress:
-        return pipeline.layers(file, out, slicing, set_ or (), figure=figure, progress=progress)
+        assignments = [*(set_ or ()), *seats.assignments]
+        return pipeline.layers(file, out, slicing, assignments, run=run, figure=figure, progress=progress)
 
 
 def printers(name: str | None = None, /) -> Outcome[PrinterList | PrinterSummary]:

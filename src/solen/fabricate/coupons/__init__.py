@@ -2,6 +2,7 @@
 
 from solen.fabricate.coupons.job import as_job, cautions, read_job
 from solen.fabricate.coupons.plan import as_plan
+from solen.fabricate.coupons.printable import printable_coupon
 from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.coupons.written import CouponOutput, CouponSet, coupon_set, written_coupons
 
@@ -13,6 +14,7 @@ __all__ = [
     "cautions",
     "coupon_parts",
     "coupon_set",
+    "printable_coupon",
     "read_job",
     "written_coupons",
 ]

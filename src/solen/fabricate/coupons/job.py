@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from solen import __version__
-from solen.errors import DataError
+from solen.errors import DataError, SpecError
 from solen.files import read_text
 from solen.geometry.coupons import Coupon, CouponOptions, Stage, coupon_of
 from solen.spec.objects import parsed
@@ -77,7 +77,8 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
         "note": stage.note,
         "z_offset_mm": stage.z_offset_mm,
         "height_mm": top,
-        "layers": None if exposures else max(1, round(1e3 * top / options.layer_um)),
+        "layers": 1 if exposures else max(1, round(1e3 * top / options.layer_um)),
+        "burn_in_layers": 0 if exposures else options.burn_in_layers,
         "exposures": exposures,
         "files": files,
     }
@@ -145,3 +146,14 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
         limit = f"this solen reads schema {SCHEMA}"
         raise DataError(f"{path}: schema", value=data.get("schema"), limit=limit, remedy=remedy)
     return coupon_of(data.get("layout"), str(path)), data
+
+
+def coupon_options(job: dict[str, Any], path: Path) -> CouponOptions:
+    """Options that a job's coupon was laid out by; `DataError` where they are damaged."""
+    choices = job.get("choices")
+    if not isinstance(choices, dict):
+        raise DataError(f"{path}: choices", limit="is missing", remedy="write the job again: solen print coupons")
+    try:
+        return CouponOptions(**choices)
+    except SpecError as bad:
+        raise DataError(f"{path}: choices", limit=str(bad), remedy="write the job again: solen print coupons") from None

@@ -81,7 +81,8 @@ def as_png(image: NDArray[np.uint8], pitch_mm: float) -> bytes:
 
 
 def _row(layer: Layer) -> dict[str, Any]:
-    return {
+    piece = {"feature": layer.feature} if layer.feature else {}
+    return piece | {
         "from_mm": round(layer.from_mm, 9),
         "to_mm": round(layer.to_mm, 9),
         "exposure_s": layer.exposure_s,
@@ -103,7 +104,7 @@ def _described(job: Job, stack: Stack, part: Printable | None) -> dict[str, Any]
         **about,
         "orientation": slicing.orientation,
         "rotate_deg": slicing.rotate_deg,
-        "burn_in_layers": slicing.burn_in_layers,
+        "burn_in_layers": job.burn_in_layers,
         "z_offset_mm": slicing.z_offset_um / 1000.0,
         "rule": RULE,
         "view": VIEW,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from solen.errors import DesignError, SpecError
 from solen.fabricate.layers.slicing import Slicing
-from solen.fabricate.layers.solid import Rings, Solid
+from solen.fabricate.layers.solid import Exposures, Rings, Solid
 from solen.fabricate.raster import FULL, coverage_bytes
 from solen.parts.printer import Printer, library_printer, printers
 
@@ -31,9 +31,9 @@ EXACT = 1e-6
 class Layer:
     """One layer: number from 0, heights above the plate, exposure, dose at the window, and picture.
 
-    ``image`` (rows, columns) has the largest Y in its first row; layers that are the same share one array.
-    ``area_mm2`` is the sum of covered shares of all copies. ``islands`` counts pieces of a copy that have nothing of
-    the layer before below them.
+    ``image`` (rows, columns) has the largest Y in its first row; layers that are the same share one array. ``feature``
+    is the piece that alone is exposed; empty for a layer of a stack. ``area_mm2`` is the sum of covered shares of all
+    copies. ``islands`` counts pieces of a copy that have nothing of the layer before below them.
     """
 
     index: int
@@ -44,6 +44,7 @@ class Layer:
     image: Bytes
     area_mm2: float
     islands: int
+    feature: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +81,29 @@ class Job:
 
     @property
     def count(self) -> int:
-        """Number of layers: those whose middle lies in the solid."""
+        """Number of layers, those whose middle lies in the solid; of pieces with own exposures, of pictures."""
+        if self.solid.exposures_s:
+            return len(self.solid.exposures_s)
         return math.ceil(self.solid.size_mm[2] / self.layer_mm + 0.5 - EXACT) - 1
 
     @property
     def height_mm(self) -> float:
         """Height of the stack."""
-        return self.count * self.layer_mm
+        return self.layer_mm if self.solid.exposures_s else self.count * self.layer_mm
+
+    def seconds_of(self, index: int) -> float:
+        """Exposure of a layer in s; the first is number 0."""
+        return (self.solid.exposures_s or (self.slicing.seconds(index),) * self.count)[index]
+
+    @property
+    def burn_in_layers(self) -> int:
+        """Number of layers that the burn-in exposes."""
+        return 0 if self.solid.exposures_s else min(self.count, self.slicing.burn_in_layers)
+
+    @property
+    def exposures_s(self) -> float:
+        """All exposures together."""
+        return sum(self.solid.exposures_s) or self.slicing.total_s(self.count)
 
     @property
     def volume_mm3(self) -> float:
@@ -97,7 +114,7 @@ class Job:
     def seconds(self) -> float | None:
         """Time of exposures and pauses together; None where the printer's pause is not known."""
         pause = self.printer.pause_s
-        return None if pause is None else self.slicing.total_s(self.count) + self.count * pause.usual
+        return None if pause is None else self.exposures_s + self.count * pause.usual
 
     @property
     def irradiance_mW_per_cm2(self) -> float:
@@ -142,6 +159,9 @@ class Job:
 
     def layers(self) -> Iterator[Layer]:
         """Layers from the plate on, each made when it is asked for."""
+        if isinstance(self.solid, Exposures):
+            yield from self._pictures(self.solid)
+            return
         known: int | None = None
         tile: Bytes | None = None
         image, shares = np.zeros(self.printer.shape, np.uint8), 0.0
@@ -157,8 +177,18 @@ class Job:
             known = number
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pitch_mm**2, islands)
 
+    def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
+        """A picture for each piece, all at one height."""
+        for index, (name, rings, seconds) in enumerate(zip(pieces.names, pieces.rings, pieces.seconds, strict=True)):
+            drawn = self._drawn(rings)
+            area_mm2 = self.slicing.copies * float(drawn.sum(dtype=np.int64)) / FULL * self.printer.pitch_mm**2
+            dose = self.irradiance_mW_per_cm2 * seconds
+            yield Layer(index, 0.0, self.layer_mm, seconds, dose, self._placed(drawn), area_mm2, 0, name)
+
     def copy_of_layer(self, index: int) -> Bytes:
         """Picture of one copy in a layer, rows upwards, before it is mirrored."""
+        if isinstance(self.solid, Exposures):
+            return self._drawn(self.solid.rings[index])
         return self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])
 
     def _layer(self, index: int, image: Bytes, area_mm2: float, islands: int) -> Layer:

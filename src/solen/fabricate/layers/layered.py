@@ -16,6 +16,8 @@ SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
 """A part beyond these was drawn in another unit."""
 NARROW = 0.1
 """A part that stands on less than this share of its largest layer needs something to stand on."""
+OTHER_VOLUME = 0.01
+"""Relative difference of volume from which on the layers are not those of the solid."""
 HEIGHT_UM = 1.0
 """Difference of height between stack and part that is not worth a warning."""
 APART_NM = 10.0
@@ -100,7 +102,13 @@ def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> L
 
 
 def _warnings(job: Job, settings: PrintSettings, cure: Cure | None, stack: Stack | None) -> list[str]:
-    warnings = [*_of_printer(job), *_of_size(job), *_of_level_faces(job), *_of_cure(settings, cure, job.printer)]
+    warnings = [
+        *_of_printer(job),
+        *_of_size(job),
+        *_of_burn_in(job),
+        *_of_level_faces(job),
+        *_of_cure(settings, cure, job.printer),
+    ]
     return warnings if stack is None else warnings + _of_stack(job, stack)
 
 
@@ -126,6 +134,18 @@ def _of_size(job: Job) -> list[str]:
             f"{job.count} layers of {job.slicing.layer_um:g} µm are {abs(off_um):.1f} µm {way} than the part"
         )
     return warnings
+
+
+def _of_burn_in(job: Job) -> list[str]:
+    """Burn-in of a part that ends within it: no layer has the exposure that was meant for all others."""
+    slicing = job.slicing
+    if job.count != job.burn_in_layers or slicing.burn_in_s == slicing.exposure_s:
+        return []
+    part = "the part is one layer" if job.count == 1 else f"all {job.count} layers of the part are burn-in layers"
+    return [
+        f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s, not for {slicing.exposure_s:g} s; --burn-in-layers 0 "
+        "leaves burn-in out"
+    ]
 
 
 def _of_level_faces(job: Job) -> list[str]:
@@ -166,4 +186,10 @@ def _of_stack(job: Job, stack: Stack) -> list[str]:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
         areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
         warnings.append(f"the part stands on {areas}: give it a base or supports, or turn it")
+    off = stack.volume_mm3 / job.volume_mm3 - 1.0
+    if abs(off) > OTHER_VOLUME:
+        warnings.append(
+            f"the layers hold {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} ({100.0 * off:+.1f} %): "
+            "the mesh crosses itself, or is finer than a layer or a pixel"
+        )
     return warnings

@@ -63,14 +63,14 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
     if slicing.resin is not None:
-        material, cure = _resin(slicing.resin)
+        material, cure = resin_named(slicing.resin)
     elif design.material.resin is not None:
         resin = resin_of(design.material.resin, design.files.get("material.resin"))
         material, cure = resin.name, resin.cure
     else:
         material, cure = f"not named (n = {design.material.index:g} in the design): give --resin", None
     source = Provenance(path.name, label.sha256, "design")
-    stl = _placed(mesh_of(part, MESH_MM), rotation, label)
+    stl = placed_stl(mesh_of(part, MESH_MM), rotation, label)
     return Printable(solid_of(part, rotation), stl, label, source, material, cure)
 
 
@@ -92,18 +92,22 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
         warnings = ("the mesh was inside out; its triangles are turned",)
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     solid = mesh_solid(mesh, rotation, str(path))
+    if solid.overlap_mm3 > 0.0:
+        overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
+        warnings = (*warnings, overlap)
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
-    material, cure = ("not named: give --resin", None) if slicing.resin is None else _resin(slicing.resin)
+    material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])
-    return Printable(solid, _placed(mesh, rotation, label), label, source, material, cure, warnings)
+    return Printable(solid, placed_stl(mesh, rotation, label), label, source, material, cure, warnings)
 
 
-def _placed(mesh: Mesh, rotation: FloatArray, label: Label) -> bytes:
+def placed_stl(mesh: Mesh, rotation: FloatArray, label: Label) -> bytes:
+    """STL of a mesh, turned by a matrix (3, 3), its lowest corner at the origin."""
     turned = mesh.vertices @ rotation.T
     return as_stl(Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm), label)
 
 
-def _resin(name: str) -> tuple[str, Cure | None]:
+def resin_named(name: str) -> tuple[str, Cure | None]:
     """Name and working curve of a resin of the library, or of a file."""
     is_file = name.endswith(".toml") or "/" in name or "\\" in name
     resin = resin_of(name, Path(name) if is_file else None)

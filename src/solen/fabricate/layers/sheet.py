@@ -11,11 +11,21 @@ from dataclasses import dataclass
 from solen.fabricate.label import WRITER
 from solen.fabricate.layers.job import Job
 from solen.fabricate.layers.orientation import described
+from solen.fabricate.layers.solid import Exposures
 from solen.material.cure.layers import cure_depth_um
 from solen.material.resin import Cure
 from solen.results import Result
 
 SHEET_SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A piece that is exposed alone, its exposure and its dose."""
+
+    feature: str
+    exposure_s: float
+    dose_mJ_per_cm2: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,6 +48,8 @@ class PrintSettings(Result):
         Thickness and number of the layers, and their height.
     burn_in_layers, burn_in_exposure_s, exposure_s
         Number and exposure of the first layers, and exposure of the others.
+    pictures
+        Pictures that are shown one after the other at one height, each with its own exposure; empty for a stack.
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
     z_offset_um
@@ -66,6 +78,7 @@ class PrintSettings(Result):
     burn_in_layers: int
     burn_in_exposure_s: float
     exposure_s: float
+    pictures: tuple[Picture, ...]
     irradiance_mW_per_cm2: float
     burn_in_dose_mJ_per_cm2: float
     dose_mJ_per_cm2: float
@@ -98,9 +111,10 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         size_mm=job.solid.size_mm,
         copies=slicing.copies,
         layer_um=slicing.layer_um,
-        burn_in_layers=min(job.count, slicing.burn_in_layers),
+        burn_in_layers=job.burn_in_layers,
         burn_in_exposure_s=slicing.burn_in_s,
         exposure_s=slicing.exposure_s,
+        pictures=_pictures(job),
         irradiance_mW_per_cm2=job.irradiance_mW_per_cm2,
         burn_in_dose_mJ_per_cm2=burn_in_dose,
         dose_mJ_per_cm2=dose,
@@ -108,12 +122,19 @@ def print_settings(job: Job, *, name: str, stl: str, material: str, cure: Cure |
         expected_layers=job.count,
         stack_height_mm=job.height_mm,
         volume_ml=job.volume_mm3 / 1000.0,
-        exposures_s=slicing.total_s(job.count),
+        exposures_s=job.exposures_s,
         pause_s=None if printer.pause_s is None else printer.pause_s.usual,
         estimated_time_s=job.seconds,
         cure_depth_um=_depth_um(cure, dose),
         burn_in_cure_depth_um=_depth_um(cure, burn_in_dose),
     )
+
+
+def _pictures(job: Job) -> tuple[Picture, ...]:
+    if not isinstance(job.solid, Exposures):
+        return ()
+    doses = (job.irradiance_mW_per_cm2 * seconds for seconds in job.solid.seconds)
+    return tuple(map(Picture, job.solid.names, job.solid.seconds, doses))
 
 
 def _depth_um(cure: Cure | None, dose: float) -> float | None:
@@ -137,13 +158,22 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Orientation", s.orientation),
         ("Copies", str(s.copies)),
         ("Layer (slice) thickness", f"{s.layer_um:g} µm"),
-        ("Burn-in layers", str(s.burn_in_layers)),
-        ("Burn-in exposure", f"{s.burn_in_exposure_s:g} s = {s.burn_in_dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
-        ("Exposure of all others", f"{s.exposure_s:g} s = {s.dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
+        *_exposures(s),
         ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
         ("Supports", "none; solen makes none"),
         ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you calibrated them yourself"),
+    ]
+
+
+def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
+    if s.pictures:
+        alone = [(f"Exposure of {one.feature} alone", one.exposure_s, one.dose_mJ_per_cm2) for one in s.pictures]
+        return [("Burn-in layers", "0"), *((name, f"{time:g} s = {dose:.4g} mJ/cm²") for name, time, dose in alone)]
+    return [
+        ("Burn-in layers", str(s.burn_in_layers)),
+        ("Burn-in exposure", f"{s.burn_in_exposure_s:g} s = {s.burn_in_dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
+        ("Exposure of all others", f"{s.exposure_s:g} s = {s.dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
     ]
 
 

@@ -27,6 +27,8 @@ PLAN_MM = 1e-4
 """How closely the outlines of a plan are followed: a thousandth of the finest pixel or so."""
 MESH_MM = 2e-4
 """The same of a mesh."""
+OVERLAP = 1e-6
+"""Share of a mesh's volume from which on shells overlap, and do not only touch."""
 LEVEL_MM = 1e-5
 """Faces whose corners differ in height by less are level."""
 
@@ -52,6 +54,11 @@ class Solid(ABC):
     volume_mm3: float
     heights_mm: tuple[float, ...]
 
+    @property
+    def exposures_s(self) -> tuple[float, ...]:
+        """Exposures of pictures that are shown one after the other at one height; empty for a stack of layers."""
+        return ()
+
     @abstractmethod
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """Rings at a height, holes clockwise, and a number that equal sections share; None where that is not known."""
@@ -74,10 +81,30 @@ class Plan(Solid):
 
 
 @dataclass(frozen=True, eq=False)
+class Exposures(Solid):
+    """Pieces of one layer that are exposed one after the other, each for its own time, and not lifted in between."""
+
+    names: tuple[str, ...]
+    rings: tuple[Rings, ...]
+    seconds: tuple[float, ...]
+
+    @property
+    def exposures_s(self) -> tuple[float, ...]:
+        """See `Solid.exposures_s`."""
+        return self.seconds
+
+    def section(self, z_mm: float) -> tuple[int | None, Rings]:
+        """All pieces together; see `Solid.section`."""
+        inside = 0.0 <= z_mm < self.size_mm[2]
+        return None, [ring for rings in self.rings for ring in rings] if inside else []
+
+
+@dataclass(frozen=True, eq=False)
 class Slices(Solid):
-    """A closed mesh that is cut when asked; ``solid`` is manifold3d's."""
+    """A closed mesh that is cut when asked; ``solid`` is manifold3d's, ``overlap_mm3`` what its shells filled twice."""
 
     solid: Any
+    overlap_mm3: float = 0.0
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
         """See `Solid.section`."""
@@ -95,6 +122,18 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
     if rotation[2, 2] == 1.0:
         return _plan(part, rotation[:2, :2])
     return mesh_solid(mesh_of(part, tolerance_mm), rotation)
+
+
+def exposures_of(part: Part, seconds: Sequence[float]) -> Exposures:
+    """The prisms of a part of one layer, each with its own exposure."""
+    rings = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
+    points = np.vstack([ring for one in rings for ring in one])
+    corner, height = points.min(axis=0), max(prism.to_mm - prism.from_mm for prism in part.prisms)
+    x, y = np.ptp(points, axis=0).tolist()
+    origin = (-float(corner[0]), -float(corner[1]))
+    placed = tuple([ring - corner for ring in one] for one in rings)
+    names = tuple(prism.name for prism in part.prisms)
+    return Exposures((x, y, height), origin, part.volume_mm3, (0.0, height), names, placed, tuple(seconds))
 
 
 def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
@@ -116,7 +155,21 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
         raise DataError(name, value=solid.status().name, limit="its surface is not closed", remedy="repair the mesh")
     x, y, z = turned.max(axis=0).tolist()
     origin = (-float(corner[0]), -float(corner[1]))
-    return Slices((x, y, z), origin, mesh.volume_mm3, _levels(turned, mesh.triangles), solid)
+    united = _united(solid)
+    volume_mm3 = mesh.volume_mm3 if united is solid else float(united.volume())
+    twice_mm3 = max(mesh.volume_mm3 - volume_mm3, 0.0)
+    return Slices((x, y, z), origin, volume_mm3, _levels(turned, mesh.triangles), united, twice_mm3)
+
+
+def _united(solid: Any) -> Any:
+    """A solid whose shells are one where they overlap; itself where none do, or where some bound a hollow."""
+    from manifold3d import Manifold, OpType
+
+    shells = solid.decompose()
+    if len(shells) < 2 or min(shell.volume() for shell in shells) <= 0.0:
+        return solid
+    united = Manifold.batch_boolean(shells, OpType.Add)
+    return united if united.volume() < solid.volume() * (1.0 - OVERLAP) else solid
 
 
 def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:

@@ -45,7 +45,9 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     pieces = (
         Feature("base", "layer", 0.0, 0.0, side, side, 0.0, FILM_BASE_MM, False, options.bevel_mm, "base"),
-        Feature("layer", "layer", 0.0, 0.0, side, side, 0.0, layer, False, options.bevel_mm, "layer"),
+        Feature(
+            "layer", "layer", 0.0, 0.0, side, side, 0.0, layer, False, options.bevel_mm, "layer", options.exposure_s
+        ),
     )
     cautions = (
         "the thickness of the layer is that of the gap, which the calibration sets: measure it, do not assume it",

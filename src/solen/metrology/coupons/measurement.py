@@ -360,6 +360,9 @@ def _warnings(
             abs(changed) > 100.0 * CHANGED
         ),
         "the marks do not show whether the picture is mirrored": not location.oriented and bool(coupon.gaps),
+        "the picture shows the coupon mirrored: it was taken from below, through the base, or was flipped": (
+            location.oriented and location.pose.mirrored
+        ),
         f"{outside} of {len(measured)} features are not in the picture": outside > 0,
         f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
         "no uncertainty of the heights' scale is stated (--u-z-um), so those of the steps exclude it": (

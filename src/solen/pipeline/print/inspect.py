@@ -49,7 +49,9 @@ def inspect(
     part = open_design(design, assignments)
     image = read_image(picture, options.um_per_px, options.u_um_per_px)
     others = [_named_apart(open_design(path), part, path) for path in against]
-    inspection = measure_lens(image, part, edge=options.edge, against=others, priors=options)
+    inspection = measure_lens(
+        image, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
+    )
     contents = drawn(inspection, figure, "inspect")
     if out is not None:
         contents[out] = profile_text(inspection.profile()).encode()

@@ -12,6 +12,7 @@ from pathlib import Path
 from solen import fabricate, files
 from solen.arrays import Progress
 from solen.errors import OutputError, SpecError
+from solen.fabricate.coupons import printable_coupon
 from solen.fabricate.layers import (
     Job,
     Layer,
@@ -76,21 +77,24 @@ def layers(
     slicing: Slicing = Slicing(),
     assignments: Sequence[str] = (),
     *,
+    run: str | None = None,
     figure: Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Outcome[LayeredPrint]:
-    """Cut a design (.toml) or a closed mesh (.stl in mm, .3mf) into layers; write them, STL and settings into a folder.
+    """Cut a design (.toml), a coupon's job (.json) or a closed mesh into layers; write them, STL and settings.
 
     Parameters
     ----------
     path
-        The design or mesh.
+        The design, the job, or the mesh (.stl in mm, .3mf).
     out
         Folder for the files, made if need be; files of the same names are replaced.
     slicing
         Printer, layers, orientation, exposures.
     assignments
         ``key=value`` of the design.
+    run
+        Which run of a job of several.
     figure
         Draw some layers and the stack into this file.
     progress
@@ -108,11 +112,16 @@ def layers(
         design = open_design(path, assignments)
         part = printable_design(design, fabricate.sensor_part(design, Sensor.of(design).body()), path, slicing)
     elif assignments:
-        raise SpecError("--set", value=assignments[0], limit="sets a key of a design, and this is a mesh")
+        raise SpecError("--set", value=assignments[0], limit="sets a key of a design, and this is none")
+    elif path.suffix.lower() == ".json":
+        part, slicing = printable_coupon(path, slicing, run)
     else:
         part = printable_mesh(path, slicing)
+    if run is not None and path.suffix.lower() != ".json":
+        raise SpecError("--run", value=run, limit="is a run of a coupon's job, and this is none", remedy="leave it out")
+    stem = part.label.name if path.suffix.lower() == ".json" else stem_of(path)
     with files.output_folder(out):
-        made = layer_files(part, slicing, out, stem_of(path), figure, progress)
+        made = layer_files(part, slicing, out, stem, figure, progress)
         files.write_all(made.contents())
     return Outcome(made.result, made.targets)
 

@@ -54,7 +54,7 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
     extent = (left, left + columns * pitch, low, low + rows * pitch)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
-    axes.set_title(f"layer {layer + 1}: {job.slicing.seconds(layer):g} s\n{heights}", fontsize=8)
+    axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}", fontsize=8)
     axes.tick_params(labelsize=7)
     axes.grid(visible=False)
 
@@ -107,7 +107,7 @@ def _draw_side(axes: Axes, job: Job) -> None:
     middles = (numbers + 0.5) * job.layer_mm
     sections = [job.solid.section(z)[1] for z in middles.tolist()]
     sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]
-    burn_in = min(job.count, job.slicing.burn_in_layers) * job.layer_mm
+    burn_in = job.burn_in_layers * job.layer_mm
     axes.axhspan(0.0, burn_in, color=LOST, alpha=0.35, lw=0, label="burn-in")
     for axis, (colour, label) in enumerate(((RIGHT, "along X"), (LEFT, "along Y"))):
         axes.plot([size[axis] for size in sizes], middles, color=colour, lw=1.2, label=label)

@@ -1,0 +1,73 @@
+"""A run of a coupon ready for the printer: layers and exposures as its job states them."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from solen.errors import SpecError
+from solen.fabricate.coupons.job import JOB_KIND, coupon_options, read_job
+from solen.fabricate.coupons.solid import coupon_parts
+from solen.fabricate.label import Label
+from solen.fabricate.layers.printable import Printable, placed_stl, resin_named
+from solen.fabricate.layers.slicing import Slicing
+from solen.fabricate.layers.solid import MESH_MM, exposures_of, solid_of
+from solen.fabricate.mesh import mesh_of
+from solen.geometry.coupons import Coupon, Stage
+from solen.recording import Provenance
+
+
+def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tuple[Printable, Slicing]:
+    """One run of a coupon's job, and how it is sliced: by the job, whose layers and exposures are not options here.
+
+    Pieces with their own exposure (cure discs, a single layer on film) are pictures of their own, without burn-in.
+
+    Raises
+    ------
+    DataError
+        Where the file is not a job.
+    SpecError
+        Where the job has several runs and none of them is named, or an option contradicts it.
+    """
+    coupon, data = read_job(path)
+    stage, options = _run(coupon, run), coupon_options(data, path)
+    stated = {
+        "layer_um": options.layer_um,
+        "exposure_s": options.exposure_s,
+        "burn_in_layers": options.burn_in_layers,
+        "burn_in_s": options.burn_in_s,
+        "irradiance_mW_per_cm2": options.irradiance_mW_per_cm2,
+        "z_offset_um": 1e3 * stage.z_offset_mm,
+        "orientation": "flat",
+        "rotate_deg": (0.0, 0.0, 0.0),
+    }
+    for key in slicing.model_fields_set & set(stated):
+        if getattr(slicing, key) != stated[key]:
+            limit = f"the job states {stated[key]}"
+            remedy = "leave it out, or write the coupon again: solen print coupons"
+            raise SpecError(f"--{key.replace('_', '-')}", value=getattr(slicing, key), limit=limit, remedy=remedy)
+    sliced = slicing.model_copy(update=stated)
+    part = coupon_parts(coupon)[stage.name]
+    features = [feature for feature in coupon.features if feature.stage == stage.name]
+    times = {feature.name: feature.exposure_s for feature in features if feature.exposure_s is not None}
+    alone = len(times) == len(features)
+    solid = exposures_of(part, [times[prism.name] for prism in part.prisms]) if alone else solid_of(part, np.eye(3))
+    label = Label(part.name, data["sha256"], f"coupon: {coupon.title}")
+    material, cure = ("not named: give --resin", None) if slicing.resin is None else resin_named(slicing.resin)
+    notes = tuple(text for text in (stage.note, *coupon.cautions) if text)
+    source = Provenance(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), JOB_KIND)
+    stl = placed_stl(mesh_of(part, MESH_MM), np.eye(3), label)
+    return Printable(solid, stl, label, source, material, cure, notes), sliced
+
+
+def _run(coupon: Coupon, name: str | None) -> Stage:
+    """The run of a name, or the only one."""
+    names = [stage.name for stage in coupon.stages]
+    if name is None and len(names) == 1:
+        return coupon.stages[0]
+    if name not in names:
+        runs = f"{coupon.name} is printed in the runs {', '.join(names)}" if len(names) > 1 else "the job has one run"
+        raise SpecError(
+            "--run", value=name, limit=runs, remedy="name one of them" if len(names) > 1 else "leave it out"
+        )
+    return coupon.stages[names.index(name)]
