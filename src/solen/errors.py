@@ -6,7 +6,7 @@ Anything that is not a :class:`SolenError` is a defect of solen itself.
 
 
 class SolenError(Exception):
-    """A rejected input, told in one line.
+    """A rejected input, described in one line.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """A stage that does not know its zero: it is never driven to find it unasked.
 
 The idea: a search for the reference switch may turn the stage as far as it goes, with a sensor mounted on it. It is
-done where the rig file allows it (``home = true``), or where somebody at the terminal says so who was told how far it
-goes. ``home = "here"`` takes the place where the stage stands for the rig's zero, and nothing moves.
+done where the rig file allows it (``home = true``), or where somebody at the terminal, having read how far it
+goes, agrees. ``home = "here"`` takes the place where the stage stands for the rig's zero, and nothing moves.
 
 The interface: `make_known`.
 """

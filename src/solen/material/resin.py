@@ -4,7 +4,7 @@ The idea: a resin is data with a source. Its file is TOML with ``schema = 1``, a
 each thing that is known of it: an ``[index]`` of one of the kinds of `solen.material.dispersion`, a ``[loss]``, a
 ``[cure]``, a ``[stiffness]``, a ``[[formulation]]`` by weight and the ``[[sources]]`` that these were found from. A
 design names a resin of the library or a file; the index is evaluated at its emitter's wavelength, and whoever uses an
-index that is no measurement is told so.
+index that was not measured says so.
 
 The interface: `load_resin`, `library`, `library_resin`; `dumps_resin` writes a file; `optical` gives the numbers of a
 design's material.

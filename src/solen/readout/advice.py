@@ -56,7 +56,7 @@ class Advice:
 
     def of(self, case: Case) -> Setting:
         """Setting of a set of parts."""
-        return next(one for one in self.settings if one.case == case)
+        return next(setting for setting in self.settings if setting.case == case)
 
 
 def advise(

@@ -147,20 +147,20 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
     SpecError
         Where a range of the converter is asked for that it does not have.
     """
-    told = design.readout
+    stated = design.readout
     part = named_part(design, "part", ReceiverPart)
     transistor = Phototransistor.of(part, light_of(design))
     return Circuit(
         names=tuple(area_mm2),
         area_mm2=tuple(area_mm2.values()),
-        drive=Drive.of(emitter_part(design), told.emitter_current_ma),
+        drive=Drive.of(emitter_part(design), stated.emitter_current_ma),
         transistor=transistor,
-        adc=Adc.of(named_part(design, "adc", AdcPart), told.supply_v, told.adc_range_v),
+        adc=Adc.of(named_part(design, "adc", AdcPart), stated.supply_v, stated.adc_range_v),
         sensitivity_uA=(transistor.typical_uA,) * len(area_mm2),
-        load_ohm=(told.load_ohm,) * len(area_mm2),
-        supply_V=told.supply_v,
-        samples=told.samples,
-        rate_hz=told.rate_hz,
+        load_ohm=(stated.load_ohm,) * len(area_mm2),
+        supply_V=stated.supply_v,
+        samples=stated.samples,
+        rate_hz=stated.rate_hz,
     )
 
 

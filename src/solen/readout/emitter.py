@@ -58,7 +58,7 @@ class Drive:
         exponent = part.power_exponent
         ends = (1.0,) if exponent is None else (exponent.usual, exponent.least or exponent.usual)
         ratio = current_mA / part.current_ma.usual
-        scales = [ratio**one for one in ends]
+        scales = [ratio**end for end in ends]
         fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.usual
         most = math.inf if part.most_current_ma is None else part.most_current_ma.usual
         return cls(

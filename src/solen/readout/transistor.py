@@ -99,7 +99,7 @@ class Phototransistor:
             response=spectral_response(part, light.spectrum or ((light.wavelength_nm, 1.0),)),
             exponent=exponent_of(part),
             rise_per_K=0.0 if part.rise_percent_per_k is None else 0.01 * part.rise_percent_per_k.usual,
-            **{name: one.usual for name, one in values.items() if one is not None},
+            **{name: value.usual for name, value in values.items() if value is not None},
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:

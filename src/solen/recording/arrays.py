@@ -66,7 +66,9 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
     for name, (_, unit, values) in zip(unique([name for name, _, _ in held]), held, strict=True):
         head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
         channels.append(Channel(head.name, head.quantity, head.unit, values))
-    channels = [replace(one, name=name) for one, name in zip(channels, unique([c.name for c in channels]), strict=True)]
+    channels = [
+        replace(channel, name=name) for channel, name in zip(channels, unique([c.name for c in channels]), strict=True)
+    ]
     if note:
         channels[0] = replace(channels[0], note=note)
     instrument = next((value for key, value in stated.items() if key.casefold() in {"instrument", "device"}), "")

@@ -39,14 +39,16 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
     settings = [_settings(block) for block in blocks]
-    shared = {key: value for key, value in settings[0].items() if all(one.get(key) == value for one in settings)}
-    stamps = [one[_COLLECTED] for one in settings if _COLLECTED in one]
+    shared = {
+        key: value for key, value in settings[0].items() if all(setting.get(key) == value for setting in settings)
+    }
+    stamps = [setting[_COLLECTED] for setting in settings if _COLLECTED in setting]
     first = next((dates.iso(stamp, others=stamps) or stamp for stamp in stamps), "")
-    own = [{key: value for key, value in one.items() if key not in shared} for one in settings]
+    own = [{key: value for key, value in setting.items() if key not in shared} for setting in settings]
     for one in own:
         if date := dates.iso(one.get(_COLLECTED, ""), others=stamps):
             one[_COLLECTED] = date
-    instrument = next((one["Instrument"] for one in settings if "Instrument" in one), "")
+    instrument = next((setting["Instrument"] for setting in settings if "Instrument" in setting), "")
     return Logs(shared, own, instrument, first)
 
 

@@ -56,14 +56,14 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
     words = _ANGLE_WORDS if quantity == "angle" else frozenset({quantity})
     columns = recording.channels
     for candidates in (
-        [one for one in columns if one.quantity == quantity],
-        [one for one in columns if plain(one.name) in _NAMES[quantity]],
-        [one for one in columns if one.unit in _UNITS[quantity]],
-        [one for one in columns if plain(one.name).startswith(quantity)],
-        [one for one in columns if not one.unit and words & {word.lower() for word in _words(one.name)}],
+        [column for column in columns if column.quantity == quantity],
+        [column for column in columns if plain(column.name) in _NAMES[quantity]],
+        [column for column in columns if column.unit in _UNITS[quantity]],
+        [column for column in columns if plain(column.name).startswith(quantity)],
+        [column for column in columns if not column.unit and words & {word.lower() for word in _words(column.name)}],
     ):
         if len(candidates) > 1:
-            names = ", ".join(one.name for one in candidates)
+            names = ", ".join(candidate.name for candidate in candidates)
             limit = f"{len(candidates)} columns may be the {quantity}: {names}"
             raise DataError(recording.provenance.file or "recording", limit=limit, remedy=f"name one with --{quantity}")
         if candidates:
@@ -91,9 +91,13 @@ def existing(recording: Recording) -> str:
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
     """Receivers among columns: those in volts, else those whose names state a side, else numbered ones."""
-    columns = [one for one in columns if not is_companion(one.name)]
-    in_volts = [one for one in columns if one.quantity == "voltage" or (one.unit and factor(one.unit, "V") is not None)]
-    bare = [one for one in columns if not one.unit]
+    columns = [column for column in columns if not is_companion(column.name)]
+    in_volts = [
+        column
+        for column in columns
+        if column.quantity == "voltage" or (column.unit and factor(column.unit, "V") is not None)
+    ]
+    bare = [column for column in columns if not column.unit]
     by_name = in_volts or [one for one in bare if ENDS_IN_V.search(one.name) or side_of(one.name)]
     return by_name or [one for one in bare if _NUMBERED.fullmatch(one.name)]
 

@@ -157,8 +157,8 @@ def read_netcdf3(source: Source) -> Recording:
         opened: Any = netcdf_file(data, "r", mmap=False)
         with opened as file:
             arrays = [
-                Array(name, np.array(one.data), _text(getattr(one, "units", b"")))
-                for name, one in file.variables.items()
+                Array(name, np.array(variable.data), _text(getattr(variable, "units", b"")))
+                for name, variable in file.variables.items()
             ]
             metadata = {key: _text(value) for key, value in file._attributes.items() if isinstance(value, bytes)}
     except Exception as bad:  # scipy raises whatever fits what it stumbled over

@@ -77,7 +77,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in taken}
     others = [spectrum.channel for spectrum in available if spectrum.channel.name not in used]
-    return OpticalSpectra(nm, rows, names, tuple(one.name for one in others), tuple(warnings))
+    return OpticalSpectra(nm, rows, names, tuple(other.name for other in others), tuple(warnings))
 
 
 def kind_of(channel: Channel) -> str | None:

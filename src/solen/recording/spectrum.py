@@ -92,8 +92,10 @@ class Listing(Measured):
 
 def spectra(recording: Recording) -> tuple[Spectrum, ...]:
     """All traces of a recording that run along a wavelength; `DataError` where there is none."""
-    axes = {one.name: one for one in recording.channels if one.quantity == "wavelength"}
-    found = tuple(Spectrum(axes[one.axis].to("nm"), one) for one in recording.channels if one.axis in axes)
+    axes = {channel.name: channel for channel in recording.channels if channel.quantity == "wavelength"}
+    found = tuple(
+        Spectrum(axes[channel.axis].to("nm"), channel) for channel in recording.channels if channel.axis in axes
+    )
     if not found:
         remedy = "name the column of wavelengths wavelength_nm" if not axes else "add a column of values"
         raise DataError(recording.provenance.file or "recording", limit="holds no spectrum", remedy=remedy)

@@ -156,7 +156,9 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
     simulated = is_simulated(metadata)
     provenance = Provenance(grid.source.name, grid.source.sha256, kind, instrument, date, metadata, simulated)
     labels = {
-        one.name for one in channels if one.name in texts and not np.any(np.nan_to_num(one.values) % 1.0)
+        channel.name
+        for channel in channels
+        if channel.name in texts and not np.any(np.nan_to_num(channel.values) % 1.0)
     }  # 1, 2, 3; 0, 90
     return Recording(tuple(along_axes(_with_percent(channels), labels)), provenance, texts)
 
@@ -248,7 +250,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     baselines = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
     if not optical or not baselines:
         return channels
-    known = {(one.quantity, one.unit) for one in baselines}
+    known = {(baseline.quantity, baseline.unit) for baseline in baselines}
     if len(known) > 1:
         return channels
     quantity, unit = known.pop()

@@ -63,8 +63,8 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
 def _once(arrays: list[Array]) -> list[Array]:
     """Arrays without times that are the same as one before, as each waveform has its own."""
     once: list[Array] = []
-    for one in arrays:
-        same = any(one.name == other.name and np.array_equal(one.values, other.values) for other in once)
+    for array in arrays:
+        same = any(array.name == other.name and np.array_equal(array.values, other.values) for other in once)
         if not same:
-            once.append(one)
+            once.append(array)
     return once

@@ -57,7 +57,7 @@ def read(grid: Grid, place: Layout) -> Recording:
     scan.check_digits(grid, [(column.place, place.body) for column in columns])
     made = table.recorded(grid, place, columns, "testxpert")
     where = [f"in line {grid.lines[row]}" for row in place.body]
-    *others, last = (replace(one, note=scan.alone_note(one.values, where)) for one in made.channels)
+    *others, last = (replace(channel, note=scan.alone_note(channel.values, where)) for channel in made.channels)
     return replace(made, channels=(*others, last.noted(grid.ending(place.body))))
 
 

@@ -148,7 +148,7 @@ def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
     """Quantity that a name means, or empty where it has no meaning or its unit is of another kind."""
     meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
-        meant = [one for one in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(one, unit)]
+        meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
     seen = [one for one in meant if one in {"transmittance", "reflectance", "absorbance", "absorptance"}]
     if optical and seen:
         return seen[0]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22272e")
-"""Colours of things of one kind, told apart by those who see colours differently too (Okabe and Ito)."""
+"""Colours of things of one kind, distinguishable with colour vision deficiency too (Okabe and Ito)."""
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.family": "sans-serif",

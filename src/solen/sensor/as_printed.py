@@ -214,7 +214,7 @@ def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
     if integrated or scene.is_random or scene.extrusion is not None:
         return drawn.power(angles, standard_error=STANDARD_ERROR, tolerance=DRAWN_TOLERANCE).contrast
     readings = [powers(drawn.trace(angle, "power", DRAWN_RAYS)) for angle in angles]
-    values = [contrast(one["right"], one["left"]) for one in readings]
+    values = [contrast(reading["right"], reading["left"]) for reading in readings]
     return np.array([np.nan if value is None else value for value in values])
 
 

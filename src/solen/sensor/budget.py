@@ -89,7 +89,8 @@ def _black(scene: Scene) -> Scene:
     return replace(
         scene,
         interfaces=tuple(
-            replace(one, behaviour="absorbing", receiver=None, surface=None, height_mm=None) for one in scene.interfaces
+            replace(interface, behaviour="absorbing", receiver=None, surface=None, height_mm=None)
+            for interface in scene.interfaces
         ),
     )
 
@@ -97,8 +98,8 @@ def _black(scene: Scene) -> Scene:
 def _opaque(scene: Scene) -> Scene:
     """The scene with a body that takes all light that enters it."""
     regions = tuple(
-        replace(one, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if one.name == "body" else one
-        for one in scene.regions
+        replace(region, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if region.name == "body" else region
+        for region in scene.regions
     )
     return replace(scene, regions=regions)
 

@@ -1,4 +1,4 @@
-"""What a design states that a trace of it does not see: told, so that nobody waits for an effect.
+"""Keys of a design that a trace of it does not use, reported so that nobody waits for an effect.
 
 Such a key is not refused, as it has its part elsewhere: `solen run` compares the plane with space and counting with
 power, whatever the design's own dimension and mode.

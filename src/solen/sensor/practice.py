@@ -315,9 +315,9 @@ def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
     return replace(sensor, design=with_values(sensor.design, values))
 
 
-def _same(one: Sensor, other: Sensor) -> bool:
+def _same(sensor: Sensor, other: Sensor) -> bool:
     """Whether they have the same light, in the plane or in space alike."""
-    return one.light == other.light and one.design.trace.dimension == other.design.trace.dimension
+    return sensor.light == other.light and sensor.design.trace.dimension == other.design.trace.dimension
 
 
 def spread(angles: Angles, most: int) -> Angles:

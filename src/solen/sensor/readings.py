@@ -127,7 +127,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
     """Readings of a sensor as `readings` gives them, with the parts of its circuit and what must be known of it."""
     design, found = sensor.design, readings(sensor, progress)
     in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
-    told = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
+    reasons = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
     parts = (
         named_part(design, "part", ReceiverPart),
         emitter_part(design),
@@ -141,7 +141,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
         parts=tuple(PartUsed(part.name, part.kind, part.document, part.estimates) for part in parts),
-        warnings=(*sensor.warnings, *idle_keys(sensor, "power"), *told, *found.coarse()),
+        warnings=(*sensor.warnings, *idle_keys(sensor, "power"), *reasons, *found.coarse()),
     )
 
 

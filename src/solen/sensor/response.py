@@ -177,9 +177,9 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
     return Slope(value, u + u_of_powers)
 
 
-def steepness(one: Sensitivity) -> float:
+def steepness(sensitivity: Sensitivity) -> float:
     """How much the contrast changes; 0 where that is not known."""
-    return abs(one.contrast.value) if math.isfinite(one.contrast.value) else 0.0
+    return abs(sensitivity.contrast.value) if math.isfinite(sensitivity.contrast.value) else 0.0
 
 
 def contrast(right: float, left: float) -> float | None:
@@ -187,13 +187,13 @@ def contrast(right: float, left: float) -> float | None:
     return (right - left) / (right + left) if right + left > 0.0 else None
 
 
-def shift(one: Response, other: Response) -> Shift | None:
+def shift(response: Response, other: Response) -> Shift | None:
     """How far the contrast of one response lies from that of another at most, over the angles that both have.
 
     None where no light arrives at any of them.
     """
-    common = sorted(set(one.angle_deg.tolist()) & set(other.angle_deg.tolist()))
-    here, there = (each.part([each.at(angle) for angle in common]) for each in (one, other))
+    common = sorted(set(response.angle_deg.tolist()) & set(other.angle_deg.tolist()))
+    here, there = (each.part([each.at(angle) for angle in common]) for each in (response, other))
     change = np.abs(here.contrast - there.contrast)
     if not np.isfinite(change).any():
         return None

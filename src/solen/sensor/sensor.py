@@ -177,7 +177,7 @@ class Sensor:
         rays: int | None = None,
         **options: Unpack[TraceKeywords],
     ) -> Trace:
-        """Trace at an angle, in the design's mode and with its rays unless told otherwise.
+        """Trace at an angle, in the design's mode and with its rays unless others are asked for.
 
         The options are those of `solen.trace.trace`: ``sampling``, ``seed``, ``precision``, ``position_bins``,
         ``angle_bins``, ``legs``, ``device``, ``threads``, ``progress``.
@@ -330,7 +330,7 @@ class Sensor:
         self.check_pair()
         ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
         readings = [self._reading(end, tolerance=POINT_TOLERANCE)[1] for end in ends]
-        low, high = (contrast(one["right"], one["left"]) for one in readings)
+        low, high = (contrast(reading["right"], reading["left"]) for reading in readings)
         return None if low is None or high is None else (high - low) / SLOPE_DEG
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:

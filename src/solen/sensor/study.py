@@ -269,5 +269,5 @@ def _case(sensor: Sensor, progress: Progress | None) -> Case:
 
 
 def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:
-    """Progress of ``length`` of so many equal parts, told as the share of the whole."""
+    """Progress of ``length`` of so many equal parts, as the share of the whole."""
     return None if progress is None else lambda done: progress((first + length * done) / parts)

@@ -119,7 +119,7 @@ class Emitter(Strict):
 
 
 class Ambient(Strict):
-    """Light from around: the same from all sides, told apart from the emitter's at every receiver."""
+    """Light from around: the same from all sides, distinguished from the emitter's at every receiver."""
 
     table: ClassVar[str] = "ambient"
 

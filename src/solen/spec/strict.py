@@ -103,7 +103,7 @@ Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGES
 class Strict(BaseModel):
     """One table of a file: frozen, closed to unknown keys, refusing in one line.
 
-    A derived class states its `table` (the dotted name that its keys are told under), the `error` raised and
+    A derived class states its `table` (the dotted name that messages name its keys by), the `error` raised and
     the key names `reserved` for later. pydantic's own ``model_validate`` is not a door: build with the constructor.
     """
 
@@ -313,7 +313,7 @@ def told_of(where: str) -> Iterator[None]:
 def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
     """Tables of a TOML text; ``error`` names the line and column where it is not TOML."""
     try:
-        return tomllib.loads(f"{text}\n")  # a last line without its end would be told as "end of document"
+        return tomllib.loads(f"{text}\n")  # a last line without its end would be reported as "end of document"
     except (ValueError, RecursionError) as bad:  # ValueError: also a number of more digits than Python reads
         raise error(what, limit=f"not valid TOML: {bad}", remedy="correct it there") from None
 

@@ -185,7 +185,7 @@ def diagnosed_sensors(
     options
         Which sensors, their design, and what is known beforehand.
     progress
-        Told how much of the tracing is done, from 0 to 1.
+        Called with the share of the tracing that is done, up to 1.
 
     Raises
     ------

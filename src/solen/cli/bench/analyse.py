@@ -57,24 +57,26 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     cycles = f"{sensor.cycles_used} of {sum(len(run.motion.cycles) for run in sensor.runs)} cycles"
     reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
     yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{'; simulated' if simulated else ''}"
-    for name, one in sensor.receivers.items():
-        yield from _receiver(name, one)
+    for name, receiver in sensor.receivers.items():
+        yield from _receiver(name, receiver)
     pair = sensor.left_minus_right
     if pair is not None:
         yield f"  left and right show one voltage at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
 
 
-def _receiver(name: str, one: ReceiverResponse) -> Iterator[str]:
-    slope = _pm(one.sensitivity_V_per_deg, one.u_sensitivity_V_per_deg, " V/°")
-    near_zero = _pm(one.sensitivity_near_zero_V_per_deg, one.u_sensitivity_near_zero_V_per_deg, " V/°")
-    yield f"  {name}: range {_pm(one.range_V, one.u_range_V, ' V')}; sensitivity {slope}, near zero {near_zero}"
+def _receiver(name: str, response: ReceiverResponse) -> Iterator[str]:
+    slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, " V/°")
+    near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, " V/°")
+    swing = _pm(response.range_V, response.u_range_V, " V")
+    yield f"  {name}: range {swing}; sensitivity {slope}, near zero {near_zero}"
+    linearity = _percent(response.independent_linearity_percent)
     shares = (
-        f"hysteresis {_percent(one.hysteresis_percent)}, linearity {_percent(one.independent_linearity_percent)}, "
-        f"repeatability {_percent(one.repeatability_percent)} of full scale"
+        f"hysteresis {_percent(response.hysteresis_percent)}, linearity {linearity}, "
+        f"repeatability {_percent(response.repeatability_percent)} of full scale"
     )
-    yield f"    {shares}; drift {_pm(one.drift_V_per_min, one.u_drift_V_per_min, ' V/min')}"
-    angle = one.resolution_near_zero_deg
-    yield f"    noise {1e3 * one.noise_V:.3g} mV" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
+    yield f"    {shares}; drift {_pm(response.drift_V_per_min, response.u_drift_V_per_min, ' V/min')}"
+    angle = response.resolution_near_zero_deg
+    yield f"    noise {1e3 * response.noise_V:.3g} mV" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
 
 
 def _pm(value: float, u: float, unit: str) -> str:

@@ -49,11 +49,11 @@ def calibrate(
 
 @lines.register
 def _(result: SensorCalibrations) -> Iterator[str]:
-    for one in result.calibrations:
-        low, high = one.range_deg
-        prints = f", {len(one.prints)} prints" if len(one.prints) > 1 else ""
-        yield f"{one.sensor}{prints}: {one.cycles} cycles, {low:.3g}° to {high:.3g}°"
-        yield from (f"  {line}" for line in one.words)
+    for calibration in result.calibrations:
+        low, high = calibration.range_deg
+        prints = f", {len(calibration.prints)} prints" if len(calibration.prints) > 1 else ""
+        yield f"{calibration.sensor}{prints}: {calibration.cycles} cycles, {low:.3g}° to {high:.3g}°"
+        yield from (f"  {line}" for line in calibration.words)
 
 
 def decode(

@@ -34,7 +34,7 @@ def diagnose(
 @lines.register
 def _(result: SensorDiagnoses) -> Iterator[str]:
     simulated = "; simulated" if result.simulated else ""
-    for label, one in result.sensors.items():
-        yield f"{label}{LENS[one.lens]}: {one.cycles_used} cycles, ± is half of an interval of 95 %{simulated}"
-        yield from (f"  {line}" for line in one.words)
-        yield from (f"  advice: {line}" for line in one.advice)
+    for label, sensor in result.sensors.items():
+        yield f"{label}{LENS[sensor.lens]}: {sensor.cycles_used} cycles, ± is half of an interval of 95 %{simulated}"
+        yield from (f"  {line}" for line in sensor.words)
+        yield from (f"  advice: {line}" for line in sensor.advice)

@@ -64,10 +64,10 @@ def _(inspection: LensInspection) -> Iterator[str]:
     yield from _size(inspection.size)
     if len(inspection.designs) > 1:
         yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest or 'none of these'}"
-        for name, one in inspection.designs.items():
+        for name, design in inspection.designs.items():
             yield (
-                f"  {name}: probability {short(one.probability)} among these; {one.size.form_um:.3g} µm (rms) beside "
-                f"size and overgrowth, {one.rms_um:.3g} with them"
+                f"  {name}: probability {short(design.probability)} among these; {design.size.form_um:.3g} µm (rms) "
+                f"beside size and overgrowth, {design.rms_um:.3g} with them"
             )
 
 

@@ -321,9 +321,9 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
     doses = {disc.dose_mJ_per_cm2 for disc in used}
     if len(doses) >= 2 and len(used) >= 3:
         return
-    told = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} left out)" if out else "")
+    discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} left out)" if out else "")
     remedy = "cure discs at five doses or more, three of each"
-    raise DataError("working curve: points", value=told, limit="needs 3 discs at 2 doses at least", remedy=remedy)
+    raise DataError("working curve: points", value=discs, limit="needs 3 discs at 2 doses at least", remedy=remedy)
 
 
 def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:

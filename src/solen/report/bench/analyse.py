@@ -35,8 +35,8 @@ def study_figure(study: Study) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.3 * across + 0.6, 3.2 * down + 0.3), layout="constrained")
         axes = figure.subplots(down, across, squeeze=False, sharey=True).ravel()
-        for one, panel in zip(sensors, axes, strict=False):
-            _draw_sensor(panel, one)
+        for sensor, panel in zip(sensors, axes, strict=False):
+            _draw_sensor(panel, sensor)
         if len(sensors) > 1:
             _draw_all(axes[len(sensors)], sensors, beside=panels % across > 0)
         for empty in axes[panels:]:
@@ -56,38 +56,40 @@ def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
         figure.suptitle(title, color=LOST, fontsize=9)
 
 
-def title_of(one: SensorResponse) -> str:
+def title_of(response: SensorResponse) -> str:
     """Name of a sensor with what it is."""
-    return one.label + {None: "", True: ", lens", False: ", no lens"}[one.lens]
+    return response.label + {None: "", True: ", lens", False: ", no lens"}[response.lens]
 
 
-def _draw_sensor(axes: Axes, one: SensorResponse) -> None:
-    angle = one.passes.angle_deg
-    for place, (name, found) in enumerate(one.receivers.items()):
+def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
+    angle = response.passes.angle_deg
+    for place, (name, receiver) in enumerate(response.receivers.items()):
         colour = colour_of(name, place)
-        ways = one.passes.volts[..., place].reshape(-1, angle.size)
+        ways = response.passes.volts[..., place].reshape(-1, angle.size)
         every = max(1, len(ways) // _SHOWN)
         axes.plot(angle, ways[::every].T, color=colour, lw=0.4, alpha=0.3)
-        axes.fill_between(angle, found.mean_V - found.sd_V, found.mean_V + found.sd_V, color=colour, alpha=0.25, lw=0)
-        axes.plot(angle, found.mean_V, color=colour, lw=1.8, label=name)
-    count = one.passes.cycles
-    axes.set_title(f"{title_of(one)} ({count} cycle{'s' * (count != 1)}, ± SD)", fontsize=9, loc="left")
+        axes.fill_between(
+            angle, receiver.mean_V - receiver.sd_V, receiver.mean_V + receiver.sd_V, color=colour, alpha=0.25, lw=0
+        )
+        axes.plot(angle, receiver.mean_V, color=colour, lw=1.8, label=name)
+    count = response.passes.cycles
+    axes.set_title(f"{title_of(response)} ({count} cycle{'s' * (count != 1)}, ± SD)", fontsize=9, loc="left")
     axes.legend(fontsize=8, loc="best")
 
 
 def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
     """Means of all sensors with their bands, grey without a lens; the legend beside it where that place is empty."""
-    with_lens = [one for one in sensors if one.lens is not False]
-    for one in sensors:
-        plain = one.lens is False
-        colour = LOST if plain else SERIES[with_lens.index(one) % len(SERIES)]
-        for name, found in one.receivers.items():
-            angle = found.angle_deg
+    with_lens = [sensor for sensor in sensors if sensor.lens is not False]
+    for sensor in sensors:
+        plain = sensor.lens is False
+        colour = LOST if plain else SERIES[with_lens.index(sensor) % len(SERIES)]
+        for name, receiver in sensor.receivers.items():
+            angle = receiver.angle_deg
             dashes = "--" if side_of(name) == "left" else "-"
-            low, high = found.mean_V - found.sd_V, found.mean_V + found.sd_V
+            low, high = receiver.mean_V - receiver.sd_V, receiver.mean_V + receiver.sd_V
             axes.fill_between(angle, low, high, color=colour, alpha=0.2, lw=0)
-            axes.plot(angle, found.mean_V, dashes, color=colour, lw=1.4)
-        axes.plot(np.nan, np.nan, color=colour, label=title_of(one))
+            axes.plot(angle, receiver.mean_V, dashes, color=colour, lw=1.4)
+        axes.plot(np.nan, np.nan, color=colour, label=title_of(sensor))
     axes.set_title("all: right solid, left dashed", fontsize=9, loc="left")
     if beside:
         axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0)).set_in_layout(False)

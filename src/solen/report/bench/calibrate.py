@@ -31,15 +31,15 @@ def calibration_figure(result: SensorCalibrations) -> Figure:
     return figure
 
 
-def _draw_calibration(row: Sequence[Axes], one: CalibrationFile, check: Check | None) -> None:
+def _draw_calibration(row: Sequence[Axes], file: CalibrationFile, check: Check | None) -> None:
     curves, angles, errors = row
-    _draw_curves(curves, one.calibration)
-    curves.set_title(f"{one.sensor}: {one.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
+    _draw_curves(curves, file.calibration)
+    curves.set_title(f"{file.sensor}: {file.cycles} cycles, ± 2 SD of a new reading", fontsize=9, loc="left")
     if check is None:
         for panel in (angles, errors):
             panel.text(0.5, 0.5, "not checked: too few", ha="center", transform=panel.transAxes, color=LOST)
         return
-    left_out = "a cycle" if one.leave_one_sensor_out is None else "a print"
+    left_out = "a cycle" if file.leave_one_sensor_out is None else "a print"
     _draw_angles(angles, check)
     angles.set_title(f"{left_out} left out: rms {check.whole.rms_deg:.2g}°", fontsize=9, loc="left")
     _draw_errors(errors, check)
@@ -47,14 +47,14 @@ def _draw_calibration(row: Sequence[Axes], one: CalibrationFile, check: Check | 
     errors.set_title(f"in the bands of 68 and 95 %: {shares}", fontsize=9, loc="left")
 
 
-def _draw_curves(axes: Axes, one: Calibration) -> None:
+def _draw_curves(axes: Axes, calibration: Calibration) -> None:
     for place, (name, colour) in enumerate(_SIDES):
-        rising, falling = one.curves_V[0, :, place], one.curves_V[1, :, place]
-        half = 2.0 * np.sqrt(one.total[:, place, place])
+        rising, falling = calibration.curves_V[0, :, place], calibration.curves_V[1, :, place]
+        half = 2.0 * np.sqrt(calibration.total[:, place, place])
         middle = 0.5 * (rising + falling)
-        axes.fill_between(one.angle_deg, middle - half, middle + half, color=colour, alpha=0.25, lw=0)
-        axes.plot(one.angle_deg, rising, color=colour, lw=1.5, label=name)
-        axes.plot(one.angle_deg, falling, "--", color=colour, lw=1.0)
+        axes.fill_between(calibration.angle_deg, middle - half, middle + half, color=colour, alpha=0.25, lw=0)
+        axes.plot(calibration.angle_deg, rising, color=colour, lw=1.5, label=name)
+        axes.plot(calibration.angle_deg, falling, "--", color=colour, lw=1.0)
     axes.set_xlabel("angle (°)")
     axes.set_ylabel("voltage (V)")
     axes.legend(fontsize=8, loc="best")

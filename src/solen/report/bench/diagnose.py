@@ -21,7 +21,7 @@ _SHORT = {
 
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
     """A column for each sensor: curves and model, residuals in their scatter, correlations."""
-    found = [one.diagnosis for one in result.sensors.values()]
+    found = [sensor.diagnosis for sensor in result.sensors.values()]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4), layout="constrained")
         axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
@@ -35,37 +35,37 @@ def diagnoses_figure(result: SensorDiagnoses) -> Figure:
     return figure
 
 
-def _curves(axes: Axes, one: Diagnosis) -> None:
-    angle, fitted = one.cycles.angle_deg, model_V(one)
-    for n, side in enumerate(one.sides):
+def _curves(axes: Axes, diagnosis: Diagnosis) -> None:
+    angle, fitted = diagnosis.cycles.angle_deg, model_V(diagnosis)
+    for n, side in enumerate(diagnosis.sides):
         colour = colour_of(side, n)
-        axes.plot(angle, one.cycles.mean_V[:, n], "o", ms=2.6, color=colour, mec="none", alpha=0.7, label=side)
+        axes.plot(angle, diagnosis.cycles.mean_V[:, n], "o", ms=2.6, color=colour, mec="none", alpha=0.7, label=side)
         axes.plot(angle, fitted[:, n], color=colour, lw=1.2, label=f"{side}, model")
-    axes.set_title("\n".join([one.label, *words(one)[:2]]), fontsize=8, loc="left")
+    axes.set_title("\n".join([diagnosis.label, *words(diagnosis)[:2]]), fontsize=8, loc="left")
     axes.legend(fontsize=7, loc="best")
 
 
-def _residuals(axes: Axes, one: Diagnosis) -> None:
-    angle, count = one.cycles.angle_deg, len(one.cycles.volts)
-    for n, side in enumerate(one.sides):
-        colour, rest = colour_of(side, n), 1e3 * one.fitted.residual_V[:, n]
+def _residuals(axes: Axes, diagnosis: Diagnosis) -> None:
+    angle, count = diagnosis.cycles.angle_deg, len(diagnosis.cycles.volts)
+    for n, side in enumerate(diagnosis.sides):
+        colour, rest = colour_of(side, n), 1e3 * diagnosis.fitted.residual_V[:, n]
         axes.plot(angle, rest, color=colour, lw=1.0)
         if count > 1:
-            u = 1e3 * one.cycles.volts[..., n].std(axis=0, ddof=1) / np.sqrt(count)
+            u = 1e3 * diagnosis.cycles.volts[..., n].std(axis=0, ddof=1) / np.sqrt(count)
             axes.fill_between(angle, rest - u, rest + u, color=colour, alpha=0.25, lw=0)
     axes.axhline(0.0, color=INK, lw=0.6)
     axes.set_xlabel("angle (°)")
     axes.set_title("residual, ± the uncertainty of the mean by the cycles", fontsize=8, loc="left")
 
 
-def _correlations(axes: Axes, one: Diagnosis) -> None:
-    names = [one.fitted.model.parameters[place].name for place in one.fitted.active]
+def _correlations(axes: Axes, diagnosis: Diagnosis) -> None:
+    names = [diagnosis.fitted.model.parameters[place].name for place in diagnosis.fitted.active]
     names = [_SHORT.get(name, name.rpartition(".")[2]) for name in names]
-    axes.imshow(one.correlations, vmin=-1.0, vmax=1.0, cmap=_MAP)
+    axes.imshow(diagnosis.correlations, vmin=-1.0, vmax=1.0, cmap=_MAP)
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=7)
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.grid(visible=False)
-    for (i, j), value in np.ndenumerate(one.correlations):
+    for (i, j), value in np.ndenumerate(diagnosis.correlations):
         if i != j:
             colour = "white" if abs(value) > 0.6 else INK
             axes.text(j, i, f"{value:.2f}".replace("0.", "."), ha="center", va="center", fontsize=5.5, color=colour)

@@ -21,7 +21,7 @@ _MOST_HOLDS = 400
 
 def traces_figure(study: Study) -> Figure:
     """A row for each recording: voltages, the angle above them, cycles and holds."""
-    rows = [(one, run) for one in study.sensors.values() for run in one.runs]
+    rows = [(sensor, run) for sensor in study.sensors.values() for run in sensor.runs]
     shown = rows[:_MOST_ROWS]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4), layout="constrained")
@@ -34,7 +34,7 @@ def traces_figure(study: Study) -> Figure:
     return figure
 
 
-def _draw(axes: Axes, one: SensorResponse, run: Run) -> None:
+def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     signals = run.signals
     for place, name in enumerate(signals.receivers):
         axes.plot(*_thinned(signals.time_s, signals.volts[:, place]), color=colour_of(name, place), lw=0.8, label=name)
@@ -50,8 +50,8 @@ def _draw(axes: Axes, one: SensorResponse, run: Run) -> None:
     above.spines["right"].set_visible(True)
     axes.set_ylabel("voltage (V)")
     axes.set_xlim(signals.time_s[0], signals.time_s[-1])
-    several = f", {signals.source}" if len(one.runs) > 1 else ""
-    axes.set_title(f"{title_of(one)}{several}; grey: holds, cropped; hatched: not used", fontsize=9, loc="left")
+    several = f", {signals.source}" if len(response.runs) > 1 else ""
+    axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not used", fontsize=9, loc="left")
     handles, names = axes.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
     axes.legend(

@@ -106,8 +106,8 @@ def convergence_figure(convergence: Convergence) -> Figure:
             name, colour, marker = METHODS[series.method]
             axes.plot(series.rays, _positive(series.error), marker, ls="-", color=colour, ms=4, label=f"{name}: error")
             nil = int(np.sum(series.u_power == 0.0))
-            told = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
-            axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=told)
+            label = f"{name}: stated u" + (f" ({nil} of {len(series.u_power)} are 0)" if nil else "")
+            axes.plot(series.rays, _positive(series.u_power), "--", color=colour, lw=1.2, label=label)
         reference = convergence.reference
         if reference.u_power > 0.0:
             axes.axhline(reference.u_power, color=LOST, lw=1.2, ls=":", label="reference: stated u")

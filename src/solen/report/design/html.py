@@ -126,7 +126,7 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
 
 
 def _inline(text: str, name: str) -> Markup:
-    """SVG element without the lines that only a file needs, its ids told apart from those of other figures."""
+    """SVG element without the lines that only a file needs, its ids distinct from those of other figures."""
     element = text[text.index("<svg") :]
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
         element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\1{name}-\2", element)

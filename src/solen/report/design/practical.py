@@ -10,7 +10,7 @@ from solen.sensor import DesignStudy, Extent, InSpace, Practice, Response
 from solen.sensor.index_offset import NEAR_DEG
 
 SHOWN_SHARE = 5e-4
-"""Share of the light from which on it is told of in a sentence."""
+"""Share of the light from which on a sentence names it."""
 STRONGER = 0.02
 """Difference of two contrasts that is put down to the lens."""
 PARTS = {
@@ -62,14 +62,14 @@ def index_rows(study: DesignStudy) -> IndexRows:
     there = base.angle_deg.tolist()
     angles = sorted({there[0], *(near for near in (-NEAR_DEG, NEAR_DEG) if near in there), there[-1]} - {0.0})
     index = study.case.sensor.material.index
-    told = [(index, f"{index:.6g} (this design)", base)]
+    parts = [(index, f"{index:.6g} (this design)", base)]
     for one in practice.index:
         note = " (its standard uncertainty)" if one.by_uncertainty else ""
-        told.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
-    told.sort(key=lambda row: row[0])
+        parts.append((one.index, f"{one.index:.6g}: off by {one.step:+.2g}{note}", one.response))
+    parts.sort(key=lambda row: row[0])
     lens = study.case.sensor.cut
     oval = lens if isinstance(lens, OvalLens) else None
-    rows = [IndexRow(text, [response.contrast_at(a) for a in angles], _foci(oval, at)) for at, text, response in told]
+    rows = [IndexRow(text, [response.contrast_at(a) for a in angles], _foci(oval, at)) for at, text, response in parts]
     return IndexRows(angles, ["focus near the axis (mm)", "smallest spot (mm)"] if oval else [], rows)
 
 
@@ -94,8 +94,8 @@ def chip_words(practice: Practice) -> str:
     else:
         start = f"With a chip {extent.width_mm:g} mm wide in place of the point, for comparison, the contrast is"
         second = "with the point"
-    told = [f"{signed(value)} at {angle:+g}° ({second} {signed(other)})" for angle, value, other in values]
-    return f"{start} {_listed(told)}."
+    parts = [f"{signed(value)} at {angle:+g}° ({second} {signed(other)})" for angle, value, other in values]
+    return f"{start} {_listed(parts)}."
 
 
 def null_words(practice: Practice) -> str:
@@ -116,12 +116,12 @@ def index_words(study: DesignStudy) -> str:
     if practice is None or not rows or any(value is None for row in rows for value in row.contrasts):
         return ""
     shown = [i for i, angle in enumerate(angles) if angle <= 0.0] or [0]
-    told = []
+    parts = []
     for i in shown:
         values = _listed([f"{signed(row.contrasts[i])} for {row.text.split()[0].rstrip(':')}" for row in rows])
-        told.append(f"at {angles[i]:+g}° the contrast is {values}")
+        parts.append(f"at {angles[i]:+g}° the contrast is {values}")
     fixed = " and the lens stays as it is cut" if isinstance(study.case.sensor.cut, OvalLens) else ""
-    text = f"With {_chip(practice.emitter)}, where the material's index is off{fixed}: {'; '.join(told)}."
+    text = f"With {_chip(practice.emitter)}, where the material's index is off{fixed}: {'; '.join(parts)}."
     return " ".join(filter(None, (text, _shift_words(practice))))
 
 
@@ -143,8 +143,8 @@ def budget_words(study: DesignStudy) -> str:
     if not rows:
         return ""
     words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left one"}
-    told = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
-    return f"Of the emitter's light, at rest: {_listed(told)}."
+    parts = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
+    return f"Of the emitter's light, at rest: {_listed(parts)}."
 
 
 def space_words(study: DesignStudy) -> str:
@@ -157,12 +157,12 @@ def space_words(study: DesignStudy) -> str:
     pairs = [(angle, in_space.plane.contrast_at(angle), same.contrast_at(angle)) for angle in ends]
     if any(one is None or other is None for _, one, other in pairs):
         return ""
-    told = [f"{signed(one)} and {signed(other)} at {angle:+g}°" for angle, one, other in pairs]
+    parts = [f"{signed(one)} and {signed(other)} at {angle:+g}°" for angle, one, other in pairs]
     sampled = "" if all(trace.method == "adaptive" for trace in same.traces) else ", sampled"
     plane, space, angles = in_space.plane.received_share, same.received_share, len(in_space.plane.angle_deg)
     text = (
         f"{_emitter(in_space)} gives, by rays in the plane and by rays in space in a body {in_space.thickness_mm:g} mm "
-        f"thick, a contrast of {_listed(told)} (± {same.largest_u_contrast:.1g}{sampled}). Of its light "
+        f"thick, a contrast of {_listed(parts)} (± {same.largest_u_contrast:.1g}{sampled}). Of its light "
         f"{plane:.1%} and {space:.1%} are received{f', the mean of {angles} angles' if angles > 1 else ''}."
     )
     weaker = all(abs(one or 0.0) - abs(other or 0.0) > STRONGER for _, one, other in pairs)
@@ -187,7 +187,7 @@ def _chip(extent: Extent) -> str:
 
 
 def _inner(response: Response) -> float | None:
-    """The angle near the middle that is told of, where the response has it."""
+    """The angle near the middle that a sentence names, where the response has it."""
     angles: Any = response.angle_deg.tolist()
     return next((near for near in (-NEAR_DEG, NEAR_DEG) if near in angles), None)
 

@@ -22,7 +22,7 @@ from solen.sensor.practice import CHIP_MM
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
-    told = [
+    sentences = [
         ("The signal", _signal(study)),
         ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
         ("Range", _range(study.case)),
@@ -33,7 +33,7 @@ def findings(study: DesignStudy) -> list[tuple[str, str]]:
         ("Light", _light(study)),
         ("Not in these numbers", _limits(study)),
     ]
-    return [(heading, text) for heading, text in told if text]
+    return [(heading, text) for heading, text in sentences if text]
 
 
 def warnings(study: DesignStudy) -> list[str]:
@@ -140,13 +140,13 @@ def _focuses(lens: OvalLens, material: Optical) -> str:
             f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
             f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
         )
-    told = []
+    sentences = []
     for step, _ in steps(material):
         if step != 0.0:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
             off = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            told.append(f"{off}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
-    return f"If the print's index were {'; '.join(told)}."
+            sentences.append(f"{off}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
+    return f"If the print's index were {'; '.join(sentences)}."
 
 
 def _limits(study: DesignStudy) -> str:

@@ -125,10 +125,12 @@ def _note(axes: Axes, x: float, y: float, text: str) -> None:
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
     """Each step at the height that it leads to; a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
-    sizes = sorted({round(one.nominal_mm, 6) for one in features}, reverse=True)
+    sizes = sorted({round(feature.nominal_mm, 6) for feature in features}, reverse=True)
     for number, size in enumerate(sizes):
         colour = SERIES[number % len(SERIES)]
-        mine = [one for one in features if round(one.nominal_mm, 6) == size and one.measured_mm is not None]
+        mine = [
+            feature for feature in features if round(feature.nominal_mm, 6) == size and feature.measured_mm is not None
+        ]
         axes.axhline(1e3 * size, color=colour, lw=0.7, ls="--")
         for good in (True, False):
             these = [one for one in mine if bool(one.resolved) is good]
@@ -149,14 +151,14 @@ def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None
 
 def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None:
     """Measured less nominal, with two standard uncertainties; crosses at the bottom for what is not resolved."""
-    there = [one for one in features if one.measured_mm is not None and one.resolved]
+    there = [feature for feature in features if feature.measured_mm is not None and feature.resolved]
     nominal = [one.nominal_mm for one in there]
     off = [1e3 * ((one.measured_mm or 0.0) - one.nominal_mm) for one in there]
     axes.errorbar(
         nominal, off, yerr=[2e3 * (one.u_measured_mm or 0.0) for one in there], fmt="o", ms=3.5, lw=1.0, color=RIGHT
     )
     axes.axhline(0.0, color=INK, lw=0.7)
-    lost = [one for one in features if one.resolved is False]
+    lost = [feature for feature in features if feature.resolved is False]
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, -0.15 * high), max(high, -0.15 * low))
     bottom = axes.get_ylim()[0]
@@ -165,7 +167,7 @@ def _deviations(axes: Axes, kind: str, features: Sequence[MeasuredSize]) -> None
     )
     if lost:
         axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0))
-    sizes = {one.nominal_mm for one in features}
+    sizes = {feature.nominal_mm for feature in features}
     if len(sizes) > MANY and min(sizes) < WIDE * max(sizes):
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")

@@ -56,17 +56,17 @@ def _legend(axes: Axes) -> None:
     axes.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
-def _name(one: Comparison) -> str:
-    return f"chip {one.width_mm:g} mm wide" if one.width_mm > 0.0 else "point"
+def _name(comparison: Comparison) -> str:
+    return f"chip {comparison.width_mm:g} mm wide" if comparison.width_mm > 0.0 else "point"
 
 
-def _draw_responses(axes: Axes, one: Comparison, colour: str) -> None:
-    angle, name = one.designed.angle_deg, _name(one)
-    axes.plot(angle, one.designed.contrast, "--", color=colour, lw=1.2, label=f"designed, {name}")
-    axes.plot(angle, one.printed.contrast, color=colour, lw=1.8, label=f"printed, {name}")
+def _draw_responses(axes: Axes, comparison: Comparison, colour: str) -> None:
+    angle, name = comparison.designed.angle_deg, _name(comparison)
+    axes.plot(angle, comparison.designed.contrast, "--", color=colour, lw=1.2, label=f"designed, {name}")
+    axes.plot(angle, comparison.printed.contrast, color=colour, lw=1.8, label=f"printed, {name}")
 
 
-def _draw_difference(axes: Axes, one: Comparison, colour: str) -> None:
-    angle, change, u = one.designed.angle_deg, one.difference, one.u_difference
+def _draw_difference(axes: Axes, comparison: Comparison, colour: str) -> None:
+    angle, change, u = comparison.designed.angle_deg, comparison.difference, comparison.u_difference
     axes.fill_between(angle, change - u, change + u, color=colour, alpha=0.2, lw=0)
-    axes.plot(angle, change, "o-", color=colour, ms=3, lw=1.4, label=_name(one))
+    axes.plot(angle, change, "o-", color=colour, ms=3, lw=1.4, label=_name(comparison))

@@ -26,14 +26,14 @@ def exposures_figure(trends: ExposureTrends) -> Figure:
 
 
 def _spectra(axes: Axes, samples: Sequence[Sample]) -> None:
-    seconds = sorted({one.exposure_s for one in samples})
+    seconds = sorted({sample.exposure_s for sample in samples})
     seen = set()
-    for one in samples:
-        colour = SERIES[seconds.index(one.exposure_s) % len(SERIES)]
-        label = None if one.exposure_s in seen else f"{one.exposure_s:g} s"
-        seen.add(one.exposure_s)
-        style = "o-" if one.wavelength_nm.size < _FEW_POINTS else "-"
-        axes.plot(one.wavelength_nm, 100.0 * one.transmittance, style, ms=3, lw=1.3, color=colour, label=label)
+    for sample in samples:
+        colour = SERIES[seconds.index(sample.exposure_s) % len(SERIES)]
+        label = None if sample.exposure_s in seen else f"{sample.exposure_s:g} s"
+        seen.add(sample.exposure_s)
+        style = "o-" if sample.wavelength_nm.size < _FEW_POINTS else "-"
+        axes.plot(sample.wavelength_nm, 100.0 * sample.transmittance, style, ms=3, lw=1.3, color=colour, label=label)
     axes.set(xlabel="wavelength (nm)", ylabel="transmittance (%)")
     axes.legend(fontsize=8)
 

@@ -65,7 +65,7 @@ def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
             axes.plot(nm, resin.index.index(nm), "o", color=INK, mfc="none", ms=6)
             axes.annotate(f"{nm:g} nm: {resin.index.index(nm):.4f}", (nm, resin.index.index(nm)), (4, 6), fontsize=8,
                           textcoords="offset points")  # fmt: skip
-        simulated = any(one.simulated for one in resin.sources if one.of == "index")
+        simulated = any(source.simulated for source in resin.sources if source.of == "index")
         axes.set_title(resin.name + (" (simulated data)" if simulated else ""), fontsize=10)
         axes.set(xlabel="wavelength (nm)", ylabel="refractive index")
         axes.legend(fontsize=8)

@@ -20,8 +20,8 @@ _NAMED = 14
 def spectra_figure(listing: Listing) -> Figure:
     """Spectra over wavelength, side by side where they are of several kinds, as transmittance and absorbance are."""
     kinds: dict[tuple[str, str], list[Spectrum]] = {}
-    for one in listing.spectra:
-        kinds.setdefault((one.channel.quantity, one.channel.unit), []).append(one)
+    for spectrum in listing.spectra:
+        kinds.setdefault((spectrum.channel.quantity, spectrum.channel.unit), []).append(spectrum)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.6 * len(kinds), 3.6), layout="constrained")
         panels = figure.subplots(1, len(kinds), squeeze=False)[0]
@@ -39,18 +39,18 @@ def _draw(axes: Axes, traces: Sequence[Spectrum]) -> None:
     many = len(traces) > _NAMED
     colours = cycle(SERIES)
     shades = mpl.colormaps["viridis"]
-    for number, one in enumerate(traces):
+    for number, trace in enumerate(traces):
         named = not many or number in {0, len(traces) - 1}
         colour = shades(0.9 * number / (len(traces) - 1)) if many else next(colours)
-        marker = "o" if one.channel.values.size < 3 else ""
+        marker = "o" if trace.channel.values.size < 3 else ""
         axes.plot(
-            one.wavelength_nm,
-            one.channel.values,
+            trace.wavelength_nm,
+            trace.channel.values,
             marker=marker,
             lw=0.9 if many else 1.4,
             ms=3,
             color=colour,
-            label=one.channel.name if named else None,
+            label=trace.channel.name if named else None,
         )
     title = f"first and last\nof {len(traces)} traces" if many else None
     where = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)} if len(traces) > _INSIDE else {"loc": "best"}

@@ -193,4 +193,4 @@ def _text(text: str, scope: Scope) -> Any:
         return scope.number(parts[1])
     if "" in parts[1:-1:2] or len(parts) % 2 == 0:
         raise DataError(f"text {text!r}", limit="mixes a formula to be kept with text, or leaves a backtick open")
-    return "".join(f"{scope.number(one):.17g}" if i % 2 else one for i, one in enumerate(parts))
+    return "".join(f"{scope.number(part):.17g}" if i % 2 else part for i, part in enumerate(parts))

@@ -62,7 +62,7 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any]) -> Any:
         dispatcher = decorator(function, cache=True)
     except RuntimeError:  # nowhere to keep a cache: a read-only installation and no home folder
         return decorator(function)
-    cache = getattr(dispatcher, "_cache", None)  # there is none where numba is told to compile nothing
+    cache = getattr(dispatcher, "_cache", None)  # there is none where numba is set to compile nothing
     index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
     if index is not None:
         index._source_stamp = STAMP

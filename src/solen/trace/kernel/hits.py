@@ -251,7 +251,7 @@ def cubic_hit(
     turn = cubic_turn(k, f0, f1, f2, f3)
     ends = (k.zero, turn, k.one)
     ftop = f0 + turn * (c1 + turn * (c2 + turn * c3))
-    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # the very sign that the next piece is told
+    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # the very sign that the next piece gets
     for half in range(2):
         low, high = ends[half], ends[half + 1]
         flow, fhigh = (f0, ftop) if half == 0 else (ftop, f3)

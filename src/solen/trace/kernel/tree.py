@@ -1,7 +1,7 @@
 """One ray with all its branches, ray by ray: what adaptive integration looks at, launch angle by launch angle.
 
 The steps are those of `solen.trace.kernel.step`, one ray at a time. The *tree* of a ray is the sequence of interfaces
-that it and its branches meet, folded into one number: neighbouring rays of one tree are told apart by nothing but
+that it and its branches meet, folded into one number: neighbouring rays of one tree differ in nothing but
 geometry.
 """
 
