@@ -66,3 +66,17 @@ def test_few_samples_show_none() -> None:
     state = np.where(np.arange(400) % 2, OFF, 1)
     values = np.cos(2.0 * np.pi * 100.0 * time_s)[:, None]
     assert find_flicker(time_s, values, state.astype(np.int64), 200.0) is None
+
+
+def test_a_lamp_switched_on_disturbs_its_own_moment_only() -> None:
+    time_s, volts = STILL.sampled()
+    at_s = 3.0101
+    volts -= 0.4 * (time_s > at_s)[:, None]
+    clock = find_clock(time_s, volts, 200.0)
+    state = clock.states(3e-4)
+    found = find_flicker(time_s, volts, state, clock.rate_hz)
+    assert found is not None
+    readings = subtract(slots_of(time_s, volts - found.values, state, gap_s=clock.shorter_s))
+    off = readings.signal + STILL.light_V(STILL.angle_deg(readings.time_s))
+    near = (np.abs(readings.time_s - at_s) < 0.3) & (np.abs(readings.time_s - at_s) > 0.01)
+    assert np.abs(off[near]).max() < 5.0 * 0.4 * STILL.noise_V

@@ -32,6 +32,8 @@ CLEAR, SHARE = 8.0, 0.02
 """How many times its uncertainty the power of a sine must be, and its least share of the strongest one's height."""
 NEAR_RATE_HZ = 6.0
 """How far from a multiple of the switching rate a sine must lie, so that a window tells them apart."""
+DISTURBED = 6.0
+"""Times the usual variance of a window's rest from which on something else happened in it, as a lamp switched on."""
 TURNED, SETTLING = 2.0, 0.4
 """Turns by which a multiple must drift past the rate, or else this first part of each off slot is not used for it."""
 
@@ -245,7 +247,12 @@ def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | No
         middles.append(middle)
         heights.append(fit[2 : 2 + hz.size] + 1j * fit[2 + hz.size :])
         variances.append(both[:, None] * noise)
-    return _Sines(np.array(middles), np.array(heights), np.array(variances)) if middles else None
+    if not middles:
+        return None
+    spread = np.array(variances)
+    usual = np.median(spread, axis=0)
+    calm = (spread <= DISTURBED * np.where(usual > 0.0, usual, np.inf)).all(axis=(1, 2)) | ~(usual > 0.0).any()
+    return _Sines(np.array(middles)[calm], np.array(heights)[calm], spread[calm]) if calm.any() else None
 
 
 def _drift_hz(found: _Sines, place: int) -> float:

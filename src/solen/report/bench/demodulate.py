@@ -61,7 +61,7 @@ def _readings(axes: Axes, result: Demodulation) -> None:
             number += 1
     of_means = "" if result.means is None else f", means of {result.means.readings}"
     axes.set(xlabel="time (s)", ylabel=_labelled(f"on less off{of_means}", samples.units[0]))
-    axes.legend(fontsize=7, ncols=4)
+    axes.legend(fontsize=7, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
 
 
 def _rejection(axes: Axes, result: Demodulation) -> None:
