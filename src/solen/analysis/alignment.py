@@ -37,6 +37,7 @@ _NOISES, _STEPS = 25.0, 5.0  # a speed is measured over a time in which the angl
 _ALIKE, _FINER = 0.02, 12  # of a step: how far a level may be from a multiple of it; the finest seen may hold so many
 _PARTS = 8  # of the range, each of which asks for a lag of its own
 _ROUNDS = 12
+_SLOW = 0.15  # of the usual speed: what is slower is not on the move
 _LEAST_CORRELATION = 0.3
 _RIVAL = 0.97  # share of the highest correlation from which on another shift could be meant as well
 _AGREE_S = 1.0  # clocks that differ by less were set by one another
@@ -202,7 +203,7 @@ class _Laid:
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
         inner = np.abs(angle - 0.5 * (motion.high_deg + motion.low_deg)) < (0.5 - _INNER) * reach
-        moving = inner & (np.abs(speed) > 0.3 * motion.speed_deg_per_s)
+        moving = inner & (np.abs(speed) > _SLOW * motion.speed_deg_per_s)
         steady = moving & ~self.log.on_corner(when, self.window_s)
         moving = steady if steady.sum() > 0.3 * moving.sum() else moving
         rest, change = _linearised(angle, speed, self.volts, moving, motion)

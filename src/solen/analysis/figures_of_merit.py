@@ -151,7 +151,7 @@ def receiver_response(passes: Passes, noise_V: float, clipped_samples: int = 0) 
     slope = line_slopes(angle, cycles, np.isfinite(whole.mean_V))
     level = _levels(cycles)
     independent, about_line = _linearity(angle, whole.mean_V)
-    hysteresis, place_deg, point_V, mean_hysteresis = _hysteresis(angle, volts)
+    hysteresis, place_deg, point_V, mean_hysteresis = hysteresis_of(angle, volts[:, 0] - volts[:, 1])
     repeatability = _repeatability(volts)
     drift, by_cycle = line_fit(passes.middle_s / 60.0, level), line_fit(np.arange(float(level.size)), level)
     swing_V = swing(angle, cycles)
@@ -285,12 +285,11 @@ def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
     return found
 
 
-def _hysteresis(angle_deg: FloatArray, volts: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Rising less falling: largest of its means over a tenth of the range, where, at a single angle, and its mean.
+def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
+    """Rising less falling (cycles, g): largest of its means over a tenth of the range, where, at one angle, and its mean.
 
     At a single point of the grid the largest of many noisy differences is mostly noise; that value is given apart.
     """
-    difference = volts[:, 0] - volts[:, 1]
     held = np.isfinite(difference).all(axis=0)
     if not held.any():
         return _UNKNOWN, math.nan, math.nan, _UNKNOWN

@@ -23,6 +23,7 @@ from solen.analysis.protocol_angle import Protocol
 from solen.analysis.receiver_pair import PairResponse, pair_response, sign_warnings
 from solen.analysis.response import Passes, common_range, grid_deg, nice_step, passes
 from solen.analysis.signals import SignalOptions, Signals
+from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, timing_of
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
@@ -123,6 +124,8 @@ class SensorResponse(Result):
         Response of each receiver by its name.
     left_minus_right
         Response of their difference; None where the names do not tell left from right.
+    timing
+        What timing contributes to their hysteresis, and their hysteresis apart from it.
     runs
         Its recordings.
     passes
@@ -135,6 +138,7 @@ class SensorResponse(Result):
     lens: bool | None
     receivers: dict[str, ReceiverResponse]
     left_minus_right: PairResponse | None
+    timing: Timing
     runs: tuple[Run, ...]
     passes: Passes = field(metadata=HIDDEN)
     warnings: tuple[str, ...] = field(metadata=HIDDEN)
@@ -201,7 +205,37 @@ def sensor_response(
     warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
     warnings += [] if first.lens is False else sign_warnings(receivers, sides)
     warnings += _cautions(receivers, ways, runs)
-    return SensorResponse(first.label, first.lens, receivers, pair, runs, ways, tuple(warnings))
+    timing = _timing(runs, ways, receivers)
+    warnings += _timing_warnings(timing, receivers)
+    return SensorResponse(first.label, first.lens, receivers, pair, timing, runs, ways, tuple(warnings))
+
+
+def _timing(runs: Sequence[Run], ways: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
+    """Timing of all recordings: the worst of their bounds."""
+    speeds, bounds = [], []
+    for run in runs:
+        signals = run.signals
+        speeds.append(cycle_speeds(signals.time_s, signals.angle_deg, run.motion, run.used))
+        own: tuple[float, Source] = (angle_bound_s(signals.time_s, signals.angle_deg, run.motion), "angle")
+        bounds.append(signals.timing_bound_s or own)
+    return timing_of(ways, np.concatenate(speeds), max(bounds), receivers)
+
+
+def _timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse]) -> list[str]:
+    """Whether a hysteresis may be timing."""
+    speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
+    if timing.separated:
+        shown = [f"{name} {one.hysteresis_percent:.2g} %" for name, one in timing.receivers.items()]
+        return [
+            f"two speeds tell a lag of {1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms from a hysteresis; "
+            f"without that lag the hysteresis is: {', '.join(shown)} of full scale"
+        ]
+    if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
+        return []
+    return [
+        f"at one speed ({speed:.3g}°/s) nothing tells a hysteresis from a lag; clocks and looks at the stage leave "
+        f"±{1e3 * timing.bound_s:.2g} ms, up to {adds:.2g}° between both ways: use slow cycles, too"
+    ]
 
 
 def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -> Run:

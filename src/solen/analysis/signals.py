@@ -203,6 +203,8 @@ class Signals:
         Of the recording.
     ambient_subtracted
         Whether ambient light was subtracted; clipped samples are then those marked before.
+    timing_bound_s
+        How far angles and readings may be apart in time, and what states it; None where only the angle shows it.
     ambient_V
         Mean of the ambient light that was subtracted, by side, where the recording states it.
     """
@@ -217,6 +219,7 @@ class Signals:
     clipped: BoolArray | None = None
     provenance: Provenance = field(default_factory=Provenance)
     ambient_subtracted: bool = False
+    timing_bound_s: tuple[float, Literal["recording", "log"]] | None = None
     ambient_V: Mapping[str, float] = field(default_factory=dict)
 
 

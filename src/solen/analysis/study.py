@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -326,8 +327,19 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
             clipped=None if samples.clipped is None else samples.clipped[:, places],
             provenance=provenance,
             ambient_subtracted=samples.ambient_subtracted,
+            timing_bound_s=_timing_bound_s(part),
             ambient_V=ambient_V,
         )
+
+
+def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | None:
+    """How far angles and readings may be apart, as a bench states it, or as a log's lag is known: twice its u."""
+    if part.alignment is not None:
+        return 2.0 * part.alignment.u_lag_s, "log"
+    try:
+        return float(part.recording.provenance.metadata["timing_bound_s"]), "recording"
+    except (KeyError, ValueError):
+        return None
 
 
 def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from solen.analysis import ReceiverResponse, SensorResponse, Study
+from solen.analysis.timing import ReceiverTiming, Timing
 from solen.cli.app import FigureFile, Out, lines
 from solen.cli.bench.recorded import ANALYSED, LENS, Analysed, split_files
 from solen.results import Outcome
@@ -58,25 +59,43 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
     yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{'; simulated' if simulated else ''}"
     for name, receiver in sensor.receivers.items():
-        yield from _receiver(name, receiver)
+        yield from _receiver(name, receiver, sensor.timing.receivers[name])
+    yield _timing(sensor.timing)
     pair = sensor.left_minus_right
     if pair is not None:
         yield f"  left and right show one voltage at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
 
 
-def _receiver(name: str, response: ReceiverResponse) -> Iterator[str]:
+def _timing(timing: Timing) -> str:
+    if timing.separated:
+        lag = f"{1e3 * timing.lag_s:.3g} ± {1e3 * timing.u_lag_s:.2g} ms"
+        return f"  two speeds: the voltages come {lag} after the angle"
+    return (
+        f"  timing: ±{1e3 * timing.bound_s:.2g} ms, up to {timing.timing_deg:.2g}° between both ways; at one speed "
+        "nothing tells more of it from a hysteresis"
+    )
+
+
+def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming) -> Iterator[str]:
     slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, " V/°")
     near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, " V/°")
     swing = _pm(response.range_V, response.u_range_V, " V")
     yield f"  {name}: range {swing}; sensitivity {slope}, near zero {near_zero}"
     linearity = _percent(response.independent_linearity_percent)
     shares = (
-        f"hysteresis {_percent(response.hysteresis_percent)}, linearity {linearity}, "
+        f"hysteresis {_percent(response.hysteresis_percent)} {_apart(timing)}, linearity {linearity}, "
         f"repeatability {_percent(response.repeatability_percent)} of full scale"
     )
     yield f"    {shares}; drift {_pm(response.drift_V_per_min, response.u_drift_V_per_min, ' V/min')}"
     angle = response.resolution_near_zero_deg
     yield f"    noise {1e3 * response.noise_V:.3g} mV" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
+
+
+def _apart(timing: ReceiverTiming) -> str:
+    """What timing contributes, or what is left without a lag."""
+    if math.isfinite(timing.u_hysteresis_V):
+        return f"(without lag {_percent(timing.hysteresis_percent)})"
+    return f"(timing up to {_percent(timing.timing_percent)})"
 
 
 def _pm(value: float, u: float, unit: str) -> str:

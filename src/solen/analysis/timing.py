@@ -1,0 +1,181 @@
+"""What timing contributes to a hysteresis, and what is left of it where a motion has two speeds.
+
+The idea: a reading that belongs to an angle a little earlier or later makes the ways up and down differ, as a
+hysteresis does. At a speed v a delay τ shows −2 v τ f'(θ) between them, f' the slope of the response; a hysteresis of
+the sensor shows H(θ) at any speed. At one speed nothing tells the two apart: what a recording states of its own clocks
+bounds the first. At two speeds they are two unknowns for two equations: each cycle's difference, projected on f', is a
+straight line over the speed, whose slope is −2τ. What grows with the speed may also be the material's; it is called lag
+here.
+
+The interface: `timing_of` a sensor's ways gives a `Timing`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from solen.analysis.figures_of_merit import ReceiverResponse, hysteresis_of, line_fit
+from solen.analysis.motion import Motion, Ramp
+from solen.analysis.response import Passes
+from solen.arrays import BoolArray, FloatArray
+from solen.results import Result
+
+_APART = 1.2  # ratio of two speeds from which on they are two
+_LEAST_CYCLES = 3  # a line over the speed has a scatter from three on
+
+Source = Literal["recording", "log", "angle"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ReceiverTiming(Result):
+    """Timing of one receiver; NaN where it is not known.
+
+    Attributes
+    ----------
+    timing_V, timing_percent
+        Most that timing may add to its hysteresis, where its response is steepest; in per cent of full scale.
+    hysteresis_V, u_hysteresis_V, hysteresis_percent
+        Hysteresis apart from any lag, by two speeds.
+    """
+
+    timing_V: float
+    timing_percent: float
+    hysteresis_V: float
+    u_hysteresis_V: float
+    hysteresis_percent: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Timing(Result):
+    """Timing of a sensor's recordings.
+
+    Attributes
+    ----------
+    bound_s
+        How far angles and readings may be apart in time, to either side.
+    source
+        What states it: the ``recording`` itself, a ``log`` that was laid on it, or how often the ``angle`` changes.
+    speeds_deg_per_s
+        Speeds of the cycles that are used, each once.
+    timing_deg
+        Most that timing adds between both ways, at the highest speed.
+    lag_s, u_lag_s
+        How much later the voltages come than their angles, by two speeds; NaN at one.
+    receivers
+        By name.
+    """
+
+    bound_s: float
+    source: Source
+    speeds_deg_per_s: tuple[float, ...]
+    timing_deg: float
+    lag_s: float
+    u_lag_s: float
+    receivers: dict[str, ReceiverTiming]
+
+    @property
+    def separated(self) -> bool:
+        """Whether two speeds tell a lag from a hysteresis."""
+        return math.isfinite(self.u_lag_s)
+
+
+def timing_of(
+    passes: Passes,
+    cycles_deg_per_s: FloatArray,
+    bound: tuple[float, Source],
+    receivers: Mapping[str, ReceiverResponse],
+) -> Timing:
+    """Timing of a sensor.
+
+    Parameters
+    ----------
+    passes
+        Its ways.
+    cycles_deg_per_s
+        Speed of each cycle, (cycles,).
+    bound
+        How far angles and readings may be apart, in s, and what states it.
+    receivers
+        Their responses by name, in the order of the passes.
+    """
+    bound_s, source = bound
+    fastest = float(cycles_deg_per_s.max())
+    slope = np.gradient(np.column_stack([one.mean_V for one in receivers.values()]), passes.angle_deg, axis=0)
+    volts = np.where(passes.clipped, np.nan, passes.volts)
+    apart = volts[:, 0] - volts[:, 1]
+    lag_s, u_lag_s = _lag(apart, slope, cycles_deg_per_s)
+    found = {}
+    for place, (name, one) in enumerate(receivers.items()):
+        own, percent = slope[:, place], 100.0 / one.range_V if one.range_V else math.nan
+        steepest = float(np.nanmax(np.abs(own), initial=0.0))
+        adds = 2.0 * fastest * bound_s * steepest
+        beyond = apart[..., place] + 2.0 * lag_s * cycles_deg_per_s[:, None] * own
+        value, u = hysteresis_of(passes.angle_deg, beyond)[0]
+        u = math.hypot(u, 2.0 * float(cycles_deg_per_s.mean()) * u_lag_s * steepest)
+        found[name] = ReceiverTiming(adds, percent * adds, value, u, percent * value)
+    speeds = tuple(round(one, 3) for one in _distinct(cycles_deg_per_s))
+    return Timing(bound_s, source, speeds, 2.0 * fastest * bound_s, lag_s, u_lag_s, found)
+
+
+def _distinct(speeds: FloatArray) -> list[float]:
+    """Speeds that differ by more than a fifth, each the median of those that do not."""
+    ordered = np.sort(speeds)
+    parts = np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
+    return [float(np.median(part)) for part in parts]
+
+
+def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
+    """Lag of the voltages and its u, by what each cycle's ways differ by along the slope; NaN at one speed."""
+    if len(_distinct(speeds)) < 2 or speeds.size < _LEAST_CYCLES:
+        return math.nan, math.nan
+    held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
+    scatter = np.sqrt(np.nanmean(np.nanvar(apart, axis=0, ddof=1), axis=0))
+    weight = np.where(held, slope, 0.0) / np.where(scatter > 0.0, scatter, 1.0) ** 2
+    total = float((weight * np.where(held, slope, 0.0)).sum())
+    if not total > 0.0:
+        return math.nan, math.nan
+    along = (weight * np.where(held, apart, 0.0)).sum(axis=(1, 2)) / total
+    line = line_fit(speeds, along)
+    return -0.5 * line.value, 0.5 * line.u
+
+
+def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> FloatArray:
+    """Median speed of the ramps of each used cycle, (cycles,)."""
+    speeds = np.array([_speed(time_s, angle_deg, ramp) for ramp in motion.ramps])
+    starts = np.array([ramp.start for ramp in motion.ramps])
+    found = []
+    for number in used:
+        cycle = motion.cycles[number]
+        own = speeds[(starts >= cycle.start - 1) & (starts < cycle.stop)]
+        found.append(float(np.median(own)) if own.size else motion.speed_deg_per_s)
+    return np.array(found)
+
+
+def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
+    """Speed of a ramp in its middle, away from its ends."""
+    away = max(1, (ramp.stop - ramp.start) // 5)
+    first, last = ramp.start + away, max(ramp.stop - 1 - away, ramp.start + away + 1)
+    took = float(time_s[min(last, time_s.size - 1)] - time_s[first])
+    return abs(float(angle_deg[min(last, time_s.size - 1)] - angle_deg[first])) / took if took > 0.0 else 0.0
+
+
+def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> float:
+    """How late an angle may be in its row: half the time from one new value to the next on ramps, with its spread."""
+    moving = np.zeros(time_s.size, dtype=bool)
+    for ramp in motion.ramps:
+        moving[ramp.start + 1 : ramp.stop - 1] = True
+    fresh = moving & np.append(True, np.diff(angle_deg) != 0.0)
+    intervals = np.diff(time_s[fresh])
+    near = intervals[_within(moving, fresh)]
+    if not near.size:
+        return 0.0
+    return 0.5 * float(np.median(near) + near.std())
+
+
+def _within(moving: BoolArray, fresh: BoolArray) -> BoolArray:
+    """Which steps from one fresh sample to the next lie in one ramp."""
+    ramp = np.cumsum(np.diff(moving.astype(np.int8), prepend=0) == 1)[fresh]
+    return np.asarray(np.diff(ramp) == 0)
