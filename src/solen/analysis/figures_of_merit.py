@@ -286,7 +286,7 @@ def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Rising less falling (cycles, g): largest of its means over a tenth of the range, where, at one angle, and its mean.
+    """Rising less falling (cycles, g): largest mean over a tenth of the range, where, at one angle, and its mean.
 
     At a single point of the grid the largest of many noisy differences is mostly noise; that value is given apart.
     """
