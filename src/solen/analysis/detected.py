@@ -29,12 +29,12 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     DataError
         Where several files may be.
     """
-    taken = {path.resolve(), *(one.resolve() for one in others)}
+    taken = {path.resolve(), *(other.resolve() for other in others)}
     near = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in _SUFFIXES]
     small = [one for one in near if one.resolve() not in taken and one.is_file() and one.stat().st_size <= LARGEST_LOG]
     named = [one for one in small if path.stem.casefold() in one.stem.casefold()]
     logs = [one for one in (*named, *(one for one in small if one not in named))[:MOST_LOGS] if _is_log(one)]
-    named = [one for one in logs if one in named]
+    named = [log for log in logs if log in named]
     if len(named or logs) > 1:
         names = ", ".join(one.name for one in named or logs)
         limit = f"has no angle, and several files beside it may be the log of the stage: {names}"
@@ -51,7 +51,9 @@ def _is_log(path: Path) -> bool:
         return False
     if time is None or angle is None:
         return False
-    return not receiver_columns([one for one in recording.channels if one.name not in {time.name, angle.name}])
+    return not receiver_columns(
+        [channel for channel in recording.channels if channel.name not in {time.name, angle.name}]
+    )
 
 
 def explicit(
@@ -64,7 +66,7 @@ def explicit(
     found = list(switching.values())
     if not found:
         return options
-    limits = [one for state in found for one in state.limits_V.values()]
+    limits = [limit_V for state in found for limit_V in state.limits_V.values()]
     ends = [{end for end in side if end is not None} for side in zip(*limits, strict=True)]
     same = {(one.on_off_hz, one.on, one.mains_hz or 0.0) for one in found}
     if len(same) > 1:

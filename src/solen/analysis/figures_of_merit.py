@@ -273,16 +273,16 @@ def _least_deviation(x: FloatArray, y: FloatArray) -> float:
 
 def _chain(x: FloatArray, y: FloatArray, side: float) -> list[int]:
     """Upper (1) or lower (−1) side of the convex hull, from left to right."""
-    found: list[int] = []
+    numbers: list[int] = []
     for place in range(x.size):
-        while len(found) > 1:
-            a, b = found[-2], found[-1]
+        while len(numbers) > 1:
+            a, b = numbers[-2], numbers[-1]
             turn = (x[b] - x[a]) * (y[place] - y[a]) - (y[b] - y[a]) * (x[place] - x[a])
             if side * turn < 0.0:
                 break
-            found.pop()
-        found.append(place)
-    return found
+            numbers.pop()
+        numbers.append(place)
+    return numbers
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:

@@ -209,20 +209,20 @@ class _Edges:
 
 def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int, int]]:
     """Runs of one direction with less than a window between them are one."""
-    found: list[tuple[int, int, int]] = []
+    joined: list[tuple[int, int, int]] = []
     for run in runs:
-        if found and found[-1][2] == run[2] and run[0] - found[-1][1] <= reach:
-            found[-1] = (found[-1][0], run[1], run[2])
+        if joined and joined[-1][2] == run[2] and run[0] - joined[-1][1] <= reach:
+            joined[-1] = (joined[-1][0], run[1], run[2])
         else:
-            found.append(run)
-    return found
+            joined.append(run)
+    return joined
 
 
 def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, tolerance: float) -> tuple[Ramp, ...]:
     """Ramps from runs, with their edges where the angle leaves one level's tolerance and enters the next one's."""
     size = angle_deg.size
     cuts = [0, *((before[1] + after[0]) // 2 for before, after in pairwise(runs)), size]
-    found: list[Ramp] = []
+    ramps: list[Ramp] = []
     for number, (start, stop, direction) in enumerate(runs):
         middle = (start + stop) // 2
         before = _level(angle_deg, runs[number - 1][1] if number else 0, start, half)
@@ -233,8 +233,8 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
         last = _enters(angle_deg, middle, high, after, tolerance, direction)
         start_deg = float(angle_deg[first]) if before is None else before
         end_deg = float(angle_deg[last]) if after is None else after
-        found.append(Ramp(first, last + 1, direction, start_deg, end_deg))
-    return tuple(found)
+        ramps.append(Ramp(first, last + 1, direction, start_deg, end_deg))
+    return tuple(ramps)
 
 
 def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
@@ -343,13 +343,13 @@ def _starts(
     away: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, far: float, tolerance: float
 ) -> list[int]:
     """Last sample at rest before each excursion to the first side."""
-    found: list[int] = []
+    numbers: list[int] = []
     for ramp in ramps:
         if ramp.direction == first and first * (ramp.start_deg - rest) <= far < first * (ramp.end_deg - rest):
-            low = found[-1] + 1 if found else 0
+            low = numbers[-1] + 1 if numbers else 0
             held = np.flatnonzero(away[low : ramp.stop] <= tolerance)
-            found.append(low + int(held[-1]) if held.size else ramp.start)
-    return found
+            numbers.append(low + int(held[-1]) if held.size else ramp.start)
+    return numbers
 
 
 def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:

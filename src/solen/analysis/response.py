@@ -153,7 +153,7 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray
     """
     starts = np.array([ramp.start for ramp in motion.ramps])
     stops = np.array([ramp.stop for ramp in motion.ramps])
-    found = []
+    ramps = []
     for number in used:
         cycle = motion.cycles[number]
         near = range(int(np.searchsorted(stops, cycle.start)), int(np.searchsorted(starts, cycle.stop)))
@@ -163,8 +163,8 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray
             part = np.arange(max(ramp.start, cycle.start), min(ramp.stop, cycle.stop), dtype=np.intp)
             if part.size > 1:
                 ways[0 if ramp.direction > 0 else 1].append(part)
-        found.append([np.concatenate(way) if way else np.zeros(0, dtype=np.intp) for way in ways])
-    return found
+        ramps.append([np.concatenate(way) if way else np.zeros(0, dtype=np.intp) for way in ways])
+    return ramps
 
 
 def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> FloatArray:

@@ -375,21 +375,21 @@ def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequen
 
 def group_of(sensors: Sequence[SensorResponse]) -> SensorGroup | None:
     """Mean and spread over sensors; None where their receivers or angles have nothing in common."""
-    names = [name for name in sensors[0].receivers if all(name in one.receivers for one in sensors)]
-    grids = [{round(float(angle), 9) for angle in one.passes.angle_deg} for one in sensors]
+    names = [name for name in sensors[0].receivers if all(name in sensor.receivers for sensor in sensors)]
+    grids = [{round(float(angle), 9) for angle in sensor.passes.angle_deg} for sensor in sensors]
     common = np.array(sorted(set.intersection(*grids)))
     if not names or common.size < 2:
         return None
     return SensorGroup(
-        tuple(one.label for one in sensors),
+        tuple(sensor.label for sensor in sensors),
         common,
-        {name: _group_curve([one.receivers[name] for one in sensors], common) for name in names},
+        {name: _group_curve([sensor.receivers[name] for sensor in sensors], common) for name in names},
     )
 
 
 def _group_curve(receivers: Sequence[ReceiverResponse], angles: FloatArray) -> GroupCurve:
-    rows = np.array([one.mean_V[np.searchsorted(one.angle_deg, angles - 1e-6)] for one in receivers])
-    swings = np.array([one.swing_V for one in receivers])
+    rows = np.array([receiver.mean_V[np.searchsorted(receiver.angle_deg, angles - 1e-6)] for receiver in receivers])
+    swings = np.array([receiver.swing_V for receiver in receivers])
     if len(receivers) == 1:
         return GroupCurve(rows[0], np.full(angles.size, np.nan), float(swings[0]), math.nan)
     return GroupCurve(rows.mean(axis=0), rows.std(axis=0, ddof=1), float(swings.mean()), float(swings.std(ddof=1)))

@@ -227,9 +227,9 @@ def ambient_by_side(recording: Recording) -> dict[str, float]:
     """Mean of the ambient light that was subtracted from the right and the left receiver, where it is recorded."""
     columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
     return {
-        side: float(np.nanmean(one.values))
-        for side, one in columns.items()
-        if one is not None and np.isfinite(one.values).any()
+        side: float(np.nanmean(column.values))
+        for side, column in columns.items()
+        if column is not None and np.isfinite(column.values).any()
     }
 
 
@@ -263,7 +263,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
         receivers=tuple(channels),
         volts=np.column_stack([_volts(channel, warnings) for channel in channels.values()])[base.order],
         angle_deg=None if angle_deg is None else angle_deg[base.order],
-        clipped=np.column_stack(flags)[base.order] if any(one.any() for one in flags) else None,
+        clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
         ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
         window_s=_window_s(recording),
         warnings=(*base.warnings, *warnings),
@@ -395,7 +395,7 @@ def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource)
     """Columns of the receivers by their names."""
     others = [_time_column(recording, options)]
     others += [] if angle == "elsewhere" else [_angle_column(recording, options)]
-    taken = {one.name for one in others if one is not None}
+    taken = {other.name for other in others if other is not None}
     if options.channel:
         named = {name: named_column(recording, text, "--channel") for name, text in options.named_receivers}
         for name, count in Counter([*(one.name for one in named.values()), *taken]).items():
@@ -403,11 +403,11 @@ def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource)
                 limit = f"has two roles in {recording.provenance.file}"
                 raise SpecError("--channel", value=name, limit=limit, remedy="give each role its own column")
         return named
-    columns = receiver_columns([one for one in recording.channels if one.name not in taken])
+    columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:
         remedy = f"name them with --channel NAME=COLUMN; {existing(recording)}"
         raise DataError(_file(recording), limit="no column is recognised as a receiver's voltage", remedy=remedy)
-    return {one.name: one for one in columns}
+    return {column.name: column for column in columns}
 
 
 def _volts(channel: Channel, warnings: list[str]) -> FloatArray:

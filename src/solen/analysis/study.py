@@ -101,12 +101,12 @@ class Study(Result):
     @reported
     def simulated(self) -> bool:
         """Whether any recording is simulated."""
-        return any(one.simulated for one in self.provenances)
+        return any(provenance.simulated for provenance in self.provenances)
 
     @reported
     def sources(self) -> tuple[Provenance, ...]:
         """The files, each once."""
-        return tuple({one.sha256: one for one in self.provenances}.values())
+        return tuple({provenance.sha256: provenance for provenance in self.provenances}.values())
 
     @property
     def remark(self) -> str:
@@ -150,16 +150,19 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
-    lens, control = ([one for one in responses.values() if (one.lens is False) == without] for without in (False, True))
+    lens, control = (
+        [response for response in responses.values() if (response.lens is False) == without]
+        for without in (False, True)
+    )
     groups = [group_of(ones) if ones else None for ones in (lens, control)]
     stated = explicit(options, found.switching, found.logs)
     warnings = [
         *found.warnings,
         *_pooling_warnings(options, sensors),
         *(
-            f"{one.label}: {line}" if len(responses) > 1 else line
-            for one in responses.values()
-            for line in one.warnings
+            f"{response.label}: {line}" if len(responses) > 1 else line
+            for response in responses.values()
+            for line in response.warnings
         ),
         *_group_warnings(groups, len(responses)),
     ]
@@ -199,8 +202,8 @@ class _Found:
 def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
     found = _Found()
     for path, part in _parts(files, options):
-        for one in _signals(part, options, path, len(files)):
-            found.sensors.setdefault(one.label, []).append(one)
+        for signal in _signals(part, options, path, len(files)):
+            found.sensors.setdefault(signal.label, []).append(signal)
         found.provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
         found.bare &= part.samples.ambient_subtracted
         found.warnings += [f"{path.name}: {line}" if len(files) > 1 else line for line in part.samples.warnings]
@@ -269,9 +272,9 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
     if options.angle_file:
         return _by_log(part, options.angle_file[number if len(options.angle_file) > 1 else 0], options)
     if options.protocol is not None:
-        found = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
-        warnings = (*samples.warnings, *found.warnings)
-        return replace(part, samples=replace(samples, angle_deg=found.angle_deg, warnings=warnings))
+        protocol_angle = angle_by_protocol(samples.time_s, samples.volts, samples.receivers, options.protocol)
+        warnings = (*samples.warnings, *protocol_angle.warnings)
+        return replace(part, samples=replace(samples, angle_deg=protocol_angle.angle_deg, warnings=warnings))
     if samples.angle_deg is not None:
         return part
     beside = find_log(files[number], files)

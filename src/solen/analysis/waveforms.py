@@ -49,7 +49,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     whole = sampled(recording, options, angle)
     if whole.ambient_subtracted and options.rails is not None:
         limit = f"are no limits of {file}, from which ambient light was subtracted: its clipped readings are marked"
-        rails = " ".join(f"{one:g}" for one in options.rails)
+        rails = " ".join(f"{rail:g}" for rail in options.rails)
         raise SpecError("--rails", value=rails, limit=limit, remedy="leave it out")
     parts = _by_emitter(whole, options)
     return {emitter: _smoothed(part, options, file) for emitter, part in parts.items()}
@@ -63,20 +63,20 @@ def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms
     if clock is None:
         return {"": whole}
     rate_hz = rate_hz or float(f"{clock.rate_hz:.4g}")
-    found, on = _found(whole, options, clock), options.on or "low"
-    if options.on is None and swapped(found.samples, found.readings):
+    by_emitter, on = _found(whole, options, clock), options.on or "low"
+    if options.on is None and swapped(by_emitter.samples, by_emitter.readings):
         on, clock = "high", find_clock(whole.time_s, whole.volts, rate_hz, on="high", emitters=options.emitters)
-        found = _found(whole, options, clock)
-    if detected and not _follows(found):
+        by_emitter = _found(whole, options, clock)
+    if detected and not _follows(by_emitter):
         warning = (
             f"the voltages switch at {rate_hz:g} Hz, but by the same step wherever the sensor stands: this is taken "
             f"for light of the room; --on-off-hz {rate_hz:g} takes it for the emitter's"
         )
         return {"": replace(whole, warnings=(*whole.warnings, warning))}
-    state = _state(whole, found, rate_hz, on, detected=detected)
-    part = replace(whole, switching=state, warnings=(*whole.warnings, *_warnings(found, state, clock)))
-    names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in found.readings.emitters}
-    return {name: _readings(part, found, emitter) for emitter, name in names.items()}
+    state = _state(whole, by_emitter, rate_hz, on, detected=detected)
+    part = replace(whole, switching=state, warnings=(*whole.warnings, *_warnings(by_emitter, state, clock)))
+    names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in by_emitter.readings.emitters}
+    return {name: _readings(part, by_emitter, emitter) for emitter, name in names.items()}
 
 
 def _clock(whole: Waveforms, options: SignalOptions, rate_hz: float | None, on: On) -> Clock | None:
@@ -85,11 +85,11 @@ def _clock(whole: Waveforms, options: SignalOptions, rate_hz: float | None, on: 
     return find_clock(whole.time_s, whole.volts, rate_hz, on=on, emitters=options.emitters)
 
 
-def _follows(found: Switched) -> bool:
+def _follows(result: Switched) -> bool:
     """Whether what switches changes as the phases themselves do, as an emitter's light in a moving sensor."""
-    on = found.readings.signal + found.readings.ambient
-    least = np.minimum(np.nanstd(on, axis=0), np.nanstd(found.readings.ambient, axis=0))
-    return bool((np.nanstd(found.readings.signal, axis=0) > _FOLLOWS * least).any())
+    on = result.readings.signal + result.readings.ambient
+    least = np.minimum(np.nanstd(on, axis=0), np.nanstd(result.readings.ambient, axis=0))
+    return bool((np.nanstd(result.readings.signal, axis=0) > _FOLLOWS * least).any())
 
 
 def _found(whole: Waveforms, options: SignalOptions, clock: Clock) -> Switched:
@@ -100,10 +100,10 @@ def _found(whole: Waveforms, options: SignalOptions, clock: Clock) -> Switched:
     return switched(samples, mains_hz=options.mains_hz, rails=options.rails or (None, None))
 
 
-def _state(whole: Waveforms, found: Switched, rate_hz: float, on: On, *, detected: bool) -> Switching:
-    flicker, names = found.flicker, whole.receivers
+def _state(whole: Waveforms, result: Switched, rate_hz: float, on: On, *, detected: bool) -> Switching:
+    flicker, names = result.flicker, whole.receivers
     mains = None if flicker is None else min(MAINS_HZ, key=lambda one: abs(one - flicker.mains_hz))
-    limits = zip(names, *found.limits, strict=True)
+    limits = zip(names, *result.limits, strict=True)
     return Switching(
         on_off_hz=rate_hz,
         detected=detected,
@@ -111,7 +111,7 @@ def _state(whole: Waveforms, found: Switched, rate_hz: float, on: On, *, detecte
         mains_hz=mains,
         flicker_V=None if flicker is None else float(flicker.amplitude.max()),
         samples=whole.time_s.size,
-        clipped_samples={name: int(n) for name, n in zip(names, found.clipped, strict=True)},
+        clipped_samples={name: int(n) for name, n in zip(names, result.clipped, strict=True)},
         limits_V={name: (_finite(low), _finite(high)) for name, low, high in limits},
     )
 
@@ -120,12 +120,12 @@ def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _readings(whole: Waveforms, found: Switched, emitter: int) -> Waveforms:
-    kept = found.kept
+def _readings(whole: Waveforms, readings: Switched, emitter: int) -> Waveforms:
+    kept = readings.kept
     here = np.flatnonzero(kept.emitter == emitter)
     base = time_base(kept.time_s[here], "readings")
     rows: IndexArray = here[base.order]
-    angle = None if whole.angle_deg is None else found.beside(whole.angle_deg[:, None])[rows, 0]
+    angle = None if whole.angle_deg is None else readings.beside(whole.angle_deg[:, None])[rows, 0]
     return replace(
         whole,
         time_s=base.time_s,
@@ -134,27 +134,28 @@ def _readings(whole: Waveforms, found: Switched, emitter: int) -> Waveforms:
         angle_deg=angle,
         clipped=kept.clipped[rows],
         ambient_subtracted=True,
-        window_s=found.window_s,
+        window_s=readings.window_s,
         warnings=(*whole.warnings, *base.warnings),
     )
 
 
-def _warnings(found: Switched, state: Switching, clock: Clock) -> list[str]:
-    each = clock.rate_hz / max(len(found.readings.emitters), 1)
+def _warnings(result: Switched, state: Switching, clock: Clock) -> list[str]:
+    each = clock.rate_hz / max(len(result.readings.emitters), 1)
     by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
     warnings = [
-        f"ambient light is subtracted: a reading is on less the mean of off before and after, {found.kept.time_s.size} "
-        f"readings at {each:.6g} Hz ({by}); light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
+        f"ambient light is subtracted: a reading is on less the mean of off before and after, "
+        f"{result.kept.time_s.size} readings at {each:.6g} Hz ({by}); "
+        f"light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
     ]
-    missing = sum(found.readings.counts.missing.values())
+    missing = sum(result.readings.counts.missing.values())
     if missing:
         warnings.append(f"{missing} on slots are missing from the recording")
-    if found.flicker is not None:
-        lines = " and ".join(f"{n * found.flicker.mains_hz:.4g}" for n in found.flicker.multiples)
+    if result.flicker is not None:
+        lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
         warnings.append(
             f"lamps flicker at {lines} Hz by up to {state.flicker_V:.2g} V: fitted to the off phases and subtracted"
         )
-    for name, resting in zip(found.samples.names, found.dark_at_limit, strict=True):
+    for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
             warnings.append(f"{name} rests at its limit in the dark: weak light of the emitter or the room is not seen")
     return warnings

@@ -148,8 +148,8 @@ class Setup:
     def _check_channels(self, model: Model) -> None:
         known = model.differential if self.terminal == "differential" else model.single
         for channel in self.channels:
-            found = re.fullmatch(r"ai(\d+)", channel)
-            if found is None or int(found[1]) not in known:
+            match = re.fullmatch(r"ai(\d+)", channel)
+            if match is None or int(match[1]) not in known:
                 limit = f"is not among the {self.terminal} inputs of {self.model}: ai{known[0]} to ai{known[-1]}"
                 pairs = ", without the second inputs of pairs" if self.terminal == "differential" else ""
                 raise BenchError("daq.channels", value=channel, limit=limit + pairs)
@@ -225,7 +225,7 @@ class DaqLosses:
 
 def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Volts (N, channels) of counts by each channel's polynomial (channels, order + 1), lowest power first."""
-    found = np.broadcast_to(coefficients[:, -1], counts.shape).astype(float)
+    volts = np.broadcast_to(coefficients[:, -1], counts.shape).astype(float)
     for power in range(coefficients.shape[1] - 2, -1, -1):
-        found = found * counts + coefficients[:, power]
-    return np.asarray(found)
+        volts = volts * counts + coefficients[:, power]
+    return np.asarray(volts)

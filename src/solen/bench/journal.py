@@ -179,17 +179,17 @@ class Journal:
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
         """A journal that was left, to be continued after its last whole record, and its content."""
-        found = read_journal(path)
-        if found.end is not None or found.version == 1:
-            limit = "was ended" if found.version > 1 else "was begun by an older solen"
+        journal_content = read_journal(path)
+        if journal_content.end is not None or journal_content.version == 1:
+            limit = "was ended" if journal_content.version > 1 else "was begun by an older solen"
             raise BenchError(str(path), limit=limit, remedy="close it with solen bench recover")
-        if found.lost_bytes:
+        if journal_content.lost_bytes:
             with path.open("r+b") as file:
-                file.truncate(found.whole_bytes)
-        number = max((one.number for one in found.records), default=-1) + 1
-        journal = cls(path, FileIO(path, "ab"), found.header, number)
+                file.truncate(journal_content.whole_bytes)
+        number = max((one.number for one in journal_content.records), default=-1) + 1
+        journal = cls(path, FileIO(path, "ab"), journal_content.header, number)
         journal._put(HEADER, 0, journal._header)
-        return journal, found
+        return journal, journal_content
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
         """Columns of a stream."""
@@ -328,7 +328,7 @@ def _streams(
     file: BinaryIO, records: Sequence[Record], header: Mapping[str, Any], path: Path
 ) -> tuple[dict[str, Rows], dict[str, int]]:
     """Rows of each stream that is not bulky, and how many each has."""
-    found, counts = {}, {}
+    streams, counts = {}, {}
     for number, (name, dtype) in enumerate(dtypes_of(header, path).items()):
         mine = [one for one in records if (one.kind, one.stream) == (ROWS, number)]
         size = sum(one.length for one in mine)
@@ -338,8 +338,8 @@ def _streams(
             for one in mine:
                 data[at : at + one.length] = one.payload(file)
                 at += one.length
-            found[name] = np.frombuffer(data, dtype)
-    return found, counts
+            streams[name] = np.frombuffer(data, dtype)
+    return streams, counts
 
 
 def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.dtype[np.void]]) -> Iterator[Missing]:

@@ -83,8 +83,8 @@ def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
 def _ports() -> str:
     from serial.tools import list_ports
 
-    found = ", ".join(port.device for port in list_ports.comports())
-    return f"there are {found}" if found else "there is no serial port"
+    ports = ", ".join(port.device for port in list_ports.comports())
+    return f"there are {ports}" if ports else "there is no serial port"
 
 
 class Lines:

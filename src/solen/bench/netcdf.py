@@ -153,7 +153,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
     sensors, cuts = header["sensors"], cut_short(journaled)
     return (
         time_s,
-        {one["name"]: _sensor(file, one, list(_readings(one, journaled, time_s, cuts))) for one in sensors},
+        {sensor["name"]: _sensor(file, sensor, list(_readings(sensor, journaled, time_s, cuts))) for sensor in sensors},
         [],
     )
 
@@ -342,11 +342,11 @@ def _readings(
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
             low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
-            found = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
-            kept = found.of(sensor["emitter"]) & (found.time_s >= time_s[begin])
+            readings = subtracted(board["counts"][low:high], time_s[low:high], sensor, header)
+            kept = readings.of(sensor["emitter"]) & (readings.time_s >= time_s[begin])
             if end < last:
-                kept &= found.time_s < time_s[end]
-            yield _columns(found, kept, journaled, cuts)
+                kept &= readings.time_s < time_s[end]
+            yield _columns(readings, kept, journaled, cuts)
 
 
 def subtracted(
@@ -367,22 +367,22 @@ def subtracted(
 
 
 def _columns(
-    found: Demodulated, kept: NDArray[np.bool_], journaled: JournalContent, cuts: Sequence[tuple[float, float]]
+    readings: Demodulated, kept: NDArray[np.bool_], journaled: JournalContent, cuts: Sequence[tuple[float, float]]
 ) -> Columns:
     """Columns of readings that are kept, but for those of cycles that were cut short."""
     for cut_s, rest_s in cuts:
-        kept &= (found.time_s <= cut_s) | (found.time_s >= rest_s)
-    header, time = journaled.header, found.time_s[kept]
+        kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
+    header, time = journaled.header, readings.time_s[kept]
     position = _looks(journaled).at(time)
     return {
         "time_s": time,
         "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),
-        "right": found.signal[kept, 0],
-        "left": found.signal[kept, 1],
-        "right_ambient": found.ambient[kept, 0],
-        "left_ambient": found.ambient[kept, 1],
-        "right_clipped": found.clipped[kept, 0].astype(np.uint8),
-        "left_clipped": found.clipped[kept, 1].astype(np.uint8),
+        "right": readings.signal[kept, 0],
+        "left": readings.signal[kept, 1],
+        "right_ambient": readings.ambient[kept, 0],
+        "left_ambient": readings.ambient[kept, 1],
+        "right_clipped": readings.clipped[kept, 0].astype(np.uint8),
+        "left_clipped": readings.clipped[kept, 1].astype(np.uint8),
     }
 
 

@@ -148,9 +148,9 @@ class NiDaq:
     def _check_device(self) -> None:
         """That it is there, and what it is taken for."""
         with self._translated("find"):
-            found = self._ni.system.Device(self._device).product_type
-        if self.setup.model not in found:
-            limit = f"is a {found}, not a {self.setup.model}"
+            product_type = self._ni.system.Device(self._device).product_type
+        if self.setup.model not in product_type:
+            limit = f"is a {product_type}, not a {self.setup.model}"
             raise BenchError(f"NI-DAQmx device {self._device}", limit=limit, remedy="name another device")
 
     def _prepare(self) -> None:

@@ -54,8 +54,8 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
         return _even(time_s * slots_hz, slots_hz, 0.5, COUNTER_JITTER_US)
     if setup.synced:
         return _by_sync(time_s, volts[:, -1], setup)
-    found = find_clock(time_s, volts, setup.switch_hz)
-    return replace(found, jitter_us=max(found.jitter_us, EDGE_SAMPLES / 3.0 * 1e6 / setup.rate_hz))
+    clock = find_clock(time_s, volts, setup.switch_hz)
+    return replace(clock, jitter_us=max(clock.jitter_us, EDGE_SAMPLES / 3.0 * 1e6 / setup.rate_hz))
 
 
 def states(clock: Clock, delay_s: float, settle_s: float, emitters: int) -> IntArray:

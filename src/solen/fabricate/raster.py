@@ -126,8 +126,8 @@ def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
     """Rings of a shapely area as `coverage` wants them; lines and points in it are left out."""
     import shapely
 
-    polygons = [one for one in shapely.get_parts(area).tolist() if isinstance(one, shapely.Polygon)]
-    turned = (shapely.geometry.polygon.orient(one) for one in polygons if not one.is_empty)
+    polygons = [get_part for get_part in shapely.get_parts(area).tolist() if isinstance(get_part, shapely.Polygon)]
+    turned = (shapely.geometry.polygon.orient(polygon) for polygon in polygons if not polygon.is_empty)
     return [np.asarray(ring.coords)[:, :2] for one in turned for ring in (one.exterior, *one.interiors)]
 
 

@@ -100,8 +100,8 @@ class _Result(Strict):
         """The files that it was measured from."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
-            Source(of=self.of, **{key: value for key, value in one.items() if key in kept and value is not None})
-            for one in self.sources
+            Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
+            for source in self.sources
         )
 
 
@@ -424,16 +424,16 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     tables: dict[str, Any] = {"name": options.name}
     tables |= {key: text for key, text in (("source", options.source), ("notes", options.note)) if text}
     sources: list[Source] = []
-    found: dict[str, Reader] = {}
+    readers: dict[str, Reader] = {}
     for option, path in results.items():
         text = read_text(path, DataError)
         with told_of(str(path)):
-            result = found[option] = result_of(text, option)
+            result = readers[option] = result_of(text, option)
             table = result.as_table(options)
         if table is not None:
             tables.setdefault(result.of, table)
         sources += result.found_from(options)
-    for key, notes in _differences(found, tables).items():
+    for key, notes in _differences(readers, tables).items():
         tables[key] = tables[key].model_copy(update={"warnings": (*notes, *tables[key].warnings)})
     if options.formulation:
         parts = [named_number(part, "--formulation") for part in options.formulation.split(",")]
@@ -444,10 +444,10 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     return Resin(**tables)
 
 
-def _differences(found: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[str]]:
+def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[str]]:
     """By table of the resin, where results by two ways differ."""
     notes: dict[str, list[str]] = {}
-    layer, other, liquid = (found.get(option) for option in ("index", "refractometer", "penetration"))
+    layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:
         notes["loss"] = loss_apart(layer.extinction, tables["loss"])
     if isinstance(layer, IndexResult) and isinstance(other, IndexResult):

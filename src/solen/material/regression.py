@@ -121,8 +121,8 @@ class LinearFit:
         """Degrees of freedom of a combination c·β."""
         c = np.asarray(contrast, float)
         variance = float(c @ self.covariance @ c)
-        found = self.known_by.df(c, variance) if variance > 0.0 else math.inf
-        return max(min(found, float(self.error_df)), self.least_df)
+        inf = self.known_by.df(c, variance) if variance > 0.0 else math.inf
+        return max(min(inf, float(self.error_df)), self.least_df)
 
     def u(self, contrast: ArrayLike) -> float:
         """Standard uncertainty of c·β."""

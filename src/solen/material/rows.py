@@ -60,7 +60,7 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
             )
         recording = replace(
             recording,
-            channels=tuple(replace(one, values=one.values[keep]) for one in recording.channels),
+            channels=tuple(replace(channel, values=channel.values[keep]) for channel in recording.channels),
             texts={
                 key: tuple(text for text, kept in zip(texts, keep.tolist(), strict=True) if kept)
                 for key, texts in recording.texts.items()
@@ -88,7 +88,7 @@ def refuse_unused(
     """
     ignored = {_column(recording, name, "--ignore") for name in options.ignore}
     known = ignored | {plain(name) for name in used} | set(used)
-    traces = {one.name for one in recording.channels if one.axis}
+    traces = {channel.name for channel in recording.channels if channel.axis}
     names = [name for name in recording.texts if name not in traces]
     names += [] if labels_only else [name for name in recording.names if name not in names]
     varying = [name for name in names if not {name, plain(name)} & known and len(set(_texts(recording, name))) > 1]
@@ -149,11 +149,11 @@ def _restates(recording: Recording, column: str, used: Collection[str]) -> bool:
     """Whether a column of numbers is a used one in another unit."""
     if column in recording.texts:
         return False
-    others = [one for one in recording.channels if one.name in used]
-    return any(_proportional(recording.channel(column), one) for one in others)
+    others = [channel for channel in recording.channels if channel.name in used]
+    return any(_proportional(recording.channel(column), other) for other in others)
 
 
-def _proportional(one: Channel, other: Channel) -> bool:
+def _proportional(channel: Channel, other: Channel) -> bool:
     with np.errstate(all="ignore"):
-        ratio = one.values / other.values
+        ratio = channel.values / other.values
     return bool(np.isfinite(ratio).all() and np.ptp(ratio) <= _SAME * abs(float(np.mean(ratio))))

@@ -188,7 +188,8 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
     best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
     x, y = best.pose.origin_px
     rivals = sum(
-        one.score > RIVAL * best.score and np.hypot(*np.subtract(one.pose.origin_px, (x, y))) > far for one in matches
+        match.score > RIVAL * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > far
+        for match in matches
     )
     warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is taken"
     return best, [warning] if rivals else []
@@ -286,7 +287,7 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
         raise DataError("--edge", value=choice, limit="no edge is clearly sharper", remedy="name outer or inner")
     chosen = by_name.get(choice) or sharp or named[0]
     others = [one for one in named if one is not chosen]
-    gaps = ", ".join(f"{np.median(np.abs(one.outside_um(chosen))):.0f} µm" for one in others)
+    gaps = ", ".join(f"{np.median(np.abs(other.outside_um(chosen))):.0f} µm" for other in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
     warning = f"{len(named)} edges are seen ({', '.join(one.name for one in named)}; {gaps} apart): {why} is taken"
     if chosen is not sharp and choice == "auto":

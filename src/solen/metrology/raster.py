@@ -186,14 +186,14 @@ def _grey(file: str, opened: Pillow.Image) -> tuple[FloatArray, int | None, tupl
 
 def _tags(opened: Pillow.Image, kind: str) -> tuple[Tag, ...]:
     """Resolutions that the file states: PNG pHYs and JFIF density as dpi, Exif's own."""
-    found = []
+    tags = []
     dpi = opened.info.get("dpi")
     if dpi is not None and min(dpi) > 0.0:
         name = {"PNG": "PNG pHYs", "JPEG": "JPEG density"}.get(kind, f"{kind} resolution")
-        found.append(Tag(name, 25_400.0 / float(dpi[0]), 25_400.0 / float(dpi[1])))
+        tags.append(Tag(name, 25_400.0 / float(dpi[0]), 25_400.0 / float(dpi[1])))
     exif = opened.getexif()
     x, y = (exif.get(tag) for tag in (ExifTags.Base.XResolution, ExifTags.Base.YResolution))
     per_unit = EXIF_UM.get(exif.get(ExifTags.Base.ResolutionUnit, 2))
     if x and y and per_unit is not None and not math.isnan(float(x)) and float(x) > 0.0 and float(y) > 0.0:
-        found.append(Tag("Exif XResolution", per_unit / float(x), per_unit / float(y)))
-    return tuple(found)
+        tags.append(Tag("Exif XResolution", per_unit / float(x), per_unit / float(y)))
+    return tuple(tags)

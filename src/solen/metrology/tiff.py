@@ -162,13 +162,13 @@ def _ome(xml: str) -> tuple[tuple[Tag, ...], str, str]:
 
 def _per_unit(page: Any) -> tuple[float, float] | None:
     """Pixels per unit along a row and a column, from the resolution tags."""
-    found = []
+    per_unit = []
     for name in ("XResolution", "YResolution"):
         value = _value(page, name, None)
         if not isinstance(value, tuple) or value[0] <= 0 or value[1] <= 0:
             return None
-        found.append(value[0] / value[1])
-    return found[0], found[1]
+        per_unit.append(value[0] / value[1])
+    return per_unit[0], per_unit[1]
 
 
 def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:

@@ -196,8 +196,8 @@ class Light:
 
     def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
         """All colours of the point at a place."""
-        found = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
-        return found[0] if len(found) == 1 else weighted_sum(found, [weight for _, weight in self.colours])
+        integrals = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
+        return integrals[0] if len(integrals) == 1 else weighted_sum(integrals, [weight for _, weight in self.colours])
 
 
 def why_not(scene: Scene) -> str:
@@ -250,17 +250,17 @@ def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) 
         change = float(np.max(np.abs(panel.found.share - halves[0].found.share - halves[1].found.share)))
         done.extend(half._replace(error=max(half.error, CHANGE_SHARE * change)) for half in halves)
         points += 2 * len(rule.nodes)
-    found = weighted_sum([panel.found for panel in done], [1.0] * len(done))
-    return found._replace(error=found.error + math.fsum(panel.error for panel in done))
+    integral = weighted_sum([panel.found for panel in done], [1.0] * len(done))
+    return integral._replace(error=integral.error + math.fsum(panel.error for panel in done))
 
 
 def _panel(at: Callable[[float], Integral], rule: adapt.Rule, low: float, high: float) -> Panel:
     """Gauss–Kronrod quadrature over one stretch of places."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    found = [at(middle + half * node) for node in rule.nodes.tolist()]
-    values = np.array([place.share for place in found])
+    panel = [at(middle + half * node) for node in rule.nodes.tolist()]
+    values = np.array([place.share for place in panel])
     error = half * float(np.max(np.abs((rule.kronrod - rule.gauss) @ values)))
-    return Panel(error, low, high, weighted_sum(found, (half * rule.kronrod).tolist()))
+    return Panel(error, low, high, weighted_sum(panel, (half * rule.kronrod).tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -303,16 +303,18 @@ class Lights:
         """Integrate over all sources."""
         return self.trace_of([light.integral(tolerance, most_legs) for light in self.each], tolerance)
 
-    def trace_of(self, found: Sequence[Integral], tolerance: float) -> Trace:
+    def trace_of(self, integrals: Sequence[Integral], tolerance: float) -> Trace:
         """Result of what was found for each source."""
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
-        whole = found[0] if len(found) == 1 else weighted_sum(found, weights)
+        whole = integrals[0] if len(integrals) == 1 else weighted_sum(integrals, weights)
         *detected, escaped, absorbed = (float(value) for value in whole.share)
         truncated = max(
             1.0 - math.fsum(detected) - escaped - absorbed, 0.0
         )  # the gaps, and what was cut off on the way
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
-        by_source = np.array([weight * part.share for part, weight in zip(found, weights, strict=True)]) * whole.ended
+        by_source = (
+            np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)]) * whole.ended
+        )
         why = f"{rays} rays reach {whole.u:.1e}: their paths split too often; trace a fan, or raise the least weight"
         return Trace(
             mode=self.mode,

@@ -136,15 +136,15 @@ class Integral(NamedTuple):
         return self.error + max(self.gaps, missing, 0.0) if self.ended else 1.0
 
 
-def weighted_sum(found: Sequence[Integral], weights: Sequence[float]) -> Integral:
+def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Integral:
     """Weighted sum of what was found; nothing where one of them has not come to an end."""
-    ended = all(part.ended for part in found)
-    pairs = list(zip(found, weights, strict=True))
+    ended = all(part.ended for part in integrals)
+    pairs = list(zip(integrals, weights, strict=True))
     return Integral(
         share=np.sum([weight * part.share for part, weight in pairs], axis=0) * ended,
         error=math.fsum(weight * part.error for part, weight in pairs) if ended else math.inf,
         gaps=math.fsum(weight * part.gaps for part, weight in pairs),
-        counts=np.sum([part.counts for part in found], axis=0),
+        counts=np.sum([part.counts for part in integrals], axis=0),
         ended=ended,
         missed=math.fsum(weight * one.missed for one, weight in pairs),
         leaked=math.fsum(weight * one.leaked for one, weight in pairs),

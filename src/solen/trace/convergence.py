@@ -118,9 +118,9 @@ def _with_rays(scene: Scene, rays: int) -> Scene:
     return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
 
 
-def _series(reference: Trace, found: list[Trace]) -> Series:
+def _series(reference: Trace, result: list[Trace]) -> Series:
     """Errors of traces by their number of rays: of two with the same, as of samples that round it up, the later one."""
-    traces = list({run.rays: run for run in found}.values())
+    traces = list({run.rays: run for run in result}.values())
 
     def error(of: Trace) -> float:
         return max(abs(of.detectors[name].power - it.power) for name, it in reference.detectors.items())

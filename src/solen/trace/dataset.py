@@ -146,7 +146,7 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
     if not readings:
         return {}
     one = ("receiver",)
-    found: dict[str, _Variable] = {
+    variables: dict[str, _Variable] = {
         "receiver": (one, list(trace.detectors), {"long_name": "name of the receiver"}),
         "power": _real(one, [r.power for r in readings], SHARE, "power detected"),
         "power_u": _real(one, [r.u_power for r in readings], SHARE, "what the power may be off by, NaN where unknown"),
@@ -158,32 +158,32 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
     sources = max(len(r.power_by_source) for r in readings)
     if sources:
         by_source = _padded([np.array(r.power_by_source) for r in readings], (sources,))
-        found["source"] = _count(("source",), np.arange(sources), "number of the source in the scene")
-        found["power_by_source"] = _real((*one, "source"), by_source, SHARE, "power detected from each source")
+        variables["source"] = _count(("source",), np.arange(sources), "number of the source in the scene")
+        variables["power_by_source"] = _real((*one, "source"), by_source, SHARE, "power detected from each source")
     faces, bins = (max(sizes) for sizes in zip(*(r.power_by_position.shape for r in readings), strict=True))
     if bins:
         by_position = _padded([r.power_by_position for r in readings], (faces, bins))
         middle = (np.arange(bins) + 0.5) / bins
-        found["face"] = _count(("face",), np.arange(faces), "number of the interface among those of its receiver")
-        found["position_bin"] = _real(
+        variables["face"] = _count(("face",), np.arange(faces), "number of the interface among those of its receiver")
+        variables["position_bin"] = _real(
             ("position_bin",), middle, "1", "middle of the bin, 0 at the interface's start and 1 at its end"
         )
         dims = (*one, "face", "position_bin")
-        found["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
+        variables["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
     angles = max(len(r.power_by_angle) for r in readings)
     if angles:
         middle = -90.0 + 180.0 * (np.arange(angles) + 0.5) / angles
-        found["angle_bin"] = _real(
+        variables["angle_bin"] = _real(
             ("angle_bin",),
             middle,
             "degree",
             "middle of the bin of the angle of incidence, positive where light runs towards the interface's end",
         )
         by_angle = _padded([r.power_by_angle for r in readings], (angles,))
-        found["power_by_angle"] = _real(
+        variables["power_by_angle"] = _real(
             (*one, "angle_bin"), by_angle, SHARE, "power detected in each bin of that angle"
         )
-    return found
+    return variables
 
 
 def _monitors(trace: Trace) -> dict[str, _Variable]:
@@ -209,13 +209,13 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
 
 
 def _places(trace: Trace) -> dict[str, _Variable]:
-    found: dict[str, _Variable] = {}
+    variables: dict[str, _Variable] = {}
     kinds = {"undefined": trace.undefined_at_mm, "truncated": trace.truncated_at_mm}
     for kind, places in kinds.items():
         for axis, values in zip("xz", zip(*places, strict=True), strict=False):
             what = f"where the first of what is {kind} was, {axis}"
-            found[f"{kind}_{axis}_mm"] = _real((f"{kind}_place",), values, "mm", what)
-    return found
+            variables[f"{kind}_{axis}_mm"] = _real((f"{kind}_place",), values, "mm", what)
+    return variables
 
 
 def _legs(trace: Trace) -> dict[str, _Variable]:

@@ -209,8 +209,8 @@ def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) 
 
 
 def _received(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:
-    found = ((name, trace.detectors[name]) for name in scene.receivers)
-    return {name: ScreenReading(reading.power, reading.u_power, reading.rays) for name, reading in found}
+    received = ((name, trace.detectors[name]) for name in scene.receivers)
+    return {name: ScreenReading(reading.power, reading.u_power, reading.rays) for name, reading in received}
 
 
 def _monitored(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:

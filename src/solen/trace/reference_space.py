@@ -154,13 +154,13 @@ class _Tracer:
         flat = math.hypot(ray.d[0], ray.d[2])
         if flat == 0.0:
             return None, math.inf
-        found, nearest = None, math.inf
+        wall, nearest = None, math.inf
         for interface in self.scene.interfaces:
             origin, along = (ray.at[0], ray.at[2]), (ray.d[0] / flat, ray.d[2] / flat)
             for t in interface.curve.hits(origin, along, leaving=interface is ray.last):
                 if t < nearest:
-                    found, nearest = interface, t
-        return found, nearest / flat
+                    wall, nearest = interface, t
+        return wall, nearest / flat
 
     def _free_path(self, medium: Region) -> float:
         return self.draw.expovariate(medium.scattering_per_mm) if medium.scattering_per_mm > 0.0 else math.inf

@@ -151,15 +151,15 @@ def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
     ahead = (-ray.facing[0], -ray.facing[1])
     right = right_of(ahead)
     outwards = ray.facing if grating.mirrored else ahead
-    found = []
+    parts = []
     for order, share in grating.orders:
         wave = ray.n1 * dot(ray.direction, right) + order * ray.wavelength_nm * 1e-6 * grating.lines_per_mm
         sine = wave / index
         if abs(sine) < 1.0 and share > 0.0:
             cos = math.sqrt(1.0 - sine * sine)
             direction = (sine * right[0] + cos * outwards[0], sine * right[1] + cos * outwards[1])
-            found.append(Part(direction, share * ray.s, share * ray.p))
-    return found
+            parts.append(Part(direction, share * ray.s, share * ray.p))
+    return parts
 
 
 def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
@@ -213,8 +213,8 @@ def film_fields(
 
 def _decaying(square: complex) -> complex:
     """Root of a squared wave number of a wave that decays as it goes on, its time as exp(+iωt)."""
-    found = cmath.sqrt(square)
-    return -found if found.imag > 0.0 else found
+    decaying = cmath.sqrt(square)
+    return -decaying if decaying.imag > 0.0 else decaying
 
 
 def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:

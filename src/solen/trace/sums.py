@@ -59,11 +59,11 @@ def _first_places(*places: FloatArray) -> FloatArray:
     """The first places of both kinds."""
     if np.isnan(places[-1][:, 0, 0]).all():
         return places[0]
-    found = np.full((2, KEPT_PLACES, 2), math.nan)
+    first_places = np.full((2, KEPT_PLACES, 2), math.nan)
     for kind in range(2):
         known = np.vstack([place[kind][~np.isnan(place[kind][:, 0])] for place in places])[:KEPT_PLACES]
-        found[kind, : len(known)] = known
-    return found
+        first_places[kind, : len(known)] = known
+    return first_places
 
 
 def legs_of(sums: loop.Sums, emitted: float) -> NDArray[np.void]:
@@ -158,15 +158,15 @@ def _unseen(source: Source, in_space: bool, groups: int) -> float:
     return 1.0
 
 
-def _spread(found: FloatArray, weight: FloatArray, least: float) -> FloatArray:
+def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
     """Uncertainty of the whole from what each group (G, …) found of its emitted power (G,).
 
     Of two halves of a lattice, half their difference, but at least ``least``: they can agree by chance. Of independent
     samples the standard error of their mean. NaN where a group has no rays.
     """
     if not np.all(weight > 0.0):
-        return np.full(found.shape[1:], math.nan)
-    estimates = found / weight[:, None]
+        return np.full(spread.shape[1:], math.nan)
+    estimates = spread / weight[:, None]
     if len(weight) == HALVES:
         return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), least))
     error = np.std(estimates, axis=0, ddof=1) / math.sqrt(len(weight))

@@ -149,17 +149,17 @@ def _whole(numbers: Any) -> IntArray:
 def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
     """By interface the row of its treatment or −1, those rows, and what they have more of: films, tables, orders."""
     which: list[int] = []
-    found: list[rows.Treatment] = []
+    treatments: list[rows.Treatment] = []
     more: list[Row] = []
     for interface in scene.interfaces:
         surface = interface.surface
-        which.append(-1 if surface is None else len(found))
+        which.append(-1 if surface is None else len(treatments))
         if surface is not None:
             tables = (_table(surface.table), _table(surface.table_right))
             lists = (_films(surface), *tables, _orders(surface), _profile(surface.scatter))
-            found.append(_treatment(surface, len(more), *map(len, lists)))
+            treatments.append(_treatment(surface, len(more), *map(len, lists)))
             more += [row for rows_of in lists for row in rows_of]
-    return which, found, more
+    return which, treatments, more
 
 
 def _films(surface: Surface) -> list[Row]:
@@ -384,15 +384,15 @@ def _meeting(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
 
 
 def _cubics(curve: Bezier | Spline) -> list[tuple[int, Row, Curve]]:
-    found: list[tuple[int, Row, Curve]] = []
+    cubics: list[tuple[int, Row, Curve]] = []
     for number, piece in enumerate(curve.pieces):
         a, b, c, d = piece.control
         begins, ends = number == 0, number == len(curve.pieces) - 1
         before = 1.0 / (3.0 * math.dist(a, b)) if begins and not curve.closed else 0.0
         after = 1.0 / (3.0 * math.dist(c, d)) if ends and not curve.closed else 0.0
         row = rows.Cubic(*a, *b, *c, *d, before, after, piece.u_from, piece.u_to)
-        found.append((rows.CUBIC, row, Bezier(a, b, c, d)))
-    return found
+        cubics.append((rows.CUBIC, row, Bezier(a, b, c, d)))
+    return cubics
 
 
 ROWS: dict[type[Curve], tuple[int, Callable[[Any], Row]]] = {

@@ -96,12 +96,12 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
     """Sensors to calibrate: those with a lens, or the one that is named; and a warning of those left out."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
-        sensors = [one for one in sensors if options.sensor in {one.label, one.label.rpartition(".")[2]}]
+        sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
         if not sensors:
             limit = f"no such sensor; there are {', '.join(study.sensors)}"
             raise SpecError("--sensor", value=options.sensor, limit=limit)
-    bare = ", ".join(one.label for one in sensors if one.lens is False)
-    kept = [one for one in sensors if options.with_controls or one.lens is not False]
+    bare = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
+    kept = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
     if not kept:
         limit = "has no lens and hardly answers to the angle"
         raise DataError(f"sensor {bare}", limit=limit, remedy="--with-controls calibrates it all the same")
@@ -115,7 +115,7 @@ def _file(
     study: Study,
     options: CalibrationOptions,
     sensors: Sequence[SensorResponse],
-    one: Calibration,
+    calibration: Calibration,
     check: Check | None,
     warnings: Sequence[str],
 ) -> CalibrationFile:
@@ -136,14 +136,14 @@ def _file(
         sensor=POOL if options.pool else sensors[0].label,
         prints=tuple(sensor.label for sensor in sensors),
         simulated=study.simulated,
-        cycles=one.cycles,
-        range_deg=(float(one.angle_deg[0]), float(one.angle_deg[-1])),
-        freedom_repeat=one.freedom[0],
-        rails_V=rails_of(one),
+        cycles=calibration.cycles,
+        range_deg=(float(calibration.angle_deg[0]), float(calibration.angle_deg[-1])),
+        freedom_repeat=calibration.freedom[0],
+        rails_V=rails_of(calibration),
         dark_V=study.dark_V,
         motion=motion.model_copy(update=reached),
         circuit=circuit,
-        curves=curves_of(one),
+        curves=curves_of(calibration),
         leave_one_cycle_out=None if options.pool else checked,
         leave_one_sensor_out=checked if options.pool else None,
         words=() if check is None else (_sentence(check, "print" if options.pool else "cycle"),),
@@ -162,7 +162,7 @@ def _sentence(check: Check, left_out: str) -> str:
     )
 
 
-def _cautions(sensor: SensorResponse, one: Calibration, check: Check | None) -> list[str]:
+def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[str]:
     """What a sensor's calibration cannot show."""
     warnings = []
     if check is None:
@@ -172,7 +172,7 @@ def _cautions(sensor: SensorResponse, one: Calibration, check: Check | None) -> 
     if check is not None and check.whole.within_95 < _FEW:
         warnings.append(f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the bands of 95 %")
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
-    first, second, last = (float(one.angle_deg[place]) for place in (0, 1, -1))
+    first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
     beside = 2.0 * (second - first)
     if first > low + beside or last < high - beside:
         warnings.append(f"both receivers have readings from {first:g}° to {last:g}° only, of {low:.3g}° to {high:.3g}°")

@@ -74,12 +74,12 @@ def _held(calibration: Calibration, samples: Samples) -> tuple[FloatArray, Decod
     return inside.angle_deg, Decoder(calibration).decode(inside.volts)
 
 
-def _check(names: Sequence[str], found: Sequence[tuple[FloatArray, Decoded]]) -> Check:
-    parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, found, strict=True))
+def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -> Check:
+    parts = tuple(part_of(name, true, decoded) for name, (true, decoded) in zip(names, result, strict=True))
     columns = [
-        np.concatenate([getattr(one, name) for _, one in found]) for name in ("angle_deg", "low_deg", "high_deg")
+        np.concatenate([getattr(one, name) for _, one in result]) for name in ("angle_deg", "low_deg", "high_deg")
     ]
-    return Check(merged("all", parts), parts, np.concatenate([true for true, _ in found]), *columns)
+    return Check(merged("all", parts), parts, np.concatenate([true for true, _ in result]), *columns)
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:

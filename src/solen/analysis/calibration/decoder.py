@@ -434,7 +434,7 @@ def _joined(parts: list[Decoded]) -> Decoded:
     """Parts one after the other."""
     if len(parts) == 1:
         return parts[0]
-    offsets = np.cumsum([0, *(len(one.angle_deg) for one in parts[:-1])])
-    joined = {name: np.concatenate([getattr(one, name) for one in parts]) for name in Decoded.__dataclass_fields__}
-    joined["other"] = np.concatenate([one.other + offset for one, offset in zip(parts, offsets, strict=True)])
+    offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Decoded.__dataclass_fields__}
+    joined["other"] = np.concatenate([part.other + offset for part, offset in zip(parts, offsets, strict=True)])
     return Decoded(**joined)

@@ -161,17 +161,17 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
     most = _HELD * float(np.median(count[count > 0.0]))
     weight = np.minimum(1.0, most / np.maximum(count, 1.0))
     sums, count = sums * weight[:, None], count * weight
-    found, used = np.full((grid.size, 3), np.nan), np.zeros(grid.size)
+    smooth, used = np.full((grid.size, 3), np.nan), np.zeros(grid.size)
     reach = float(np.ptp(grid))
     for width in _WIDTHS:
         near = np.maximum(0.0, 1.0 - np.abs(grid[:, None] - grid) / (width * reach + 1e-12))
         if width == _WIDTHS[-1]:
             near = np.ones_like(near)
         total = near @ count
-        enough = ~np.isfinite(found[:, 0]) & ((total >= _LEAST_SAMPLES) | (width == _WIDTHS[-1]))
-        found[enough] = (near @ sums)[enough] / total[enough, None]
+        enough = ~np.isfinite(smooth[:, 0]) & ((total >= _LEAST_SAMPLES) | (width == _WIDTHS[-1]))
+        smooth[enough] = (near @ sums)[enough] / total[enough, None]
         used[enough] = total[enough]
-    return found[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
+    return smooth[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
 
 
 def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -221,11 +221,11 @@ def pooled(ones: Sequence[Calibration]) -> Calibration:
 def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
     """Angles that all grids hold, and their places in each."""
     keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
-    shared = sorted(set.intersection(*(set(one) for one in keys)))
+    shared = sorted(set.intersection(*(set(key) for key in keys)))
     if len(shared) < 5:
         limit = f"have {len(shared)} angles of their grids in common"
         raise DataError("the prints", limit=limit, remedy="give all the same --step-deg, and the same range")
-    return np.array(shared), [[one[angle] for angle in shared] for one in keys]
+    return np.array(shared), [[key[angle] for angle in shared] for key in keys]
 
 
 def _between(curves: FloatArray) -> FloatArray:

@@ -155,22 +155,22 @@ class CalibrationFile(Strict):
         )
 
 
-def curves_of(one: Calibration) -> Curves:
+def curves_of(calibration: Calibration) -> Curves:
     """Curves and covariances as they are saved."""
     return Curves(
-        angle_deg=tuple(one.angle_deg.tolist()),
-        rising_V=_rows(one.curves_V[0]),
-        falling_V=_rows(one.curves_V[1]),
-        noise_V2=_three(one.noise),
-        repeat_V2=_three(one.repeat),
-        between_V2=_three(one.between),
-        samples=tuple(one.samples.tolist()),
+        angle_deg=tuple(calibration.angle_deg.tolist()),
+        rising_V=_rows(calibration.curves_V[0]),
+        falling_V=_rows(calibration.curves_V[1]),
+        noise_V2=_three(calibration.noise),
+        repeat_V2=_three(calibration.repeat),
+        between_V2=_three(calibration.between),
+        samples=tuple(calibration.samples.tolist()),
     )
 
 
-def rails_of(one: Calibration) -> tuple[tuple[float | None, ...], ...]:
+def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
     """Rails with None for what is not known."""
-    return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in one.rails_V.tolist())
+    return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
 def _rows(values: FloatArray) -> tuple[tuple[float, ...], ...]:
@@ -185,9 +185,9 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
     return np.array(rows)[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
 
 
-def text_of(one: CalibrationFile) -> str:
+def text_of(file: CalibrationFile) -> str:
     """The file's text."""
-    data = {"schema": SCHEMA, **one.model_dump(mode="json"), "curves": one.curves.model_dump(mode="json")}
+    data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 

@@ -28,7 +28,7 @@ class Headings:
 
     def words(self) -> list[str]:
         """``rising``, ``falling`` or nothing of each."""
-        return ["rising" if one >= SURE else "falling" if one <= 1.0 - SURE else "" for one in self.rises.tolist()]
+        return ["rising" if rise >= SURE else "falling" if rise <= 1.0 - SURE else "" for rise in self.rises.tolist()]
 
 
 class Tracker:

@@ -156,7 +156,7 @@ class _Layout:
     @classmethod
     def of(cls, names: Sequence[str], options: SignalOptions, separator: str) -> "_Layout":
         heads = [heading(name) for name in names]
-        channels = tuple(Channel(one.name, one.quantity, one.unit, np.empty(0)) for one in heads)
+        channels = tuple(Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         header = Recording(channels, Provenance(STDIN))
         time = None
         if options.time is not None:
@@ -166,7 +166,7 @@ class _Layout:
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         unit = "" if time is None else options.time_unit or time.unit
         scales = (_scale(unit, "s", "time"), _scale(left.unit, "V", left.name), _scale(right.unit, "V", right.name))
-        at = {id(one): place for place, one in enumerate(channels)}
+        at = {id(channel): place for place, channel in enumerate(channels)}
         places = (None if time is None else at[id(time)], at[id(left)], at[id(right)])
         return cls(places, scales, len(names), separator, options.rate_hz)
 
@@ -203,7 +203,9 @@ def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
     named = next((column for name, column in options.named_receivers if side_of(name) == side), None)
     if named is not None:
         return named_column(header, named, "--channel")
-    columns = [one for one in header.channels if side_of(one.name) == side and not is_companion(one.name)]
+    columns = [
+        channel for channel in header.channels if side_of(channel.name) == side and not is_companion(channel.name)
+    ]
     if len(columns) != 1:
         limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver; one is needed"
         remedy = f"name it with --channel {side}=COLUMN; {existing(header)}"

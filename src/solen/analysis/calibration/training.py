@@ -157,16 +157,16 @@ def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, 
 def _used(run: Run) -> list[IndexArray]:
     """Places of the samples of each used cycle."""
     cycles = [run.motion.cycles[number] for number in run.used]
-    return [np.arange(one.start, one.stop, dtype=np.intp) for one in cycles]
+    return [np.arange(cycle.start, cycle.stop, dtype=np.intp) for cycle in cycles]
 
 
 def _ways(motion: Motion, size: int) -> IndexArray:
     """0 from where a rising ramp begins to the next ramp, 1 of a falling one, −1 before the first."""
-    found = np.full(size, -1, dtype=np.intp)
+    ways = np.full(size, -1, dtype=np.intp)
     starts = [ramp.start for ramp in motion.ramps]
     for ramp, stop in zip(motion.ramps, [*starts[1:], size], strict=True):
-        found[ramp.start : stop] = 0 if ramp.direction > 0 else 1
-    return found
+        ways[ramp.start : stop] = 0 if ramp.direction > 0 else 1
+    return ways
 
 
 def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:

@@ -52,44 +52,44 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
     raise DataError("mains", value=mains_hz, limit=limit, remedy="leave it out")
 
 
-def averaged(found: Demodulated, slots: Slots, readings: int) -> Averaged:
+def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
     """Means of blocks of successive readings of each emitter; a block with a reading missing inside is left out.
 
     ``slots`` are those that the readings were made of. Flicker that the means remove is not in their uncertainty.
     """
-    parts = [_of_emitter(found, emitter, readings) for emitter in found.emitters]
+    parts = [_of_emitter(result, emitter, readings) for emitter in result.emitters]
     places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
-    places = places[np.argsort(found.time_s[places].mean(axis=1), kind="stable")]
-    u = _u(found, slots, found.emitter[places[:, 0]], readings)
+    places = places[np.argsort(result.time_s[places].mean(axis=1), kind="stable")]
+    u = _u(result, slots, result.emitter[places[:, 0]], readings)
     return Averaged(
-        time_s=found.time_s[places].mean(axis=1),
-        emitter=found.emitter[places[:, 0]],
+        time_s=result.time_s[places].mean(axis=1),
+        emitter=result.emitter[places[:, 0]],
         places=places,
-        signal=found.signal[places].mean(axis=1),
-        u=np.where(np.isfinite(found.signal[places]).all(axis=1), u, np.nan),
-        ambient=found.ambient[places].mean(axis=1),
-        clipped=found.clipped[places].any(axis=1),
+        signal=result.signal[places].mean(axis=1),
+        u=np.where(np.isfinite(result.signal[places]).all(axis=1), u, np.nan),
+        ambient=result.ambient[places].mean(axis=1),
+        clipped=result.clipped[places].any(axis=1),
         readings=readings,
-        left_out=len(found.time_s) - places.size,
+        left_out=len(result.time_s) - places.size,
     )
 
 
-def _u(found: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
+def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
     """Uncertainty of means: with one emitter successive readings share the off slot between them."""
     off = slots.time_s[slots.state == OFF]
-    per_period = max(1, round(found.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
+    per_period = max(1, round(result.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
     off_sd = slot_sd(slots, readings * per_period)
-    shared = len(found.emitters) == 1
+    shared = len(result.emitters) == 1
     of_off = (readings - 0.5) / readings**2 if shared else 0.5 / readings
     return np.asarray(np.sqrt(on_sd(slots, off_sd, emitter) ** 2 / readings + of_off * off_sd**2))
 
 
-def _of_emitter(found: Demodulated, emitter: int, readings: int) -> IndexArray:
+def _of_emitter(result: Demodulated, emitter: int, readings: int) -> IndexArray:
     """Places (B, readings) of blocks without a gap: their number on the emitter's clock is one after the other."""
-    places = np.flatnonzero(found.of(emitter))
-    if not places.size or not math.isfinite(found.period_s):
+    places = np.flatnonzero(result.of(emitter))
+    if not places.size or not math.isfinite(result.period_s):
         return np.empty((0, readings), dtype=np.intp)
-    steps = np.rint(np.diff(found.time_s[places]) / found.period_s).astype(np.int64)
+    steps = np.rint(np.diff(result.time_s[places]) / result.period_s).astype(np.int64)
     run = np.concatenate([[0], np.cumsum(steps != 1)])
     first = np.flatnonzero(np.diff(run, prepend=-1))
     inside = np.arange(len(places)) - first[run]

@@ -136,13 +136,13 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     phase -= rise
     phase -= np.floor(phase[0] + 1e-9)
     wander = turns - np.polyval(np.polyfit(middle, turns, 1), middle)
-    found = near + slope
+    clock = near + slope
     return Clock(
         phase=phase,
-        rate_hz=found,
+        rate_hz=clock,
         u_rate_hz=u_slope,
-        wander_us=1e6 * float(np.abs(wander).max()) / found,
-        jitter_us=1e6 * rough / found,
+        wander_us=1e6 * float(np.abs(wander).max()) / clock,
+        jitter_us=1e6 * rough / clock,
         on_share=on_share,
         depth=depth,
         clearness=clearness,
@@ -176,14 +176,14 @@ def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[flo
     frequency = np.fft.rfftfreq(last, float(start[last - 1]) / (last - 1))
     power = np.abs(np.fft.rfft((signal[:last] - signal[:last].mean()) * np.hanning(last)))
     power[(frequency < SLOWEST_HZ) | (frequency > fastest_hz)] = 0.0
-    found: list[float] = []
+    values: list[float] = []
     for _ in range(TRIED):
         place = int(np.argmax(power))
         if not power[place] > 0.0:
             break
-        found.append(float(frequency[place]))
+        values.append(float(frequency[place]))
         power[np.abs(frequency - frequency[place]) <= SEARCHED_SHARE * frequency[place]] = 0.0
-    return found
+    return values
 
 
 def _check(time_s: FloatArray, rate_hz: float) -> None:

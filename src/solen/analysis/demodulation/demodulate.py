@@ -201,11 +201,11 @@ def _channel(readings: Demodulated, kept: Demodulated | Averaged, place: int, un
     return ChannelReadings(unit, emitters, mean, sd, float(readings.slot_sd[place]))
 
 
-def _rejection(found: Switched, options: DemodulationOptions) -> tuple[Rejection, ...]:
-    period_s, means = found.readings.period_s, found.means
+def _rejection(result: Switched, options: DemodulationOptions) -> tuple[Rejection, ...]:
+    period_s, means = result.readings.period_s, result.means
     if not np.isfinite(period_s):
         return ()
-    hz, slot_s = np.array(REPORTED_HZ), found.slot_s
+    hz, slot_s = np.array(REPORTED_HZ), result.slot_s
     two_sided, one_sided = (rejection_dB(gain(hz, period_s, slot_s, kernel)) for kernel in ("two-sided", "one-sided"))
     if means is None:
         return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided]).tolist())
@@ -214,8 +214,8 @@ def _rejection(found: Switched, options: DemodulationOptions) -> tuple[Rejection
     return tuple(Rejection(*row) for row in np.column_stack([hz, two_sided, one_sided, with_mean]).tolist())
 
 
-def _warnings(found: Switched) -> list[str]:
-    samples, readings, means = found.samples, found.readings, found.means
+def _warnings(result: Switched) -> list[str]:
+    samples, readings, means = result.samples, result.readings, result.means
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
@@ -292,8 +292,8 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
     """
     kept, options = result.switched.kept, result.options
     columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
-    for place, (name, one) in enumerate(result.channels.items()):
-        plain, unit = re.sub(r"[,\s\"]+", "_", name), f" ({one.unit})" if one.unit else ""
+    for place, (name, channel) in enumerate(result.channels.items()):
+        plain, unit = re.sub(r"[,\s\"]+", "_", name), f" ({channel.unit})" if channel.unit else ""
         heads = (f"{plain}{unit}", f"u_{plain}{unit}", f"ambient_{plain}{unit}", f"clipped_{plain}")
         for head, values in zip(heads, (kept.signal, kept.u, kept.ambient, kept.clipped), strict=True):
             columns[head] = values[:, place].tolist()

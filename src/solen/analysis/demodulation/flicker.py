@@ -192,21 +192,21 @@ def _powers(sine: _Complex, times: int) -> _Complex:
 def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
     """Sines at multiples of a nominal mains' frequency that stand out; None where none does."""
     free = tuple(order for order in ORDERS if abs(_beside(order * nominal, rate_hz)) > NEAR_RATE_HZ)
-    found, mains = _sines(room, nominal, free), nominal
-    if found is None:
+    sines, mains = _sines(room, nominal, free), nominal
+    if sines is None:
         return None
     for _ in range(2):
-        clear = found.clear()
+        clear = sines.clear()
         order = free[int(np.argmax(clear))]
-        mains += _drift_hz(found, free.index(order)) / order
+        mains += _drift_hz(sines, free.index(order)) / order
         refined = _sines(room, mains, free)
-        found = found if refined is None else refined
-    clear, power = found.clear(), found.power()
+        sines = sines if refined is None else refined
+    clear, power = sines.clear(), sines.power()
     strong = power.max(axis=1) > SHARE**2 * power.max()
     orders = tuple(order for order, high, ok in zip(free, clear, strong, strict=True) if high > CLEAR and ok)
     if not orders:
         return None
-    last = _sines(room, mains, orders) or found
+    last = _sines(room, mains, orders) or sines
     return _Fit(mains, free, orders, last.middle_s, last.heights, last.power(), float(clear.max()))
 
 
@@ -255,10 +255,10 @@ def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | No
     return _Sines(np.array(middles)[calm], np.array(heights)[calm], spread[calm]) if calm.any() else None
 
 
-def _drift_hz(found: _Sines, place: int) -> float:
+def _drift_hz(sines: _Sines, place: int) -> float:
     """How much higher the frequency of an order is, by its phase from window to window."""
-    own = found.heights[:, place]
-    steps = np.diff(found.middle_s)
+    own = sines.heights[:, place]
+    steps = np.diff(sines.middle_s)
     if not steps.size:
         return 0.0
     turned = np.angle((own[1:] * own[:-1].conj()).sum())

@@ -165,7 +165,7 @@ def _channels(recording: Recording, options: DemodulationOptions, time: Channel)
     """Channels that are named, or else all voltages."""
     if options.channel:
         return [recording.channel(name) for name in dict.fromkeys(options.channel)]
-    free = [one for one in recording.channels if one.name != time.name]
+    free = [channel for channel in recording.channels if channel.name != time.name]
     channels = [one for one in free if _name_and_unit(one)[1] in VOLTAGES] or receiver_columns(free)
     if not channels:
         limit = f"no column is in V; there are {', '.join(recording.names)}"

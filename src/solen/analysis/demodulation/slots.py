@@ -163,9 +163,9 @@ def _scatter(values: FloatArray, valid: BoolArray, slot: IndexArray, states: Int
     inside = slot[1:] == slot[:-1]
     there = valid[1:] & valid[:-1] & inside[:, None]
     squares = np.where(there, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2
-    found = {}
+    scatter = {}
     for state in np.unique(states[states != DROPPED]).tolist():
         here = states[slot[1:]] == state
         with np.errstate(invalid="ignore", divide="ignore"):
-            found[int(state)] = np.sqrt(0.5 * squares[here].sum(axis=0) / there[here].sum(axis=0))
-    return found
+            scatter[int(state)] = np.sqrt(0.5 * squares[here].sum(axis=0) / there[here].sum(axis=0))
+    return scatter

@@ -146,7 +146,7 @@ class Model:
     @cached_property
     def places(self) -> dict[str, int]:
         """Place of each parameter by its name."""
-        return {one.name: place for place, one in enumerate(self.parameters)}
+        return {parameter.name: place for place, parameter in enumerate(self.parameters)}
 
     @cached_property
     def gains(self) -> list[int]:
@@ -169,9 +169,9 @@ class Model:
         spread[[0, -1]] = 0.0
         return np.concatenate([self.angle_deg + node * spread for node in _NODES.tolist()])
 
-    def _means(self, found: FloatArray) -> FloatArray:
+    def _means(self, means: FloatArray) -> FloatArray:
         """Means over the cells (n, r) of what is found at their angles."""
-        return np.asarray(found.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
+        return np.asarray(means.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
         """Shares of light at the angles of the cells, (4 n, r)."""
@@ -206,7 +206,7 @@ class Model:
 
     def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
         """Values for a decentre and a chip, with gains and offsets by straight lines through curves (n, r)."""
-        values = np.array([one.start for one in self.parameters])
+        values = np.array([parameter.start for parameter in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
         mean = self._means(self.shares(values))
         for n, (gain, offset) in enumerate(zip(self.gains, self.offsets, strict=True)):

@@ -119,28 +119,28 @@ class Diagnosis:
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
     """Places of the right and the left receiver; one may be missing. `DataError` where no name states a side."""
-    found: dict[str, int] = {}
+    sides: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
         side = side_of(name)
-        if side and side in found:
-            limit = f"{receivers[found[side]]} and {name} are both the {side} one"
+        if side and side in sides:
+            limit = f"{receivers[sides[side]]} and {name} are both the {side} one"
             raise DataError("receivers", limit=limit, remedy="name one of each with --channel left=… right=…")
         if side:
-            found[side] = place
-    if not found:
+            sides[side] = place
+    if not sides:
         limit = f"the names {', '.join(receivers)} do not tell right from left"
         raise DataError("receivers", limit=limit, remedy="name them with --channel left=… right=…")
-    return {side: found[side] for side in SIDES if side in found}
+    return {side: sides[side] for side in SIDES if side in sides}
 
 
-def cycles_of(found: Passes, places: Sequence[int]) -> Cycles:
+def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
     """Curves of each cycle for some receivers, the mean of both ways; where one way is missing, the other."""
-    hidden = np.where(found.clipped, np.nan, found.volts)[..., list(places)]
+    hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
     there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
     both = np.where(there, 1.0, 0.0)
     ways = both.sum(axis=1)
-    return Cycles(found.angle_deg, np.where(both > 0.0, hidden, 0.0).sum(axis=1) / np.maximum(ways, 1.0))
+    return Cycles(passes.angle_deg, np.where(both > 0.0, hidden, 0.0).sum(axis=1) / np.maximum(ways, 1.0))
 
 
 def diagnosed(
@@ -260,30 +260,30 @@ def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, flo
     """Pairs of parameters of the shape that are poorly separated."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     found = []
-    for i, one in enumerate(names):
+    for i, name in enumerate(names):
         for j in range(i + 1, len(names)):
-            gains = one.startswith("gain") and names[j].startswith("gain")  # their ratio is reported
+            gains = name.startswith("gain") and names[j].startswith("gain")  # their ratio is reported
             if abs(correlations[i, j]) > POOR and not gains and not names[j].startswith("offset"):
-                found.append((one, names[j], float(correlations[i, j])))
+                found.append((name, names[j], float(correlations[i, j])))
     return tuple(found)
 
 
 def _estimates(fitted: Fitted, held: Mapping[str, object]) -> dict[str, ParameterEstimate]:
     model = fitted.model
-    found = {
+    parameter_estimates = {
         "emitter_offset_mm": _plain(fitted, OFFSET, "mm", held, model.response.offset_mm),
         "chip_width_mm": _width(fitted, held),
         "angle_zero_deg": _plain(fitted, ZERO, "deg", held),
         "loss_per_mm": _plain(fitted, LOSS, "1/mm", held),
     }
     for key in model.response.changes:
-        found[key] = _plain(fitted, key, key.rpartition("_")[2] if "_" in key else "", held)
+        parameter_estimates[key] = _plain(fitted, key, key.rpartition("_")[2] if "_" in key else "", held)
     for side in model.sides:
-        found[f"gain_{side}_V"] = _plain(fitted, f"gain {side}", "V", held)
-        found[f"offset_{side}_V"] = _plain(fitted, f"offset {side}", "V", held)
+        parameter_estimates[f"gain_{side}_V"] = _plain(fitted, f"gain {side}", "V", held)
+        parameter_estimates[f"offset_{side}_V"] = _plain(fitted, f"offset {side}", "V", held)
     if len(model.sides) == 2:
-        found["gain_ratio"] = _ratio(fitted)
-    return found
+        parameter_estimates["gain_ratio"] = _ratio(fitted)
+    return parameter_estimates
 
 
 def _plain(
@@ -323,6 +323,6 @@ def _ratio(fitted: Fitted) -> ParameterEstimate:
     return ParameterEstimate("gain ratio", "", ratio, u, ratio - share * u, ratio + share * u, None, None, u)
 
 
-def model_V(found: Diagnosis) -> FloatArray:
+def model_V(diagnosis: Diagnosis) -> FloatArray:
     """Fitted curves (n, r)."""
-    return found.fitted.model.volts(found.fitted.values)
+    return diagnosis.fitted.model.volts(diagnosis.fitted.values)

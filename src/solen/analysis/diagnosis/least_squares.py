@@ -148,8 +148,8 @@ class Fitted:
         return float(t.ppf(0.5 + 0.5 * level, self.freedom[place])) * self.u(name)
 
     def _place(self, name: str) -> int | None:
-        found = np.flatnonzero(self.active == self.model.places[name])
-        return int(found[0]) if found.size else None
+        place = np.flatnonzero(self.active == self.model.places[name])
+        return int(place[0]) if place.size else None
 
 
 def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray | None = None) -> Fitted:
@@ -251,9 +251,9 @@ def _rest(
 
 def _table(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
     """Derivatives of the model by the parameters in the same units, (observations, a)."""
-    found = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
+    table = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
     prior = np.diag([1.0 / model.parameters[p].known for p in places])
-    return np.concatenate([found, prior])
+    return np.concatenate([table, prior])
 
 
 def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> Fitted:
@@ -304,10 +304,10 @@ def _waves(cycles: Cycles) -> FloatArray:
     phase = np.pi * (angle - angle[0]) / (angle[-1] - angle[0])
     one = np.cos(phase[:, None] * np.arange(WAVES))
     receivers = valid.shape[1]
-    found = np.zeros((*valid.shape, receivers * WAVES))
+    waves = np.zeros((*valid.shape, receivers * WAVES))
     for n in range(receivers):
-        found[:, n, n * WAVES : (n + 1) * WAVES] = one
-    return np.asarray(found[valid])
+        waves[:, n, n * WAVES : (n + 1) * WAVES] = one
+    return np.asarray(waves[valid])
 
 
 def _misfit(
@@ -318,7 +318,7 @@ def _misfit(
     basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
     basis = basis[:, sizes > 1e-3 * sizes[0]]
     most, freedom = float(basis.shape[1]), float(np.sum(sizes**2) ** 2 / np.sum(sizes**4))
-    found = float(np.sum((basis.T @ left) ** 2))
+    misfit = float(np.sum((basis.T @ left) ** 2))
     through = float(np.sum((basis.T @ seen) ** 2))
     if count < 2:
         return 0.0, freedom, (np.nan, np.nan)
@@ -326,11 +326,11 @@ def _misfit(
     covariance = parts.T @ parts / (count * (count - 1))
     noise = float(np.trace(covariance))
     if not noise > 0.0:
-        return float(np.sqrt(found / through)), freedom, (np.inf, 0.0)
+        return float(np.sqrt(misfit / through)), freedom, (np.inf, 0.0)
     effective = _effective(covariance, most, count - 1)
-    ratio = found / noise
+    ratio = misfit / noise
     chance = float(f_distribution.sf(ratio, effective, effective * (count - 1)))
-    beyond = max(found - noise, 0.0) / through if chance < 0.16 else 0.0
+    beyond = max(misfit - noise, 0.0) / through if chance < 0.16 else 0.0
     return float(np.sqrt(beyond)), freedom, (ratio, chance)
 
 

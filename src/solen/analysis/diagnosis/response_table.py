@@ -121,7 +121,9 @@ class Table:
         place = offset_mm - np.polyval(self.edge, angle_deg) - self.place_mm[0]
         ends = np.concatenate([place - half, place + half]) / (self.place_mm[1] - self.place_mm[0]) + _PAD
         at = np.stack([np.concatenate([row, row]), ends])
-        found = (map_coordinates(one, at, prefilter=False, mode="nearest") for one in self._coefficients)
+        found = (
+            map_coordinates(coefficient, at, prefilter=False, mode="nearest") for coefficient in self._coefficients
+        )
         n = angle_deg.size
         return np.column_stack([(one[n:] - one[:n]) / (2.0 * half) for one in found])
 
@@ -136,14 +138,14 @@ def _traced(
     wide: Sensor, angle_deg: FloatArray, reach_mm: float, progress: Progress | None
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Places and shares at every angle, on all cores."""
-    found = []
+    traced = []
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         chips = (_Chip(wide, float(angle), reach_mm) for angle in angle_deg)
         for done, one in enumerate(pool.map(_Chip.traced, chips), start=1):
-            found.append(one)
+            traced.append(one)
             if progress is not None:
                 progress(done / len(angle_deg))
-    return found
+    return traced
 
 
 class _Chip:
@@ -214,10 +216,10 @@ def _merged(
     """Places with the middles among them, and the intervals that are to be halved again."""
     bend = np.abs(between - 0.5 * (shares[suspects] + shares[suspects + 1])).max(axis=1, initial=0.0)
     order = np.argsort(np.concatenate([places, middles]), kind="stable")
-    found = np.concatenate([places, middles])[order]
+    merged = np.concatenate([places, middles])[order]
     values = np.concatenate([shares, between])[order]
-    bent = np.searchsorted(found, middles[bend * step > BEND_MM])
-    return found, values, np.unique(np.concatenate([bent - 1, bent])).astype(np.intp)
+    bent = np.searchsorted(merged, middles[bend * step > BEND_MM])
+    return merged, values, np.unique(np.concatenate([bent - 1, bent])).astype(np.intp)
 
 
 def _edge(angles: FloatArray, places: Sequence[FloatArray], shares: Sequence[FloatArray]) -> FloatArray:

@@ -226,7 +226,7 @@ def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
         if name not in study.sensors:
             limit = f"no such sensor; there are {', '.join(study.sensors)}"
             raise SpecError("--sensor", value=name, limit=limit)
-    return [one for one in study.sensors.values() if not options.sensor or one.label in options.sensor]
+    return [sensor for sensor in study.sensors.values() if not options.sensor or sensor.label in options.sensor]
 
 
 def _carried(sensor: SensorResponse) -> _Carried:
@@ -281,31 +281,31 @@ def _diagnosis(
     warnings = list(_motion_warnings(sensor, design))
     if bend is None:
         warnings.append("voltages are taken to fall in proportion to the light: the design states no [readout]")
-    found = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
-    fitted = found.fitted
+    diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
+    fitted = diagnosis.fitted
     return SensorDiagnosis(
-        diagnosis=found,
+        diagnosis=diagnosis,
         lens=sensor.lens,
         design=design.name,
         drawn=own.drawn or None,
-        words=words(found),
-        advice=advice(found),
-        parameters=found.estimates,
-        not_determined=found.held,
+        words=words(diagnosis),
+        advice=advice(diagnosis),
+        parameters=diagnosis.estimates,
+        not_determined=diagnosis.held,
         correlated=tuple(fitted.model.parameters[place].name for place in fitted.active),
-        correlations=found.correlations,
-        cycles_used=len(found.cycles.volts),
+        correlations=diagnosis.correlations,
+        cycles_used=len(diagnosis.cycles.volts),
         misfit=fitted.misfit,
-        receivers=_curves(found),
-        warnings=(*warnings, *_cautions(found)),
+        receivers=_curves(diagnosis),
+        warnings=(*warnings, *_cautions(diagnosis)),
     )
 
 
-def _curves(found: Diagnosis) -> dict[str, FittedCurve]:
-    columns = (found.cycles.mean_V, model_V(found), found.fitted.residual_V)
+def _curves(diagnosis: Diagnosis) -> dict[str, FittedCurve]:
+    columns = (diagnosis.cycles.mean_V, model_V(diagnosis), diagnosis.fitted.residual_V)
     return {
-        side: FittedCurve(found.cycles.angle_deg, *(column[:, n] for column in columns))
-        for n, side in enumerate(found.sides)
+        side: FittedCurve(diagnosis.cycles.angle_deg, *(column[:, n] for column in columns))
+        for n, side in enumerate(diagnosis.sides)
     }
 
 
@@ -330,19 +330,19 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[str]:
         )
 
 
-def _cautions(found: Diagnosis) -> Iterator[str]:
+def _cautions(diagnosis: Diagnosis) -> Iterator[str]:
     """What the numbers of a diagnosis cannot show."""
-    misfit = found.fitted.misfit
+    misfit = diagnosis.fitted.misfit
     if misfit.significant:
-        rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(found.sides, misfit.rms_V, strict=True))
+        rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))
         yield (
             f"the model misses the mean curves by more than the scatter of the cycles ({rms} rms, "
             f"{100.0 * misfit.share:.2g} % of the swing): the intervals are widened by it"
         )
-    if len(found.cycles.volts) == 1:
+    if len(diagnosis.cycles.volts) == 1:
         yield "one cycle: its intervals take its noise for white, and drift and hysteresis are not in them"
-    for side, share in found.left_out.items():
+    for side, share in diagnosis.left_out.items():
         if share > 0.0:
             yield f"{side}: {100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are left out"
-    if len(found.sides) == 1:
-        yield f"only the {found.sides[0]} receiver is recognised: decentre and chip rest on it alone"
+    if len(diagnosis.sides) == 1:
+        yield f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip rest on it alone"

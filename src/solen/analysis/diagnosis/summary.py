@@ -28,21 +28,28 @@ NARROW_DEG = 2.0
 """A range of angles below which a wider one is advised."""
 
 
-def words(found: Diagnosis) -> list[str]:
+def words(diagnosis: Diagnosis) -> list[str]:
     """What the recording shows of the sensor, a line for each parameter; ± is half of an interval of 95 %."""
-    return [*_decentre(found), *_chip(found), *_zero(found), *_loss(found), *_others(found), *_gains(found)]
+    return [
+        *_decentre(diagnosis),
+        *_chip(diagnosis),
+        *_zero(diagnosis),
+        *_loss(diagnosis),
+        *_others(diagnosis),
+        *_gains(diagnosis),
+    ]
 
 
-def advice(found: Diagnosis) -> list[str]:
+def advice(diagnosis: Diagnosis) -> list[str]:
     """What to do about it, a line each."""
-    return [*_shift(found), *_trim(found), *_record(found)]
+    return [*_shift(diagnosis), *_trim(diagnosis), *_record(diagnosis)]
 
 
-def pm(one: ParameterEstimate) -> str:
+def pm(estimate: ParameterEstimate) -> str:
     """A number with half of its interval of 95 %, both to the place that the latter is worth telling to."""
-    if one.value is None or one.low is None or one.high is None:
+    if estimate.value is None or estimate.low is None or estimate.high is None:
         return "not determined"
-    return _pm(one.value, 0.5 * (one.high - one.low), one.unit)
+    return _pm(estimate.value, 0.5 * (estimate.high - estimate.low), estimate.unit)
 
 
 def _pm(value: float, half: float, unit: str) -> str:
@@ -51,10 +58,10 @@ def _pm(value: float, half: float, unit: str) -> str:
     return f"{value:.{digits}f} ± {half:.{digits}f}" + (unit if unit == "°" else f" {unit}" if unit else "")
 
 
-def _decentre(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates["emitter_offset_mm"]
+def _decentre(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates["emitter_offset_mm"]
     if one.value is None or one.low is None or one.high is None:
-        yield f"the emitter's decentre cannot be determined from this recording{_apart(found, OFFSET)}"
+        yield f"the emitter's decentre cannot be determined from this recording{_apart(diagnosis, OFFSET)}"
         return
     side = "right" if one.value >= 0.0 else "left"
     half = 0.5 * (one.high - one.low)
@@ -62,25 +69,30 @@ def _decentre(found: Diagnosis) -> Iterator[str]:
     yield line + (", which may be none" if abs(one.value) < half else "")
 
 
-def _chip(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates["chip_width_mm"]
+def _chip(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates["chip_width_mm"]
     if one.value is None or one.high is None or one.low is None:
-        yield f"the chip's width cannot be determined from this recording{_apart(found, SPREAD)}"
+        yield f"the chip's width cannot be determined from this recording{_apart(diagnosis, SPREAD)}"
     elif one.low <= 0.0 or one.u_value is None:
         yield f"chip at most {one.high:.2g} mm wide; it may be a point"
     else:
         yield f"chip {pm(one)} wide" + _beside_design(one)
 
 
-def _beside_design(one: ParameterEstimate) -> str:
+def _beside_design(estimate: ParameterEstimate) -> str:
     """How a number stands to the design's, where that is outside its interval."""
-    if one.design_value is None or one.low is None or one.high is None or one.low <= one.design_value <= one.high:
+    if (
+        estimate.design_value is None
+        or estimate.low is None
+        or estimate.high is None
+        or estimate.low <= estimate.design_value <= estimate.high
+    ):
         return ""
-    return f" (the design states {one.design_value:g} {one.unit})"
+    return f" (the design states {estimate.design_value:g} {estimate.unit})"
 
 
-def _zero(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates["angle_zero_deg"]
+def _zero(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates["angle_zero_deg"]
     if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
         yield f"the zero of the angle is taken as known to {one.u_prior:g}°: the recording adds nothing"
     elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
@@ -91,10 +103,10 @@ def _zero(found: Diagnosis) -> Iterator[str]:
         yield f"at 0° the sensor leans {_pm(abs(one.value), half, '°')} to the {turn}"
 
 
-def _loss(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates["loss_per_mm"]
+def _loss(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates["loss_per_mm"]
     if one.value is None:
-        others = "the gain" if len(found.sides) == 1 else "both gains"
+        others = "the gain" if len(diagnosis.sides) == 1 else "both gains"
         yield (
             f"loss in the material and {others} together cannot be separated by this recording: only their "
             "product is known, and gains are given at the design's loss"
@@ -103,34 +115,34 @@ def _loss(found: Diagnosis) -> Iterator[str]:
         yield f"loss beyond the design's {pm(one)}"
 
 
-def _others(found: Diagnosis) -> Iterator[str]:
-    for key in found.fitted.model.response.changes:
-        one = found.estimates[key]
+def _others(diagnosis: Diagnosis) -> Iterator[str]:
+    for key in diagnosis.fitted.model.response.changes:
+        one = diagnosis.estimates[key]
         if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
             yield f"{key} is taken as the design's ± {one.u_prior:g}: the recording adds nothing"
         else:
             yield f"{key} differs from the design's by {pm(one)}"
 
 
-def _gains(found: Diagnosis) -> Iterator[str]:
-    for side in found.sides:
-        gain, offset = found.estimates[f"gain_{side}_V"], found.estimates[f"offset_{side}_V"]
+def _gains(diagnosis: Diagnosis) -> Iterator[str]:
+    for side in diagnosis.sides:
+        gain, offset = diagnosis.estimates[f"gain_{side}_V"], diagnosis.estimates[f"offset_{side}_V"]
         yield f"{side} receiver: gain {pm(gain)} for all of the emitted light, offset {pm(offset)}"
-    if "gain_ratio" in found.estimates:
-        yield f"right gain over left {pm(found.estimates['gain_ratio'])}"
-    for one, other, correlation in found.poor:
+    if "gain_ratio" in diagnosis.estimates:
+        yield f"right gain over left {pm(diagnosis.estimates['gain_ratio'])}"
+    for one, other, correlation in diagnosis.poor:
         yield (
             f"{NAMES.get(one, one)} and {NAMES.get(other, other)} are poorly separated (correlation {correlation:+.3f})"
         )
 
 
-def _apart(found: Diagnosis, name: str) -> str:
-    others = ", ".join(NAMES.get(other, other) for other in found.held.get(name, ()))
+def _apart(diagnosis: Diagnosis, name: str) -> str:
+    others = ", ".join(NAMES.get(other, other) for other in diagnosis.held.get(name, ()))
     return f", as it is correlated with {others}" if others else ": the curves hardly depend on it"
 
 
-def _shift(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates["emitter_offset_mm"]
+def _shift(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates["emitter_offset_mm"]
     if one.value is None or one.low is None or one.high is None:
         return
     if one.low <= 0.0 <= one.high:
@@ -141,22 +153,22 @@ def _shift(found: Diagnosis) -> Iterator[str]:
         yield f"moving the emitter by {_pm(abs(1e3 * one.value), half, 'µm')} to the {side} would centre the response"
 
 
-def _trim(found: Diagnosis) -> Iterator[str]:
-    one = found.estimates.get("gain_ratio")
+def _trim(diagnosis: Diagnosis) -> Iterator[str]:
+    one = diagnosis.estimates.get("gain_ratio")
     if one is None or one.value is None or abs(one.value - 1.0) < ALIKE:
         return
     side, ratio = ("right", one.value) if one.value > 1.0 else ("left", 1.0 / one.value)
     yield f"the {side} receiver's load divided by {ratio:.3g} would make both gains alike"
 
 
-def _record(found: Diagnosis) -> Iterator[str]:
-    if LOSS in found.held:
+def _record(diagnosis: Diagnosis) -> Iterator[str]:
+    if LOSS in diagnosis.held:
         yield ("guides of several lengths (solen resin cutback) give the loss; the gains are then known with it")
-    if OFFSET in found.held or SPREAD in found.held:
+    if OFFSET in diagnosis.held or SPREAD in diagnosis.held:
         yield "a recording with the lens, or over a wider range of angles, would determine decentre and chip"
-    angle = found.cycles.angle_deg
+    angle = diagnosis.cycles.angle_deg
     reach = float(angle[-1] - angle[0])
-    if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(found.held):
+    if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(diagnosis.held):
         yield f"the range of {reach:.2g}° is small: a wider one would narrow every interval"
-    if len(found.cycles.volts) < 3:
+    if len(diagnosis.cycles.volts) < 3:
         yield "more cycles would narrow the intervals: with fewer than three they are wide"

@@ -137,8 +137,8 @@ def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArra
     return found.angle_deg, received(sensor, found)
 
 
-def _shares(found: Response) -> FloatArray:
-    return np.column_stack([found.right, found.left])
+def _shares(response: Response) -> FloatArray:
+    return np.column_stack([response.right, response.left])
 
 
 def between(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArray], FloatArray]:

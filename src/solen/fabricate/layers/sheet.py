@@ -168,7 +168,10 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
 
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
     if s.pictures:
-        alone = [(f"Exposure of {one.feature} alone", one.exposure_s, one.dose_mJ_per_cm2) for one in s.pictures]
+        alone = [
+            (f"Exposure of {picture.feature} alone", picture.exposure_s, picture.dose_mJ_per_cm2)
+            for picture in s.pictures
+        ]
         return [("Burn-in layers", "0"), *((name, f"{time:g} s = {dose:.4g} mJ/cm²") for name, time, dose in alone)]
     return [
         ("Burn-in layers", str(s.burn_in_layers)),

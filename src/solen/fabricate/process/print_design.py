@@ -215,7 +215,7 @@ def print_design(
     process, sources = process_of(options)
     made = _Print(sensor, with_resin(process, sensor.design), options)
     lens = made.lens(None if progress is None else lambda done: progress(0.5 * done))
-    found = PrintedDesign(
+    prediction = PrintedDesign(
         name=sensor.design.name,
         simulated=True,
         orientation=options.orientation,
@@ -237,8 +237,10 @@ def print_design(
         sources=sources,
         warnings=(),
     )
-    found = replace(found, warnings=(*made.process.warnings(), *_of_layers(found), *_of_compensation(found)))
-    return _with_response(found, sensor, progress) if response else found
+    prediction = replace(
+        prediction, warnings=(*made.process.warnings(), *_of_layers(prediction), *_of_compensation(prediction))
+    )
+    return _with_response(prediction, sensor, progress) if response else prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -359,14 +361,14 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
             raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="print it flat")
 
 
-def _with_response(found: PrintedDesign, sensor: Sensor, progress: Progress | None) -> PrintedDesign:
+def _with_response(prediction: PrintedDesign, sensor: Sensor, progress: Progress | None) -> PrintedDesign:
     try:
-        response = print_loss(sensor, found.profile, progress)
-        compensated = found.compensated_profile
+        response = print_loss(sensor, prediction.profile, progress)
+        compensated = prediction.compensated_profile
         again = None if compensated is None else print_loss(sensor, compensated)
-        return replace(found, response=response, compensated_response=again)
+        return replace(prediction, response=response, compensated_response=again)
     except SolenError as bad:
-        return replace(found, warnings=(*found.warnings, f"no response: {bad}"))
+        return replace(prediction, warnings=(*prediction.warnings, f"no response: {bad}"))
 
 
 def _shape(deviation: Deviation) -> Shape:
@@ -381,13 +383,13 @@ def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
     return Ripple("profile", float(high - low), _rms(lens.ripple_um))
 
 
-def _of_layers(found: PrintedDesign) -> list[str]:
+def _of_layers(prediction: PrintedDesign) -> list[str]:
     """What layers do to the lens that the profile does not hold."""
-    walls = found.walls
+    walls = prediction.walls
     if walls is None:
         return [
-            f"the steps of the layers, {found.ripple.rms_um:.2g} µm root mean square along the profile, scatter light; "
-            "the traced profile is without them"
+            f"the steps of the layers, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, scatter "
+            "light; the traced profile is without them"
         ]
     first, middle, last = walls.first_um, walls.middle_um, walls.last_um
     if max(first, middle, last) - min(first, last) < _TAPER_UM:
@@ -398,14 +400,14 @@ def _of_layers(found: PrintedDesign) -> list[str]:
     ]
 
 
-def _of_compensation(found: PrintedDesign) -> list[str]:
+def _of_compensation(prediction: PrintedDesign) -> list[str]:
     """A drawing against the print is worth no more than the process is known."""
-    u_um = found.u_rms_um
-    if found.compensation is None or u_um < max(2.0 * found.compensation.printed.rms_um, _WELL_KNOWN_UM):
+    u_um = prediction.u_rms_um
+    if prediction.compensation is None or u_um < max(2.0 * prediction.compensation.printed.rms_um, _WELL_KNOWN_UM):
         return []
     return [
-        f"compensated, the lens is {found.compensation.printed.rms_um:.2g} µm off in the model, whose uncertainty is "
-        f"{u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the drawing"
+        f"compensated, the lens is {prediction.compensation.printed.rms_um:.2g} µm off in the model, whose "
+        f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the drawing"
     ]
 
 

@@ -194,7 +194,11 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
         sources=(recording.provenance,),
         warnings=(
             *_unusual(curve),
-            *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in table.columns),
+            *(
+                f"{channel.name}: {channel.note}"
+                for channel in recording.channels
+                if channel.note and channel.name in table.columns
+            ),
             *beside,
             *table.warnings,
             *cautions(curve),

@@ -161,14 +161,14 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     recordings = [chosen_rows(each, options) for each in recordings]
     beside = [note for each in recordings for note in _unused(each, options)]
     layers = sorted((one for each in recordings for one in samples_of(each)), key=lambda one: one.exposure_s)
-    seconds = np.array([one.exposure_s for one in layers])
+    seconds = np.array([layer.exposure_s for layer in layers])
     if (kinds := len(set(seconds.tolist()))) < 2:
         raise DataError("exposures", value=kinds, limit="a trend needs two at least")
     at = [_at(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)]
     irradiance = options.irradiance_mW_per_cm2
     notes = [note for each in recordings if _time(each) is None for note in each.warnings]
     return ExposureTrends(
-        samples=tuple(one.name for one in layers),
+        samples=tuple(layer.name for layer in layers),
         exposure_s=seconds,
         dose_mJ_per_cm2=None if irradiance is None else seconds * irradiance,
         wavelengths=tuple(at),
@@ -198,7 +198,7 @@ def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
 def samples_of(recording: Recording) -> list[Sample]:
     """Layers of a recording, each with its exposure."""
     time = _time(recording)
-    traces = [(kind_of(one.channel), one) for one in spectra(recording)]
+    traces = [(kind_of(spectrum.channel), spectrum) for spectrum in spectra(recording)]
     traces = [(kind, one) for kind, one in traces if kind in {"T", "R"}]
     if time is not None:
         return _long(recording, dict(traces), time.to("s"))
@@ -243,12 +243,12 @@ def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[S
     """Samples of one exposure: each trace of T, with a trace of R where there are as many."""
     paired = len(reflectances) == len(transmittances)
     samples = []
-    for number, one in enumerate(transmittances):
-        nm, t = _ascending(one.wavelength_nm, one.ratio())
+    for number, transmittance in enumerate(transmittances):
+        nm, t = _ascending(transmittance.wavelength_nm, transmittance.ratio())
         r = None
         if paired:
             r = np.interp(nm, *_ascending(reflectances[number].wavelength_nm, reflectances[number].ratio()))
-        samples.append(Sample(one.channel.name, seconds, nm, t, r))
+        samples.append(Sample(transmittance.channel.name, seconds, nm, t, r))
     return samples
 
 
@@ -281,11 +281,11 @@ def _ascending(nm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[float]:
     """Wavelengths that all samples were measured at; `DataError` for one that was asked for and is not."""
     for nm in wanted:
-        far = [one.name for one in layers if not _reaches(one, nm)]
+        far = [layer.name for layer in layers if not _reaches(layer, nm)]
         if far:
             limit = f"{far[0]} was not measured within {_NEAR_NM:g} nm of it"
             raise DataError("--wavelength-nm", value=nm, limit=limit, remedy="take another wavelength")
-    chosen = list(wanted) or [nm for nm in WAVELENGTHS_NM if all(_reaches(one, nm) for one in layers)]
+    chosen = list(wanted) or [nm for nm in WAVELENGTHS_NM if all(_reaches(layer, nm) for layer in layers)]
     if not chosen:
         usual = ", ".join(f"{nm:g}" for nm in WAVELENGTHS_NM)
         raise DataError("exposures", limit=f"not all samples were measured at {usual} nm", remedy="add --wavelength-nm")
@@ -303,8 +303,8 @@ def _at(nm: float, layers: Sequence[Sample], seconds: FloatArray, thickness_um: 
     t, r = (
         np.array([math.nan if values is None else float(np.interp(nm, own, values)) for own, values in pairs])
         for pairs in (
-            [(one.wavelength_nm, one.transmittance) for one in layers],
-            [(one.wavelength_nm, one.reflectance) for one in layers],
+            [(layer.wavelength_nm, layer.transmittance) for layer in layers],
+            [(layer.wavelength_nm, layer.reflectance) for layer in layers],
         )
     )
     n = np.full(len(layers), np.nan)
@@ -333,7 +333,7 @@ def _warnings(
         "a layer that was exposed longer may be thicker too, unless a gap held it: measure each layer's thickness "
         "before the resin is blamed"
     )
-    if all(one.reflectance is None for one in layers):
+    if all(layer.reflectance is None for layer in layers):
         warnings.append("no reflectance: transmittance alone does not say how the index changes")
     elif thickness_um is None:
         warnings.append("the index needs --thickness-um")

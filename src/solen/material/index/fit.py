@@ -144,7 +144,7 @@ def fit(
     if terms is not None and terms not in FITS[kind]:
         raise DataError(f"terms of {kind}", value=terms, limit=f"must be one of {', '.join(map(str, FITS[kind]))}")
     points = points_of(wavelength_nm, n, u_n, shared)
-    found: dict[int, Solved] = {}
+    roots: dict[int, Solved] = {}
     refused: dict[int, str] = {}
     for count in (terms,) if terms is not None else _TRIED[kind]:
         needed = count * _PER_TERM[kind] + 1
@@ -152,31 +152,31 @@ def fit(
             refused[count] = f"has {distinct} different wavelengths, needs at least {needed}"
             continue
         try:
-            found[count] = solved(FITS[kind][count](points.um), points)
+            roots[count] = solved(FITS[kind][count](points.um), points)
         except UnfitError as bad:
             refused[count] = str(bad)
-    if not found:
+    if not roots:
         count, why = next(iter(refused.items()))
         remedy = "take fewer terms or the other formula" if terms is None or terms > 1 else "take the other formula"
         raise DataError(f"{kind} fit of {count} term{'s' if count > 1 else ''}", limit=why, remedy=remedy)
-    scores = _scores(found, points)
+    scores = _scores(roots, points)
     best = min(scores, key=lambda count: scores[count])
-    return _delivered(kind, best, found, points, scores, refused)
+    return _delivered(kind, best, roots, points, scores, refused)
 
 
-def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
+def _scores(roots: Mapping[int, Solved], points: Points) -> dict[int, float]:
     """AICc of each number of terms, over a scatter that the richest formula leaves; the least is best."""
-    richest = found[max(found)]
+    richest = roots[max(roots)]
     spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
     rho = max(richest.neighbours, 0.0)
     apart = max(points.n.size * (1 - rho) / (1 + rho), richest.inner.size + 3)  # points as good as independent
     scores = {}
-    for count, one in found.items():
-        parameters = one.inner.size + (points.u is None)
+    for count, root in roots.items():
+        parameters = root.inner.size + (points.u is None)
         if points.u is None:
-            misfit = apart * math.log(max(one.chi2 / points.n.size, 1e-32))
+            misfit = apart * math.log(max(root.chi2 / points.n.size, 1e-32))
         else:
-            misfit = one.chi2 / spread * apart / points.n.size
+            misfit = root.chi2 / spread * apart / points.n.size
         left = apart - parameters - 1
         scores[count] = misfit + 2 * parameters + (2 * parameters * (parameters + 1) / left if left > 0 else math.inf)
     return scores
@@ -185,15 +185,15 @@ def _scores(found: Mapping[int, Solved], points: Points) -> dict[int, float]:
 def _delivered(
     kind: str,
     terms: int,
-    found: Mapping[int, Solved],
+    roots: Mapping[int, Solved],
     points: Points,
     scores: Mapping[int, float],
     refused: Mapping[int, str],
 ) -> Fit:
     """Result in the formula's own coefficients, which are checked to say the same."""
     span_nm = (float(points.um[0]) * NM_PER_UM, float(points.um[-1]) * NM_PER_UM)
-    models = {count: one.form.model(one.inner, one.covariance, span_nm) for count, one in found.items()}
-    best, model = found[terms], models[terms]
+    models = {count: root.form.model(root.inner, root.covariance, span_nm) for count, root in roots.items()}
+    best, model = roots[terms], models[terms]
     _check_delivered(kind, best, model, points)
     if isinstance(model, Cauchy):
         model = _with_doubt(model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores)
@@ -226,9 +226,9 @@ def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[in
     weights = {count: math.exp((least - scores[count]) / 2) for count in models}
     here = np.array([chosen.A, chosen.B_um2, chosen.C_um4])
     total = np.zeros((3, 3))
-    for count, one in models.items():
-        off = np.array([one.A, one.B_um2, one.C_um4]) - here
-        total += weights[count] * (np.array(one.covariance) + np.outer(off, off))
+    for count, model in models.items():
+        off = np.array([model.A, model.B_um2, model.C_um4]) - here
+        total += weights[count] * (np.array(model.covariance) + np.outer(off, off))
     covariance = total / sum(weights.values())
     return chosen.model_copy(update={"covariance": covariance_rows(covariance)})
 

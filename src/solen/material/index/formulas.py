@@ -173,7 +173,7 @@ class TwoPoles(Form):
         best = None
         for begin, least, most in ways:
             low, high = np.array([-12.0, -12.0, floor, least]), np.array([3.0, 8.0, below, most])
-            found = least_squares(
+            fit = least_squares(
                 off,
                 np.clip(np.log(begin), low + 1e-6, high - 1e-6),
                 jac=slope,
@@ -184,8 +184,8 @@ class TwoPoles(Form):
                 gtol=1e-15,
                 max_nfev=100,
             )
-            if best is None or found.cost < best.cost:
-                best = found
+            if best is None or fit.cost < best.cost:
+                best = fit
         assert best is not None  # noqa: S101  there are two ways
         if best.active_mask.any():
             raise UnfitError("runs its second term to the edge of what is possible: one term says as much")

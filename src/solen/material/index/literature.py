@@ -127,8 +127,8 @@ def _coefficients(material: Material) -> tuple[float, float, float]:
     """A, B and C of the Cauchy formula that is laid through an entry."""
     x = (np.array(material.wavelength_nm) / NM_PER_UM) ** -2
     if len(material.n) >= 3:
-        found = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.array(material.n), rcond=None)[0]
-        return float(found[0]), float(found[1]), float(found[2])
+        coefficients = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.array(material.n), rcond=None)[0]
+        return float(coefficients[0]), float(coefficients[1]), float(coefficients[2])
     f, c = ((line / NM_PER_UM) ** -2 for line in (LINE_F, LINE_C))
     abbe = sum(material.abbe) / len(material.abbe) if material.abbe else _USUAL_ABBE
     slope = (material.n[0] - 1) / abbe / (f - c)
@@ -306,7 +306,7 @@ def check_index(
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
     """n(low) − n(high) of all entries that state their dispersion and reach both wavelengths, ascending."""
-    found = [curve_of(one, package=package)([low_nm, high_nm]) for one in materials() if len(one.n) > 1]
+    found = [curve_of(material, package=package)([low_nm, high_nm]) for material in materials() if len(material.n) > 1]
     falls = np.array([one[0] - one[1] for one in found])
     return np.sort(falls[np.isfinite(falls)])
 

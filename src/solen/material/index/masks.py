@@ -70,7 +70,7 @@ UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
 """Reasons beside which k keeps its uncertainty and an upper bound."""
 
 
-def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, found: Inverted) -> Codes:
+def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, index: Inverted) -> Codes:
     """Reason at each wavelength why n is masked, `Why.FINE` where it is not.
 
     Parameters
@@ -86,10 +86,10 @@ def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined
         Why.MISSING: ~(np.isfinite(reflectance) & np.isfinite(transmittance)),
         Why.REFLECTANCE: ~((reflectance > 0.0) & (reflectance < 1.0)),
         Why.TRANSMITTANCE: ~(transmittance > 0.0),
-        Why.OPAQUE: ~(found.tau > np.finfo(float).tiny),
+        Why.OPAQUE: ~(index.tau > np.finfo(float).tiny),
         Why.ENERGY: _beyond(reflectance + transmittance - 1.0, u_sum),
-        Why.DISCRIMINANT: ~np.isfinite(found.n),
-        Why.AMBIGUOUS: (found.k > STRONG_K) & (found.other_n > POSSIBLE_N),
+        Why.DISCRIMINANT: ~np.isfinite(index.n),
+        Why.AMBIGUOUS: (index.k > STRONG_K) & (index.other_n > POSSIBLE_N),
     }
     return first(tests)
 
@@ -123,10 +123,10 @@ def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
 
 def first(tests: dict[Why, BoolArray]) -> Codes:
     """First reason that applies, at each wavelength."""
-    found = np.full(next(iter(tests.values())).shape, int(Why.FINE), dtype=np.int8)
+    codes = np.full(next(iter(tests.values())).shape, int(Why.FINE), dtype=np.int8)
     for why, applies in reversed(tests.items()):
-        found[applies] = why
-    return found
+        codes[applies] = why
+    return codes
 
 
 def reasons(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:

@@ -255,8 +255,10 @@ def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
     does not depend on the class.
     """
     members = materials(polymers)
-    numbers = {shape.abbe for one in members if (shape := one.shape)} | {v for one in members for v in one.abbe}
-    bends = [shape.bend for one in materials(POLYMERS) if (shape := one.shape)]
+    numbers = {shape.abbe for member in members if (shape := member.shape)} | {
+        v for member in members for v in member.abbe
+    }
+    bends = [shape.bend for material in materials(POLYMERS) if (shape := material.shape)]
     power, u_power = _mean([1 / abbe for abbe in sorted(numbers)])
     bend, u_bend = _mean(bends)
     names = " and ".join(f"{polymer}s" for polymer in polymers)
@@ -371,20 +373,20 @@ def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, Float
     power, u_power = prior.power
     known, expected = np.array([0.0, u_power**-2, prior.u_bend**-2]), np.array([0.0, power, prior.bend])
     weight = np.linalg.inv(values.covariance)
-    found = np.array([float(values.n[np.abs(values.wavelength_nm - at).argmin()]), power, prior.bend])
+    fitted = np.array([float(values.n[np.abs(values.wavelength_nm - at).argmin()]), power, prior.bend])
     for _ in range(_STEPS):
-        slope = _derivatives(lambda p: _index(p, at, values.wavelength_nm), found)
-        off = values.n - _index(found, at, values.wavelength_nm)
+        slope = _derivatives(lambda p: _index(p, at, values.wavelength_nm), fitted)
+        off = values.n - _index(fitted, at, values.wavelength_nm)
         normal = slope.T @ weight @ slope + np.diag(known)
-        pull = slope.T @ weight @ off + known * (expected - found)
+        pull = slope.T @ weight @ off + known * (expected - fitted)
         step = np.linalg.solve(normal, pull)
-        found = found + step
-        if (np.abs(step) < 1e-12 * (1 + np.abs(found))).all():
+        fitted = fitted + step
+        if (np.abs(step) < 1e-12 * (1 + np.abs(fitted))).all():
             break
-    if not 1e-3 < found[1] < 0.1:
+    if not 1e-3 < fitted[1] < 0.1:
         limit = "the values rise with the wavelength, or fall as no polymer's do"
         raise DataError("refractometer", limit=limit, remedy="check their wavelengths and their order")
-    return found, np.asarray(np.linalg.inv(normal))
+    return fitted, np.asarray(np.linalg.inv(normal))
 
 
 def _x(wavelength_nm: ArrayLike) -> FloatArray:

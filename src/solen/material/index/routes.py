@@ -223,17 +223,17 @@ def _in_air(
     mode: str, wavelength_nm: ArrayLike, r: FloatArray, t: FloatArray, inputs: Mapping[str, _Input], thickness: Length
 ) -> IndexSpectrum:
     """Index of a free-standing layer from R and T as they follow from the inputs."""
-    found, by = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
+    index, by = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
     read = {name: one.reading for name, one in inputs.items()}
     n_by, k_by = (
         {name: one.slope(each) for name, one in inputs.items()} | {"thickness_um": each["thickness_um"]} for each in by
     )
     u = _propagated(n_by, k_by, read, {"thickness_um": thickness.u_um or 0.0})
     u_sum, u_t = (_sum_of(inputs, r_share, r.size) for r_share in (1.0, 0.0))
-    no_n = masks.why_no_n(r, t, u_sum, found)
-    no_k = masks.why_no_k(no_n, found.k, u.k, t, u_t)
-    n, k = estimate(found.n, u.n, no_n), estimate(found.k, u.k, no_k)
-    low, high = _k_bounds(found.k, u.k, no_k, t, u_t, by[1]["T"])
+    no_n = masks.why_no_n(r, t, u_sum, index)
+    no_k = masks.why_no_k(no_n, index.k, u.k, t, u_t)
+    n, k = estimate(index.n, u.n, no_n), estimate(index.k, u.k, no_k)
+    low, high = _k_bounds(index.k, u.k, no_k, t, u_t, by[1]["T"])
     remarks = [remark for one in read.values() for remark in one.remarks]
     return IndexSpectrum(
         mode=mode,
@@ -251,7 +251,7 @@ def _in_air(
         warnings=(
             *_unstated(read),
             *remarks,
-            *_too_bright(found.k, u.k),
+            *_too_bright(index.k, u.k),
             *counted("n", no_n),
             *counted("k", no_k, no_n),
         ),
@@ -268,9 +268,9 @@ def _measured_on_substrate(
     wavelength_nm: ArrayLike, transmittance: Reading, reflectance: Reading, thickness: Length, setup: Setup
 ) -> IndexSpectrum:
     nm, t, r = np.asarray(wavelength_nm, dtype=float), transmittance.value, reflectance.value
-    found = invert_on_substrate(t, r, nm, thickness.um, setup)
+    inverse = invert_on_substrate(t, r, nm, thickness.um, setup)
     read = {"T": transmittance, "R": reflectance}
-    u = _propagated(found.n_by, found.k_by, read, {**setup.u, "thickness_um": thickness.u_um or 0.0})
+    u = _propagated(inverse.n_by, inverse.k_by, read, {**setup.u, "thickness_um": thickness.u_um or 0.0})
     u_t = combined(transmittance.shares(np.ones(nm.size)), nm.size)
     most_r = 1.0 if setup.baseline_r == "air" else np.inf  # a layer may reflect more than its bare substrate
     no_n = first(
@@ -278,15 +278,15 @@ def _measured_on_substrate(
             Why.MISSING: ~(np.isfinite(t) & np.isfinite(r)),
             Why.REFLECTANCE: ~((r > 0.0) & (r < most_r)),
             Why.TRANSMITTANCE: ~(t > 0.0),
-            Why.NO_FIT: np.isnan(found.n),
-            Why.INDISTINCT: _indistinct(found, u.n),
-            Why.BRIGHT: _bright(found.k, u.k),
+            Why.NO_FIT: np.isnan(inverse.n),
+            Why.INDISTINCT: _indistinct(inverse, u.n),
+            Why.BRIGHT: _bright(inverse.k, u.k),
         }
     )
-    no_k = _why_no_k(no_n, found.k, u.k)
-    n, k = estimate(found.n, u.n, no_n), estimate(found.k, u.k, no_k)
-    low, high = _k_bounds(found.k, u.k, no_k, t, u_t, found.k_by["T"])
-    head = [*_about_substrate(found, n, read, setup), *transmittance.remarks, *reflectance.remarks]
+    no_k = _why_no_k(no_n, inverse.k, u.k)
+    n, k = estimate(inverse.n, u.n, no_n), estimate(inverse.k, u.k, no_k)
+    low, high = _k_bounds(inverse.k, u.k, no_k, t, u_t, inverse.k_by["T"])
+    head = [*_about_substrate(inverse, n, read, setup), *transmittance.remarks, *reflectance.remarks]
     return IndexSpectrum(
         mode="measured",
         measurement=True,
@@ -300,7 +300,7 @@ def _measured_on_substrate(
         reflectance=r,
         transmittance=t,
         thickness=thickness,
-        warnings=(*head, *_too_bright(found.k, u.k), *counted("n", no_n), *counted("k", no_k, no_n)),
+        warnings=(*head, *_too_bright(inverse.k, u.k), *counted("n", no_n), *counted("k", no_k, no_n)),
     )
 
 
@@ -328,40 +328,40 @@ def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) 
 
 
 def _k_bounds(
-    found: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
+    result: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """95 % bounds of k. Where it is not resolved they are 0 and what a normal error cut off at 0 leaves above 5 %."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
-        above = found - u * ndtri(0.05 * ndtr(found / u))
-        darkest = found + k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k runs with ln T there
+        above = result - u * ndtri(0.05 * ndtr(result / u))
+        darkest = result + k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k runs with ln T there
     seen = (unresolved | (no_k == Why.FINE)) & ~np.isnan(u)
-    low = np.where(unresolved, 0.0, np.maximum(found - u95, 0.0))
-    high = np.where(unresolved, above, found + u95)
+    low = np.where(unresolved, 0.0, np.maximum(result - u95, 0.0))
+    high = np.where(unresolved, above, result + u95)
     low = np.where(seen, low, np.where(no_k == Why.DARK, darkest, np.nan))
     return low, np.where(seen, high, np.nan)
 
 
-def _indistinct(found: Inverse, n: Combined) -> BoolArray:
+def _indistinct(inverse: Inverse, n: Combined) -> BoolArray:
     """Where the least of R, or the most of T, between the two indices is within three uncertainties."""
     with np.errstate(invalid="ignore"):
-        return np.asarray(np.abs(found.n - found.other_n) < 2.0 * n.bound(THREE_SIGMAS))
+        return np.asarray(np.abs(inverse.n - inverse.other_n) < 2.0 * n.bound(THREE_SIGMAS))
 
 
-def _bright(found: FloatArray, k: Combined) -> BoolArray:
+def _bright(bright: FloatArray, k: Combined) -> BoolArray:
     with np.errstate(invalid="ignore"):
-        return np.asarray(found < -k.bound(THREE_SIGMAS) - _ROUNDING)
+        return np.asarray(bright < -k.bound(THREE_SIGMAS) - _ROUNDING)
 
 
-def _too_bright(found: FloatArray, k: Combined) -> list[str]:
+def _too_bright(result: FloatArray, k: Combined) -> list[str]:
     """What all k together say where their weighted mean is below 0 by more than its own uncertainty explains."""
     with np.errstate(all="ignore"):
         weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
-    seen = np.isfinite(found) & np.isfinite(weight)
+    seen = np.isfinite(result) & np.isfinite(weight)
     if not seen.any():
         return []
     share = weight[seen] / weight[seen].sum()
-    mean = float(share @ found[seen])
+    mean = float(share @ result[seen])
     u = float(np.sqrt(share**2 @ k.random[seen] ** 2 + ((k.parts[:, seen] @ share) ** 2).sum()))
     freedom = float(np.min(k.freedom[seen]))
     if not mean < -u * float(student(THREE_SIGMAS, freedom)) - _ROUNDING:
@@ -372,9 +372,9 @@ def _too_bright(found: FloatArray, k: Combined) -> list[str]:
     ]
 
 
-def _why_no_k(no_n: Codes, found: FloatArray, k: Combined) -> Codes:
+def _why_no_k(no_n: Codes, result: FloatArray, k: Combined) -> Codes:
     with np.errstate(invalid="ignore"):
-        tests = {Why.BELOW: found < 0.0, Why.SMALL: masks.unresolved(found, k)}
+        tests = {Why.BELOW: result < 0.0, Why.SMALL: masks.unresolved(result, k)}
     return np.where(no_n != Why.FINE, no_n, first(tests)).astype(np.int8)
 
 
@@ -391,18 +391,18 @@ def _lossless_slope(t: FloatArray | float) -> FloatArray:
         return np.asarray(-(1.0 + 1.0 / np.sqrt((1.0 - t) * (1.0 + t))) / t**2)
 
 
-def _lossless_on_substrate(nm: FloatArray, transmittance: Reading, found: Inverse, setup: Setup) -> Estimate:
+def _lossless_on_substrate(nm: FloatArray, transmittance: Reading, inverse: Inverse, setup: Setup) -> Estimate:
     t = transmittance.value
-    n = combined(_parts(found.n_by, {"T": transmittance}, setup.u), nm.size)
+    n = combined(_parts(inverse.n_by, {"T": transmittance}, setup.u), nm.size)
     with np.errstate(invalid="ignore"):
         tests = {
             Why.MISSING: ~np.isfinite(t),
             Why.TRANSMITTANCE: ~(t > 0.0),
             Why.TOO_CLEAR: t > most_transmitted(nm, setup) + _ROUNDING,
-            Why.TOO_DARK: np.isnan(found.n),
-            Why.INDISTINCT: _indistinct(found, n),
+            Why.TOO_DARK: np.isnan(inverse.n),
+            Why.INDISTINCT: _indistinct(inverse, n),
         }
-    return estimate(found.n, n, first(tests))
+    return estimate(inverse.n, n, first(tests))
 
 
 def _assumed(t: FloatArray) -> str:
@@ -436,21 +436,21 @@ def _options(names: Sequence[str]) -> str:
     return " and ".join(f"--u-{name}" for name in names)
 
 
-def _about_substrate(found: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[str]:
+def _about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[str]:
     """What errors of the readings and of the substrate do to n, in the middle of what is known; what is not stated."""
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:
-        moves = [f"{abs(found.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
-        sheet = f"{abs(found.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
-        warnings.append(f"on this substrate n = {found.n[i]:.4f} moves {', '.join(moves)}, and {sheet}")
+        moves = [f"{abs(inverse.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
+        sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
+        warnings.append(f"on this substrate n = {inverse.n[i]:.4f} moves {', '.join(moves)}, and {sheet}")
     if names := [name for name, reading in read.items() if not reading.known]:
         unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n"
         warnings.append(f"{unknown}: state it with {_options(names)}, or give repeats")
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
         warnings.append("the substrate's index is taken as exact: an error of it goes over into n nearly one to one")
-    if i is not None and (part := abs(float(found.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
+    if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
             f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and R of "
             "the bare sheet in air, find its index by solen resin index, and state it: --substrate and --u-substrate-n"

@@ -108,7 +108,11 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
         sources=(recording.provenance,),
         warnings=(
             *_unusual(loss, recording.need(*LENGTHS).unit),
-            *(f"{one.name}: {one.note}" for one in recording.channels if one.note and one.name in rows.columns),
+            *(
+                f"{channel.name}: {channel.note}"
+                for channel in recording.channels
+                if channel.note and channel.name in rows.columns
+            ),
             *beside,
             *rows.warnings,
             *_launch_unknown(launched_dB),

@@ -67,7 +67,7 @@ def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
     """Compact pieces of a mask as (column, row, diameter)."""
     labels, _ = ndimage.label(mask)
     areas = np.bincount(labels.ravel())
-    found = []
+    pieces = []
     for number, window in enumerate(ndimage.find_objects(labels), 1):
         if areas[number] < FEWEST_PX or _at_edge(window, mask.shape):
             continue
@@ -75,8 +75,8 @@ def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
         if _compact(piece):
             row, column = piece.mean(axis=0).tolist()
             diameter = float(np.sqrt(4.0 * len(piece) / np.pi))
-            found.append((column + window[1].start, row + window[0].start, diameter))
-    return found
+            pieces.append((column + window[1].start, row + window[0].start, diameter))
+    return pieces
 
 
 def _at_edge(window: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
@@ -89,5 +89,5 @@ def _compact(piece: FloatArray) -> bool:
     return bool(np.sqrt(moments[1] / moments[0]) < LONGEST and COMPACT[0] < share < COMPACT[1])
 
 
-def _known(blob: tuple[float, float, float], found: list[tuple[float, float, float]]) -> bool:
-    return any(np.hypot(blob[0] - x, blob[1] - y) < 0.3 * diameter for x, y, diameter in found)
+def _known(blob: tuple[float, float, float], result: list[tuple[float, float, float]]) -> bool:
+    return any(np.hypot(blob[0] - x, blob[1] - y) < 0.3 * diameter for x, y, diameter in result)

@@ -166,13 +166,13 @@ def fit_disc(
     if start is None:
         return None
     guess = blur_px or 1.5
-    found = None
+    disc = None
     for _ in range(2):
-        found = _fit(pixels, start, guess, radius_px + reach_px, fixed=blur_px is not None, start=found)
-        if found is None:
+        disc = _fit(pixels, start, guess, radius_px + reach_px, fixed=blur_px is not None, start=disc)
+        if disc is None:
             return None
-        start, guess = float(found.values[2]), float(math.exp(found.values[3]))
-    return None if found is None else _judged(pixels, found, place_px, bright=bright, ceiling=ceiling)
+        start, guess = float(disc.values[2]), float(math.exp(disc.values[3]))
+    return None if disc is None else _judged(pixels, disc, place_px, bright=bright, ceiling=ceiling)
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
@@ -220,8 +220,8 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
     first = [x0, y0, radius, log_blur, *_levels(inside, ring)]
     low = [x0 - shift, y0 - shift, 0.5, blurs[0], *(-one for one in free)]
     high = [x0 + shift, y0 + shift, most, blurs[1], *free]
-    found = least_squares(lambda p: _model(ring, p), ring.grey, first, low, high)
-    return Fit(found.values, found.u_values / math.sqrt(every), found.residuals)
+    fit = least_squares(lambda p: _model(ring, p), ring.grey, first, low, high)
+    return Fit(fit.values, fit.u_values / math.sqrt(every), fit.residuals)
 
 
 def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:

@@ -62,10 +62,10 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
         return None
     wider = 2.0 * (radius - np.sqrt(radius**2 - aside**2)) + blur**2 / radius  # a convex edge's blur moves it inwards
     rise = 0.5 * (left.rise + right.rise)
-    found = _fit(along, values, wider, rise, blur, expected, own_depth=False)
-    if found.width_px > OWN_DEPTH * blur:
-        found = _fit(along, values, wider, rise, blur, found.width_px, own_depth=True)
-    return found
+    gap_fit = _fit(along, values, wider, rise, blur, expected, own_depth=False)
+    if gap_fit.width_px > OWN_DEPTH * blur:
+        gap_fit = _fit(along, values, wider, rise, blur, gap_fit.width_px, own_depth=True)
+    return gap_fit
 
 
 def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
@@ -98,13 +98,13 @@ def _fit(
         by_width = -rise * p[4] * 0.5 * (bells[0] + bells[1]) / blur
         slopes = (by_place, by_width, np.ones(values.shape), places, -rise * slit)
         grey = p[2] + p[3] * places - rise * p[4] * slit
-        return grey.ravel(), np.column_stack([one.ravel() for one in slopes])
+        return grey.ravel(), np.column_stack([slope.ravel() for slope in slopes])
 
     level = float(np.median(values)) + 0.5 * rise
     low, high = [-len(along), -math.inf, -math.inf, -math.inf, 1.0], [len(along), math.inf, math.inf, math.inf, 1.0]
     if own_depth:
         low[4], high[4] = 0.0, 3.0
-    found = least_squares(model, values.ravel(), [0.0, width, level, 0.0, 1.0], low, high)
-    own = NOISE_OF_LINES * float(found.u_values[1])
+    fit = least_squares(model, values.ravel(), [0.0, width, level, 0.0, 1.0], low, high)
+    own = NOISE_OF_LINES * float(fit.u_values[1])
     u_width = math.hypot(own, 2.0 * FLOOR_PX / math.sqrt(3.0))
-    return GapFit(float(found.values[1]), u_width, float(found.values[4]))
+    return GapFit(float(fit.values[1]), u_width, float(fit.values[4]))

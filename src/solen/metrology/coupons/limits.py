@@ -126,9 +126,9 @@ def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
 def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
     """Limit (iii); None for fewer than four measured holes or of one size only."""
     rows = [
-        (one.nominal_mm, one.measured_mm, one.u_measured_mm)
-        for one in holes
-        if one.resolved and one.measured_mm is not None and one.u_measured_mm is not None
+        (hole.nominal_mm, hole.measured_mm, hole.u_measured_mm)
+        for hole in holes
+        if hole.resolved and hole.measured_mm is not None and hole.u_measured_mm is not None
     ]
     nominal, measured, u_each = np.array(rows, dtype=float).reshape(-1, 3).T
     if len(rows) < FEWEST_HOLES or np.ptp(nominal) < SAME_MM:

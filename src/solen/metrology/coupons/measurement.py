@@ -141,12 +141,12 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     elif blocks:
         location = locate_slab(image.z_mm, coupon, px_per_mm, what)
     else:
-        lowest = min((one.height_mm for one in columns), default=math.inf)
+        lowest = min((column.height_mm for column in columns), default=math.inf)
         location = locate(image.filled_mm, coupon, px_per_mm, what, most_rise=LOW * lowest)
     fits = _DiscFits(image, coupon, location)
     discs, reasons, blur = ({}, {}, None) if blocks else fits.judged()
     gaps = {gap.name: fit for gap in coupon.gaps if (fit := _fitted_gap(image, gap, discs)) is not None}
-    heights = {one.name: height_of(z_mm, coupon, one, location.pose) for one in columns if z_mm is not None}
+    heights = {column.name: height_of(z_mm, coupon, column, location.pose) for column in columns if z_mm is not None}
     measured = [_round(one, discs, reasons, image.scale) for one in coupon.features if one.round]
     measured += [_gap(gap, coupon, gaps, discs, reasons, image.scale) for gap in coupon.gaps]
     measured += steps_of(coupon, heights, image.u_z_relative) if isinstance(image, ZMap) else []
@@ -199,7 +199,9 @@ class _DiscFits:
         """Round features that are there, and for the others the reason; the blur, px."""
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
-        heights = {name: one.height_mm if isinstance(self.image, ZMap) else 1.0 for name, one in features.items()}
+        heights = {
+            name: feature.height_mm if isinstance(self.image, ZMap) else 1.0 for name, feature in features.items()
+        }
         clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > SNR]
         usual = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
         discs = {}
@@ -217,7 +219,9 @@ class _DiscFits:
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
         ceiling = self.image.ceiling if isinstance(self.image, Image) else math.inf
-        for one in sorted((one for one in self.coupon.features if one.round), key=lambda one: -one.diameter_mm):
+        for one in sorted(
+            (feature for feature in self.coupon.features if feature.round), key=lambda one: -one.diameter_mm
+        ):
             radius = 0.5 * one.diameter_mm * self.pose.px_per_mm
             if not known and radius < SURE_PX and fits:
                 blur, known = _blur(fits, blur), True
