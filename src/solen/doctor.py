@@ -52,7 +52,7 @@ class KernelCache:
     files
         Compiled functions in it; 0 until the first trace.
     size_bytes
-        Of these files.
+        Size of these files.
     """
 
     folder: Path | None
@@ -67,7 +67,7 @@ class Installation(Result):
     Attributes
     ----------
     version, python, platform
-        Of solen; of Python, with its implementation; of the system and its processor.
+        Version of solen; version and implementation of Python; the system and its processor.
     executable
         The Python that runs.
     threads

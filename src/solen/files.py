@@ -171,7 +171,7 @@ def _crc(path: Path, size: int | None = None) -> int:
 
 
 def check_name(what: str, name: str, error: type[SolenError], remedy: str = "choose another") -> None:
-    """Raise ``error`` in one line where a name is no file's on some system: Windows, macOS or Linux."""
+    """Raise ``error`` in one line where some system does not allow a file's name: Windows, macOS or Linux."""
     limit = ""
     if any(sign in name for sign in '/\\:*?"<>|') or any(ord(sign) < 32 for sign in name):
         limit = 'must be the name of a file, without its folder and without any of / \\ : * ? " < > |'

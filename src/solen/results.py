@@ -45,7 +45,7 @@ else:
         """A property that JSON, tables and reprs hold beside the fields."""
 
     class reported_once(functools.cached_property):  # noqa: N801
-        """As `reported`, computed at its first use and kept."""
+        """A reported property that is computed at its first use and kept."""
 
 
 class Result:

@@ -180,7 +180,7 @@ def test_a_loss_below_none_is_none_and_said_so() -> None:
     below = {"absorption_per_mm": None, "u_absorption_per_mm": None, "loss_dB_per_cm": -0.1}
     loss = CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.5, 0.3]}).as_table()
     assert loss.absorption_per_mm == 0.0
-    assert loss.warnings == ("measured -0.1 dB/cm, which is no loss: 0 is taken, 0.0069 per mm is possible",)
+    assert all(part in loss.warnings[0] for part in ("-0.1 dB/cm", "0 is taken", "0.0069 per mm"))
     with pytest.raises(DataError, match="a guide cannot amplify"):
         CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.9, -0.3]}).as_table()
 

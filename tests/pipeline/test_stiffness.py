@@ -167,7 +167,7 @@ def test_a_rigid_plastic_is_fitted_no_rubbers_model(tmp_path: Path) -> None:
     )
     found = of(path, mode="tension")
     assert found.model is None
-    assert "2000 MPa is no rubber's modulus" in " ".join(found.warnings)
+    assert "2000 MPa" in " ".join(found.warnings)
     asked = of(path, mode="tension", fit=("neo-hookean",)).model
     assert asked is not None
     assert asked.kind == "neo-hookean"

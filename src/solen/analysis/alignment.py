@@ -146,7 +146,7 @@ def _coarse(
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     others = [int(n) for n in peaks if height[n] > _RIVAL * height[best] and abs(n - best) > 2]
     nearest = min([best, *others], key=lambda n: abs(float(lags[n])))
-    if abs(float(lags[nearest])) < _AGREE_S:  # a motion repeats: clocks that nearly agree are no whole cycles apart
+    if abs(float(lags[nearest])) < _AGREE_S:  # a motion repeats: clocks that nearly agree are not whole cycles apart
         best, others = nearest, [best, *others]
     rivals = [float(lags[n]) for n in others if n != best]
     return float(lags[best]), tuple(sorted(rivals, key=lambda lag: abs(lag - float(lags[best])))[:1])

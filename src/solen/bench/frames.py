@@ -308,6 +308,6 @@ class FrameReader:
         return self._us + (us - self._us + _WRAP // 2) % _WRAP - _WRAP // 2
 
     def _time(self, us: int) -> int:
-        """Time of the board that goes on where its counter begins again."""
+        """Time of the board, continued where its counter wraps around."""
         self._us = us if self._us is None else self._us + (us - self._us) % _WRAP
         return self._us

@@ -399,4 +399,4 @@ def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.vo
             for name, columns in header["streams"].items()
         }
     except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: streams", limit="are not described as a journal's are") from None
+        raise DataError(f"{path}: streams", limit="have no description that a journal of this version has") from None

@@ -62,7 +62,7 @@ class RecordedRun(Result):
     lost_bytes
         Of the journal's unfinished last record.
     damaged_bytes, missing_records
-        Of the journal, where it was damaged: bytes that are no record any more, and records known to be missing.
+        Of the journal, where it was damaged: bytes that no longer make a record, and records known to be missing.
     simulated
         Whether anything in it is simulated.
     remarks
@@ -288,7 +288,7 @@ def _damage(journaled: JournalContent) -> list[str]:
     places = ", ".join(map(str, journaled.missing[:_NAMED]))
     more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
     lacks = f"it lacks {places}{more}" if places else "what it lacks is unknown"
-    return [f"the journal is damaged and kept: {journaled.damaged_bytes} bytes are no records any more; {lacks}"]
+    return [f"the journal is damaged and kept: {journaled.damaged_bytes} bytes no longer make records; {lacks}"]
 
 
 def _timing(file: Any, journaled: JournalContent) -> list[str]:

@@ -54,7 +54,7 @@ class Step(BenchTable):
 
     @property
     def velocity(self) -> float:
-        """How fast, in its unit per s."""
+        """Speed, in the unit of the motion per s."""
         return self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0
 
     def slowed(self, share: float) -> Self:

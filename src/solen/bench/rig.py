@@ -27,7 +27,7 @@ Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
 def _check_driver(table: "StageOf | BoardOf | DaqOf", key: str) -> None:
-    """Refuse a driver that there is not for this role, and a ``key`` that says where a real instrument is found."""
+    """Refuse a driver that this role does not have, and a ``key`` that says where a real instrument is found."""
     known = [name for name, driver in DRIVERS.items() if driver.role == table.table]
     if table.driver != "simulated" and table.driver not in known:
         raise refused("driver", f"must be one of simulated, {', '.join(known)}", value=table.driver)

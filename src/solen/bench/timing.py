@@ -57,7 +57,7 @@ class Looks:
 
     @classmethod
     def of(cls, stage: Rows, resolution_s: float) -> "Looks":
-        """Looks of a journal's rows; journals of version 1 state only when an answer had come."""
+        """Clock readings of a journal's rows; journals of version 1 hold only the time of the answer."""
         came = stage["t_s"]
         sent = stage["sent_s"] if "sent_s" in (stage.dtype.names or ()) else came
         half = 0.5 * (came - sent + resolution_s)

@@ -110,9 +110,9 @@ class ExportedSolid(Result):
     export
         What was exported; JSON leaves it out.
     name, sha256
-        Of the design.
+        Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
-        Of the exact curves.
+        Thickness of the part, area and volume within its exact curves.
     pieces, faces
         Number of separate pieces, and names of the faces.
     seats

@@ -45,7 +45,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 
 
 def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
-    """As `outline_body`, of a drawing that is at hand instead of the design's file."""
+    """Body of an outline, as `outline_body` makes it, from a drawing in memory."""
     check_numbers("angle_deg", angle_deg)
     rest = _rest(design, drawing)
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _turned(design, rest, angle_deg)

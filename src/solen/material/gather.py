@@ -254,7 +254,7 @@ class _Line(_Result):
         if interval is None or interval[1] < 0.0:
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
-        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is no loss"
+        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
         return found | {"absorption_per_mm": 0.0}, [f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"]
 
 
@@ -415,7 +415,7 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
     """
     for name, option in _NEEDS.items():
         if (value := getattr(options, name)) and option not in results:
-            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add that")
+            raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add it")
     if not (results or options.formulation):
         remedy = f"add {', '.join(f'--{option}' for option in READERS if option != 'penetration')} or --formulation"
         raise SpecError("solen resin build", limit="has nothing to write", remedy=remedy)

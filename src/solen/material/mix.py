@@ -69,7 +69,7 @@ class Weighed:
     Attributes
     ----------
     name
-        Of the component.
+        Name of the component.
     wt_percent
         Share of the whole mixture that is meant.
     phr
@@ -223,7 +223,7 @@ def with_known(
     densities: dict[str, float],
     indices: dict[str, float],
 ) -> tuple[Component, ...]:
-    """Components with their densities in g/mL and indices by name; `SpecError` for a name that there is not."""
+    """Components with their densities in g/mL and indices by name; `SpecError` for an unknown name."""
     names = [part.name for part in components]
     for what, known in (("density", densities), ("index", indices)):
         for name in known:

@@ -51,7 +51,9 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
     for condition in options.where:
         name, equals, value = (part.strip() for part in condition.partition("="))
         if not (name and equals and value):
-            raise SpecError("--where", value=condition, limit="is no condition", remedy="write as in material=RA-139")
+            raise SpecError(
+                "--where", value=condition, limit="is not a condition", remedy="write as in material=RA-139"
+            )
         column = _column(recording, name, "--where")
         keep = np.array([_is(text, value) for text in _texts(recording, column)])
         if not keep.any():

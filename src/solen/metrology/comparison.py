@@ -25,7 +25,7 @@ from solen.spec import Design, with_values
 
 SURE = 0.95
 LIKELY = 0.05
-"""Probability of a form as large as the outline's, below which it is no print of a design."""
+"""Probability of a form as large as the outline's, below which it is not a print of the design."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
 """Emitter's distance, focus and half width of the paper's lenses."""
@@ -38,7 +38,7 @@ class ComparedDesign:
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     registration
         With the scale as stated and the size as designed.
     size

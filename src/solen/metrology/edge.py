@@ -370,7 +370,7 @@ def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str
 
 
 def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
-    """Places of which most neighbours in the picture are no edges: one among many that were spoilt is spoilt too."""
+    """Places of which most neighbours in the picture are not edges: one among many spoilt ones is spoilt too."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)

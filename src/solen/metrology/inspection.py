@@ -127,7 +127,7 @@ class EdgeSummary:
     points_used
         Number of points.
     rms_um, mean_um
-        Of its deviations.
+        Of its deviations, root mean square and mean.
     outside_chosen_um
         Median distance from the chosen edge, positive outwards; None where they share no place.
     """
@@ -172,7 +172,7 @@ class LensInspection(Result):
     scale
         Size of a pixel and where it comes from.
     deviation
-        Of the outline from the design.
+        Deviation of the outline from the design.
     size
         Scale, shrinkage and even overgrowth, fitted together with the pose to the front and its walls.
     nearest
@@ -182,7 +182,7 @@ class LensInspection(Result):
     edges
         All edges along the front, the chosen one first.
     rotation_deg, u_rotation_deg
-        Of the part, counter-clockwise as seen; 0 where its front looks down.
+        Rotation of the part, counter-clockwise as seen; 0 where its front looks down.
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
@@ -195,7 +195,7 @@ class LensInspection(Result):
     measured_x_mm
         Lateral range that was measured.
     width_mm
-        Of the part right behind the front; None where the picture or the design does not show both walls.
+        Width of the part right behind the front; None where the picture or the design does not show both walls.
     outline_mm
         Shape (N, 2): points of the chosen edge in lens coordinates.
     outline_deviation_um, u_outline_deviation_um

@@ -66,7 +66,7 @@ class NominalFront:
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     front_mm
         Shape (N, 2): points of the front from left to right, within `TOLERANCE_MM` of the curve.
     left_mm, right_mm

@@ -64,7 +64,7 @@ def light_of(design: Design) -> Light:
     Raises
     ------
     DataError
-        Where its part or its pattern's file cannot be found or read, or the part is no emitter.
+        Where its part or its pattern's file cannot be found or read, or the part is not an emitter.
     """
     emitter, part = design.emitter, _part(design)
     table = _table(design, part)

@@ -21,7 +21,7 @@ class Adc:
     Attributes
     ----------
     name
-        Of the part.
+        Name of the part.
     bits
         It has 2^bits numbers.
     low_V, high_V
@@ -29,7 +29,7 @@ class Adc:
     noise_V
         Standard deviation of its own noise.
     bandwidth_kHz
-        Of its input; inf where that is not known.
+        Bandwidth of its input; inf where that is not known.
     """
 
     name: str
@@ -78,4 +78,4 @@ def _stated(part: AdcPart, range_V: tuple[float, float]) -> AdcRange:
         if (one.low_v, one.high_v) == range_V:
             return one
     ranges = ", ".join(f"[{one.low_v:g}, {one.high_v:g}]" for one in part.range)
-    raise SpecError("readout.adc_range_v", value=list(range_V), limit=f"is no range of {part.name}", remedy=ranges)
+    raise SpecError("readout.adc_range_v", value=list(range_V), limit=f"is not a range of {part.name}", remedy=ranges)

@@ -44,19 +44,19 @@ class Circuit:
     Attributes
     ----------
     names
-        Of the receivers.
+        Names of the receivers.
     area_mm2
-        Of their faces: power fractions are of all light through a face.
+        Areas of their faces: power fractions are of all light through a face.
     drive, transistor, adc
         The emitter at its current, the kind of the receivers, the converter.
     sensitivity_uA
-        Of each receiver's own part: its current at 1 mW/cm² of the stated wavelength.
+        Current of each receiver at 1 mW/cm² of the stated wavelength.
     load_ohm
-        Of each receiver.
+        Load of each receiver.
     supply_V
         Above the loads.
     samples
-        Of the converter, averaged into one reading.
+        Samples of the converter that are averaged into one reading.
     rate_hz
         Readings of an emitter per second.
     """

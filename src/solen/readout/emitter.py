@@ -26,7 +26,7 @@ class Drive:
     Attributes
     ----------
     name
-        Of the part.
+        Name of the part.
     current_mA
         While it is on.
     typical_mW, least_mW, most_mW

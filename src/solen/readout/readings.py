@@ -31,7 +31,7 @@ class VoltageRange:
     used_of_supply
         Share of the supply between them.
     best_resolution_deg, worst_resolution_deg
-        Of one reading of all receivers over the motion; None where nothing moves.
+        Best and worst resolution of one reading of all receivers; None where nothing moves.
     """
 
     lowest_V: float
@@ -52,13 +52,13 @@ class Readings(Result):
     angle_deg
         Shape (A,), ascending.
     power_fraction, u_power
-        Of the emitted power (A, R), and its uncertainty (A,).
+        Share of the emitted power (A, R), and its uncertainty (A,).
     voltage_by_case_V
         Voltages with the emitter on, of the dimmest, typical and brightest parts.
     off_V
         Voltages with the emitter off.
     noise
-        Of one sample with the emitter on.
+        Noise of one sample with the emitter on.
     sd_V
         Noise of an on reading less its ambient light.
     slope_V_per_deg

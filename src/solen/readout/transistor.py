@@ -38,7 +38,7 @@ class Phototransistor:
     Attributes
     ----------
     name
-        Of the part.
+        Name of the part.
     typical_uA, least_uA, most_uA
         Current at 1 mW/cm² of the wavelength that the datasheet states it at, 25 °C.
     response

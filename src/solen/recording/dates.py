@@ -50,7 +50,7 @@ def among(metadata: Mapping[str, str]) -> str:
 
 
 def seconds(cells: Sequence[str]) -> FloatArray | None:
-    """Seconds since midnight of the first day of clock times, with or without dates; None where a cell is none.
+    """Seconds since midnight of the first day of clock times, with or without dates; None where a cell is not a time.
 
     Times without a date that fall by more than half a day have passed midnight. An empty cell is NaN.
     """

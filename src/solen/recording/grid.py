@@ -57,7 +57,7 @@ class Grid:
     remarks: list[tuple[int, str]] = field(default_factory=list)
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Where a cell stands, as a person looks for it."""
+        """Address of a cell as a reader looks for it: row and column, or sheet and cell."""
         line = self.lines[row]
         if self.sheet:
             return f"sheet {self.sheet}, " + (f"row {line}" if column is None else f"cell {_letters(column)}{line}")

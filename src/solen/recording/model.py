@@ -155,7 +155,7 @@ class Recording(Result):
         return None
 
     def need(self, *names: str) -> Channel:
-        """As `find`; `DataError` where there is none."""
+        """The channel that `find` gives; `DataError` where there is none."""
         channel = self.find(*names)
         if channel is None:
             limit = f"has no column {' or '.join(names)}"

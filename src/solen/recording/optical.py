@@ -103,7 +103,7 @@ def _named(
         for name in names:
             other = kind_of(recording.channel(name)) or kind
             if name not in by_name or other != kind:
-                limit = f"is a trace of {other}" if other != kind else "runs along no wavelength"
+                limit = f"is a trace of {other}" if other != kind else "has no wavelengths"
                 remedy = f"name it with {OPTIONS[other]}" if other != kind else "name another"
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])

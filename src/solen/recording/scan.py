@@ -50,7 +50,7 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
 
 
 def disorder(waves: FloatArray) -> str:
-    """Note on wavelengths that run one way but in a few places; empty where all do, or where they are no scan's."""
+    """Note on wavelengths that run one way but in a few places; empty where all do, or where this is not a scan."""
     steps = np.diff(waves)
     ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
     wrong = min(ways, key=len)

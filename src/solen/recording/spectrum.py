@@ -103,11 +103,11 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
 
 
 def listing(recording: Recording, names: Sequence[str] = ()) -> Listing:
-    """What spectra a recording holds: those of some names, or all; `DataError` where there is none of a name."""
+    """Spectra of a recording, by name or all; `DataError` where it has none of that name."""
     every, source = spectra(recording), recording.provenance
     for name in names:
         if recording.channel(name).name not in {one.channel.name for one in every}:
-            raise DataError(f"trace {name}", limit="runs along no wavelength", remedy="name another")
+            raise DataError(f"trace {name}", limit="has no wavelengths", remedy="name another")
     chosen = tuple(one for one in every if not names or one.channel.name in names)
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}

@@ -213,7 +213,7 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
     if waves:
         return _along_waves(channels, labels)
     times = [channel for channel in channels if channel.quantity == "time"]
-    if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are no axis
+    if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are not an axis
         return channels
     free = {times[0].name, *labels}
     return [replace(one, axis="" if one.name in free else times[0].name) for one in channels]

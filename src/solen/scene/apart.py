@@ -73,7 +73,7 @@ def _may_cross(first: "Interface", second: "Interface") -> bool:
 
 
 def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tuple[int, int]]:
-    """Pairs of polylines whose boxes meet; between two samples no curve strays as far as they part."""
+    """Pairs of polylines whose boxes meet; no curve leaves its polyline by as much as the boxes are enlarged."""
     margin = np.array([tolerance_mm + (len(line) > 2) * np.hypot(*np.diff(line, axis=0).T).max() for line in lines])
     low = np.array([line.min(axis=0) for line in lines]) - margin[:, None]
     high = np.array([line.max(axis=0) for line in lines]) + margin[:, None]

@@ -280,7 +280,7 @@ class Surface:
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
         if self.table_right is not None and self.table is None:
-            raise DesignError("surface table_right", limit="needs a table of the left as well")
+            raise DesignError("surface table_right", limit="needs a table of the left side as well")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
         """Whether the interface's behaviour holds at a wavelength."""

@@ -57,11 +57,11 @@ class BodySizes:
     Attributes
     ----------
     file
-        The drawing of an outline.
+        File of the drawing, of an outline.
     faces, receivers
-        Names.
+        Names of the faces and of the receivers.
     area_mm2
-        Of the section.
+        Area of the section.
     emitter_x_mm, emitter_z_mm, emitter_axis_deg
         Where the emitter stands, and where it points, counter-clockwise from +z.
     arm_angle_deg, arm_angle_assumed
@@ -93,9 +93,9 @@ class LensCheck(Result):
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     lens
-        Its lens.
+        The lens of the design.
     foci
         Where it focuses, by the index of the material.
     warnings
@@ -122,11 +122,11 @@ class Check(Result):
     Attributes
     ----------
     name
-        Of the design.
+        Name of the design.
     angles
         Angles of the motion.
     wavelength_nm
-        Of the emitter.
+        Wavelength of the emitter.
     material
         Index and absorption at that wavelength.
     lens, foci

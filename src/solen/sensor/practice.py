@@ -70,7 +70,7 @@ class InSpace(Result):
     pattern, pattern_replaced
         What it emits by, in both; whether that stands for the design's fan, which has no light out of the plane.
     cone_deg, thickness_mm
-        Of the emitter and of the body.
+        Cone of the emitter, and thickness of the body.
     plane, space
         Responses; the plane at few of the angles.
     """

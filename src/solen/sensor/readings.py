@@ -100,15 +100,15 @@ class DesignReadings(Readings):
     Attributes
     ----------
     name, wavelength_nm
-        Of the design and of its light.
+        Name of the design, and wavelength of its light.
     temperature_C, ambient_mW_per_cm2
-        Around the sensor.
+        Temperature and irradiance around the sensor.
     parts
-        What the circuit is made of.
+        Components of the circuit.
     warnings
         What must be known before the numbers are used.
     simulated
-        Always.
+        Always true: nothing was measured.
     sources
         Files that the numbers come from.
     """

@@ -24,7 +24,7 @@ class DesignTrace(Trace):
     sensor
         What was traced; JSON leaves it out.
     name, angle_deg, lens
-        Of the design, of its motion, and the lens's shape.
+        Name of the design, angle of its motion, and shape of its lens.
     in_space
         Whether rays were traced in space.
     faces
@@ -61,7 +61,7 @@ class Sensitivities(Result):
     Attributes
     ----------
     name, angle_deg
-        Of the design and of its motion.
+        Name of the design, and angle of its motion.
     sensitivities
         One for each number of the design.
     skipped
@@ -69,7 +69,7 @@ class Sensitivities(Result):
     warnings
         What must be known before the numbers are used.
     simulated
-        Always.
+        Always true: nothing was measured.
     """
 
     name: str

@@ -11,7 +11,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_re
 
 
 def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
-    """Why pairs of an angle in degrees and a relative intensity are no pattern; empty where they are one."""
+    """Why pairs of an angle in degrees and a relative intensity do not make a pattern; empty where they do."""
     if len(pairs) < 2:
         return "must have at least 2 entries"
     angles = [angle for angle, _ in pairs]
@@ -102,7 +102,7 @@ class Emitter(Strict):
         return self
 
     def _rays_alone(self) -> None:
-        """A file of rays says all but the wavelength."""
+        """Refuse keys beside a file of rays, which states everything but the wavelength."""
         for key in ("part", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "has no meaning beside ray_file", remedy="leave it out")

@@ -205,7 +205,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """Nearest of some names to a misspelt word, or None where nothing is near."""
+    """The name that is nearest to a misspelt word, or None where none is near."""
     by_lower = {name.lower(): name for name in names}
     return next((by_lower[near] for near in difflib.get_close_matches(word.lower(), by_lower, n=1)), None)
 
@@ -332,7 +332,7 @@ def migrated(data: Document, what: str, *, current: int, migrations: Migrations,
     migrations
         By old version, the function that turns its tables into those of the next version.
     error
-        Raised where ``schema`` is missing, is no version, or is newer than ``current``.
+        Raised where ``schema`` is missing, is not a version, or is newer than ``current``.
     """
     data = dict(data)
     found = data.pop("schema", None)

@@ -67,7 +67,7 @@ class SceneTrace(Trace):
     scene
         What was traced; JSON leaves it out.
     name, format
-        Of the scene: ``solen`` or ``ray-optics``.
+        Name of the scene, and its format: ``solen`` or ``ray-optics``.
     length_unit, power_unit
         Units of the readings; detectors and ledger are always in fractions of the emitted power.
     emitted

@@ -38,7 +38,7 @@ class TraceOptions(Options):
     def _fit_together(self) -> Self:
         if self.sampling != "adaptive":
             if self.tolerance is not None:
-                raise refused("tolerance", "needs sampling adaptive", value=self.tolerance, remedy="add that")
+                raise refused("tolerance", "needs sampling adaptive", value=self.tolerance, remedy="add it")
             return self
         single = "single" if self.precision == "single" else None
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
@@ -73,7 +73,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
         return integrate(scene, mode, options.tolerance or usual_tolerance(scene))
     draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
     if options.seed is not None and not draws:
-        limit = f"nothing is drawn in mode {mode} with a fan"
+        limit = f"mode {mode} with a fan draws no random numbers"
         raise SpecError("seed", value=options.seed, limit=limit, remedy="set sampling to sobol or mode to roulette")
     bins = options.histogram or 0
     return trace(

@@ -81,7 +81,7 @@ class Decoding(Result):
     calibration, calibrated_sensor
         File of the calibration, and its sensor.
     sensor
-        Of the source, where it is known.
+        Sensor of the source, where it is known.
     simulated
         Whether the calibration or the source is simulated.
     interrupted

@@ -142,7 +142,7 @@ def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, 
     cycle = 0
     for run in sensor.runs:
         volts, clipped = run.signals.volts[:, list(sides)], run.clipped[:, list(sides)]
-        if run.signals.clipped is None:  # of readings made of several samples, a recorder's mark is no voltage
+        if run.signals.clipped is None:  # of readings made of several samples, a recorder's mark is not a voltage
             rails = _wider(rails, volts, clipped)
         angle, ways = run.signals.angle_deg, _ways(run.motion, volts.shape[0])
         near = (angle >= ends[0]) & (angle <= ends[1]) & ~clipped.any(axis=1) & (ways >= 0)

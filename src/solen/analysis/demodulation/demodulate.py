@@ -47,7 +47,7 @@ class ChannelReadings(Result):
     emitters
         By the emitter's number.
     mean_ambient, sd_ambient
-        Of what was subtracted.
+        Mean and standard deviation of what was subtracted.
     sd_slot
         Noise of an off slot: what of it the subtraction leaves.
     """

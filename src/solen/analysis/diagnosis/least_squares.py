@@ -80,7 +80,7 @@ class Misfit(Result):
     Attributes
     ----------
     rms_V
-        Of the residuals, by receiver (r,), right before left.
+        Root mean square of the residuals by receiver (r,), right before left.
     ratio, chance
         Mean square of the residuals' waves over what the scatter of the cycles makes of it, and how often chance alone
         makes as much; NaN for a single cycle.

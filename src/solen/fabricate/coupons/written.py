@@ -94,7 +94,7 @@ class CouponSet(Result):
 
 
 def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
-    """Coupons of some names with commas between them, or all, without files."""
+    """Coupons by name, separated by commas, or all, without files."""
     coupons = tuple(layouts(only, options))
     return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in coupons), options, coupons)
 
@@ -102,7 +102,7 @@ def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()
 def written_coupons(
     only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
 ) -> tuple[CouponSet, dict[str, bytes]]:
-    """Coupons of some names or all, and their files by name: STL, 3MF, job and plan.
+    """Coupons by name or all, and their files by name: STL, 3MF, job and plan.
 
     Raises
     ------

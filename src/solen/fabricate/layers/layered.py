@@ -33,7 +33,7 @@ class LayeredPrint(Result):
     job
         What is printed; JSON leaves it out.
     name, printer
-        Of the part, and of the printer.
+        Names of the part and of the printer.
     pitch_um, columns, rows
         Side of a pixel, and number of pixels along X and Y.
     layer_um, layers, height_mm

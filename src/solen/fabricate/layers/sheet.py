@@ -39,7 +39,7 @@ class PrintSettings(Result):
     part, stl, stl_unit
         Name of the part, and of the STL that the program takes, already turned as it is to be printed.
     material, printer, orientation
-        In words.
+        A description.
     wavelength_nm, pixel_um
         Of the printer.
     size_mm, copies

@@ -56,7 +56,7 @@ class MeasuredFeature:
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
-        Of the pillars beside a gap.
+        Diameter of the pillars beside a gap.
     u_own_mm
         Standard uncertainty without that of the scale; None where the file does not state it apart.
     """

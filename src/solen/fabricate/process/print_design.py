@@ -111,7 +111,7 @@ class PrintedDesign(Result):
     Attributes
     ----------
     name, simulated
-        Of the design; always simulated.
+        Name of the design; a prediction is always simulated.
     orientation, profile_at
         How the part lies, and the height of the profile in words.
     process, settings

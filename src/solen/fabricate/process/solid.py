@@ -103,7 +103,7 @@ def printed_solid(
     Raises
     ------
     DataError, DesignError
-        Where nothing sets, the pixels are too many, or what sets is no closed solid.
+        Where nothing sets, the pixels are too many, or what sets is not a closed solid.
     """
     from manifold3d import CrossSection, FillRule, Manifold, OpType
 

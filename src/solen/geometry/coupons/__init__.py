@@ -34,7 +34,7 @@ def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def layouts(only: str | None = None, options: CouponOptions = CouponOptions()) -> list[Coupon]:
-    """Coupons of some names with commas between them, in the order of `COUPONS`; all of them without."""
+    """Coupons by name, separated by commas, in the order of `COUPONS`; all without a name."""
     wanted = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
     for name in wanted:
         if name not in COUPONS:

@@ -206,7 +206,7 @@ class WorkingCurve(Result):
 
 
 _FLATTEST = 100.0  # logarithm of a critical dose in mJ/cm² beyond which it is none
-_LARGEST_LN = 700.0  # beyond it a dose is no number
+_LARGEST_LN = 700.0  # beyond it a dose overflows
 
 
 def working_curve(

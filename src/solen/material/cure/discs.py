@@ -66,7 +66,7 @@ class CureOptions(RowOptions):
         if self.exposure_s is not None and self.layer_um is None:
             raise refused("exposure_s", "needs the layer it cures", remedy="add --layer-um")
         if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
-            raise refused("exposure_s", "is no dose without --irradiance-mW-per-cm2", remedy="add it")
+            raise refused("exposure_s", "is not a dose without --irradiance-mW-per-cm2", remedy="add it")
         if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
             name = "layers" if self.layers is not None else "burn_in_layers"
             raise refused(name, "needs --exposure-s", remedy="add it")
@@ -113,7 +113,7 @@ class LayerExposure:
     Attributes
     ----------
     exposure_s, dose_mJ_per_cm2
-        Of the layer, at the window.
+        Exposure time and dose of the layer, at the window.
     cure_depth_um, interval95_cure_depth_um, cure_depth_layers
         How deep it cures, also in thicknesses of a layer.
     dose_below_mJ_per_cm2, dose_below_over_Ec
@@ -140,7 +140,7 @@ class MeasuredCurve(WorkingCurve, Measured):
     Attributes
     ----------
     irradiance_mW_per_cm2, wavelength_nm
-        Of the lamp, as stated.
+        Irradiance and wavelength of the lamp, as stated.
     layer, exposure, stack
         Exposure that a layer needs, what its exposure does, and the dose inside a part; None where not asked for.
     """

@@ -218,7 +218,7 @@ def _time(recording: Recording) -> Channel | None:
 
 
 def _unused(recording: Recording, options: ExposureOptions) -> list[str]:
-    """As `refuse_unused`: of traces side by side by what names their rows, of a long table by every column."""
+    """Refuse conditions without effect: on traces side by side by their labels, on a long table by every column."""
     time, every = _time(recording), spectra(recording)
     if time is None:
         return refuse_unused(recording, options, (), labels_only=True)

@@ -47,7 +47,7 @@ class IndexOptions(RowOptions):
     """Its standard uncertainty."""
     mode: Literal["measured", "absorptance", "as-published", "lossless"] | None = None
     """Route: measured (R and T measured), absorptance (R = 1 − T − A), lossless (T alone, k = 0 assumed) or
-    as-published (R = 1 − T + log10 T, which is no measurement); default: by what was measured, never as-published."""
+    as-published (R = 1 − T + log10 T, not a measurement); default: by what was measured, never as-published."""
     transmittance: tuple[str, ...] = ()
     """Name of a trace of T; repeatable, for repeats of one measurement. Naming one trace is naming all."""
     reflectance: tuple[str, ...] = ()

@@ -3,7 +3,7 @@
 The idea: two kinds of error act differently and are kept apart. What scatters from wavelength to wavelength averages
 out over an LED's spectrum or in a fit; what shifts a whole spectrum, a lamp that drifts or a photometer that reads 0.2
 % high, does not. Repeats show both: their scatter about their own offsets is the first, the scatter of the offsets is
-the second. Repeats that drift in one direction are no independent draws: their mean is not better known than one of
+the second. Repeats that drift in one direction are not independent draws: their mean is not better known than one of
 them.
 
 Few repeats know their own scatter badly. An uncertainty that follows from them is widened by Student's t so that the

@@ -67,7 +67,7 @@ class IndexSpectrum:
     n, k
         Refractive index and extinction coefficient.
     k_low95, k_high95
-        95 % bounds that know k ≥ 0; they stand where k is masked as not resolved. NaN for a bound that there is not.
+        95 % bounds, given that k ≥ 0, also where k is masked as not resolved. NaN where there is no bound.
     correlation
         Between the errors of n and k.
     lossless

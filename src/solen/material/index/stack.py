@@ -199,7 +199,7 @@ Layer = tuple[ArrayLike, ArrayLike, ArrayLike]  # n, k, thickness in µm
 
 
 def readings(layer: Layer, sheet: Layer, wavelength_nm: ArrayLike, setup: Setup) -> Readings:
-    """As `on_substrate`, with layer and sheet as n, k and thickness in µm, which a complex step may vary."""
+    """R and T on a substrate, with layer and sheet as n, k and thickness in µm, which a complex step may vary."""
     first, second = (layer, sheet) if setup.side == "layer" else (sheet, layer)
     n, k, thickness_um = zip(first, second, strict=True)
     whole = incoherent(n, k, thickness_um, wavelength_nm)

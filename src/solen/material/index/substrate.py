@@ -189,7 +189,7 @@ def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
 
 
 def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read: FloatArray) -> tuple[FloatArray, ...]:
-    """Results of a function of a case and its readings, taken over few enough wavelengths for the grid at a time."""
+    """Results of a function of a case and its readings, in blocks of wavelengths that limit the memory of the grid."""
     parts = []
     for start in range(0, max(case.wavelength_nm.size, 1), _BLOCK):
         block = slice(start, start + _BLOCK)

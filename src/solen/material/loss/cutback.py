@@ -66,7 +66,7 @@ class Line(Result):
     covariance
         Of start and slope.
     degrees_of_freedom, start_degrees_of_freedom
-        Of the intervals of slope and start.
+        Degrees of freedom of the intervals of slope and start.
     guides, pieces, lengths
         How many of each.
     launched_dB
@@ -366,7 +366,7 @@ def _of_size(loss: GuideLoss) -> list[str]:
         f"{loss.sd_piece_dB:.2g} dB"
     )
     if high <= 0.0:
-        return [f"longer guides are brighter ({span}): this is no loss; check lengths, dark reading and unit"]
+        return [f"longer guides are brighter ({span}): this is not a loss; check lengths, dark reading and unit"]
     if low <= 0.0:
         most = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
         return [f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more"]

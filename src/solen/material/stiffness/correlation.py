@@ -2,7 +2,7 @@
 
 The idea: a testing machine samples a smooth curve a hundred times a second. The residuals of a fit to it are not
 independent: the machine's filter and whatever the model misses make neighbours alike, and a plain least-squares
-uncertainty shrinks with the sampling rate, which is no knowledge. Residuals are taken as first-order autoregressive
+uncertainty shrinks with the sampling rate, without more knowledge. Residuals are taken as first-order autoregressive
 along each curve, V_ij = ρ^|i−j|, and V is carried through the estimator, so that n points count as about
 n(1 − ρ)/(1 + ρ) (Bayley & Hammersley 1946).
 

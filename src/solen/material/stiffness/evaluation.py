@@ -98,7 +98,7 @@ class Evaluated:
     warnings
         Sentences with numbers.
     name, file
-        Of the specimen, and of the file that it is in.
+        Name of the specimen, and of the file that it is in.
     """
 
     test: StressStrain

@@ -25,7 +25,7 @@ from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
 from solen.material.stiffness.stress_strain import StressStrain
 from solen.recording import Measured, Recording
 
-_RIGID_MPA = 100.0  # a stiffer thing is no rubber: auto fits no hyperelastic model to it
+_RIGID_MPA = 100.0  # anything stiffer is not a rubber: auto fits no hyperelastic model to it
 _SPECIMEN, _MATERIAL = ("specimen", "sample", "replicate", "probe"), ("material", "resin", "group", "gruppe")
 _MACHINE = (
     "e-modul",
@@ -237,7 +237,9 @@ def _fits(
     if "none" in options.fit:
         return (), []
     if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
-        return (), [f"no hyperelastic model: {modulus_MPa:.4g} MPa is no rubber's modulus; --fit all fits them still"]
+        return (), [
+            f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits them still"
+        ]
     curves = [specimen.evaluated.fitted for specimen in specimens]
     kinds = list(KINDS) if {"all", "auto"} & set(options.fit) else [str(kind) for kind in options.fit]
     points = sum(len(curve.stretch) for curve in curves)

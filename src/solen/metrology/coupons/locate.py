@@ -268,7 +268,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
     """
     slab = coupon.slab
     if slab is None:
-        raise DataError(what, limit=f"a {coupon.name} has no slab to be found by")
+        raise DataError(what, limit=f"a {coupon.name} has no slab to locate it by")
     low = float(np.nanpercentile(z_mm, 1.0))
     raised = np.nan_to_num(z_mm, nan=low) > low + 0.5 * slab.thickness_mm
     labels, _ = ndimage.label(ndimage.binary_opening(raised, iterations=2))

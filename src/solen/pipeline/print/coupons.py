@@ -25,7 +25,7 @@ def coupons(
     out
         Folder, made if need be; files of the same names are replaced.
     only
-        Names with commas between them; all coupons by default.
+        Names, separated by commas; all coupons by default.
     options, output
         Parameters of the coupons, and how they are written.
     figure

@@ -17,7 +17,7 @@ def spectra(
     trace: tuple[str, ...] = (),
     figure: Path | None = None,
 ) -> Outcome[Listing]:
-    """Traces of a file, all or those of some names, with what each is and how far it reaches."""
+    """Traces of a file, all or by name, with what each is and how far it reaches."""
     check_outputs(None, figure)
     recording = chosen_rows(read(file, sheet=sheet), rows)
     refuse_unused(recording, rows, (), labels_only=True)

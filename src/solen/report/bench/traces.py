@@ -74,7 +74,7 @@ def _draw_motion(axes: Axes, run: Run) -> None:
 
 
 def _thinned(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest of each stretch, in their order."""
+    """Minimum and maximum of each stretch, in order of time."""
     size = values.size // _POINTS
     if size < 4:
         return time_s, values

@@ -76,7 +76,7 @@ def sweep_figure(response: Response) -> Figure:
 
 
 def practice_figure(practice: Practice) -> Figure:
-    """Contrast over angle with a point, a chip and the chip in space; how an index that is off changes it."""
+    """Contrast over angle with a point, a chip and the chip in space; how another index changes it."""
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 3.5), layout="constrained")
         chip_axes, index_axes = figure.subplots(1, 2)
@@ -187,7 +187,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
 
 
 def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Least and greatest x and z of starts of rays, of monitors and of curves that are no endless edges."""
+    """Least and greatest x and z of starts of rays, of monitors and of curves other than endless edges."""
     found = [path.points_mm[:1] for path in paths if path.parent < 0]
     found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
     curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]

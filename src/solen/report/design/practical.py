@@ -110,7 +110,7 @@ def null_words(practice: Practice) -> str:
 
 
 def index_words(study: DesignStudy) -> str:
-    """What an index that is off does to the response; empty without light."""
+    """What another index does to the response; empty without light."""
     angles, _, rows = index_rows(study)
     practice = study.practice
     if practice is None or not rows or any(value is None for row in rows for value in row.contrasts):

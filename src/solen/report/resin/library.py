@@ -32,7 +32,7 @@ def facts_figure(facts: ResinFacts) -> Figure:
 
 
 def index_figure(resin: Resin, at_nm: Sequence[float] = ()) -> Figure:
-    """Index against wavelength, its standard uncertainty as a band; dashed where it is no measurement.
+    """Index against wavelength, its standard uncertainty as a band; dashed where it was not measured.
 
     Raises
     ------

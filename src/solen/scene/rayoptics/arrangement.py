@@ -3,7 +3,7 @@
 In ray-optics a glass multiplies the index of whatever it lies in, and where surfaces coincide they act as one. Here all
 curves are divided where they end on or cross one another; stretches that coincide become one; and on either side of
 each stretch the glasses are counted that hold a point just beside it. Each set of glasses is a region, whose index is
-the product of theirs. A stretch with the same set on both sides is no surface, unless something else stands there.
+the product of theirs. A stretch with the same set on both sides is not a surface, unless something else stands there.
 
 A glass without orientation holds what an odd number of its outlines surround. One with an orientation, drawn by a
 formula, counts how often its outline goes round a point, so that walked the wrong way it is glass outside.

@@ -269,7 +269,7 @@ def _without_spike(first: float, last: float) -> tuple[float, float]:
     """What the first and the last chord of an outline from the base's end have in common, as shares of both.
 
     The outline goes from there to the ``first`` height and comes back from the ``last``: if both are on one side, the
-    nearer stretch is walked there and back, and is no surface.
+    nearer stretch is walked there and back, and is not a surface.
     """
     if not first * last > 0.0:
         return 0.0, 0.0
