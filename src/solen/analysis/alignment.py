@@ -169,7 +169,7 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Uncertainty of the level in the middle, slope, and the slope's uncertainty."""
+        """Standard uncertainty of the level at the middle; the slope and its standard uncertainty."""
         return _line(self.when - middle_s, self.shift, self.weight)
 
 

@@ -124,7 +124,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
     ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
     if not ramps:
-        raise DataError("angle", limit="has no steady way between two levels", remedy="check the column of the angle")
+        raise DataError("angle", limit="has no ramp between two levels", remedy="check the column of the angle")
     _check_sampled(ramps)
     rest, first = _rest(calm, ramps, (low, high))
     cycles, warnings = _cycles(time_s, calm, ramps, rest, first, max(tolerance, 0.02 * (high - low)))

@@ -262,7 +262,7 @@ def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> P
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
         limit = f"has no angle that all its ways reach ({low:.3g}° to {high:.3g}°)"
-        raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings apart")
+        raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings separately")
     grid = grid_deg(low, high, step_deg or nice_step(high - low))
     parts = [passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, grid, run.clipped) for run in runs]
     return Passes.joined(parts)

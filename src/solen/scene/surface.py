@@ -201,7 +201,9 @@ class Grating:
         check_range("grating lines_per_mm", self.lines_per_mm, above=0.0)
         numbers = [order for order, _ in self.orders]
         if not numbers or len(set(numbers)) < len(numbers):
-            raise DesignError("grating orders", value=f"{len(numbers)} orders", limit="must be some, each once")
+            raise DesignError(
+                "grating orders", value=f"{len(numbers)} orders", limit="must be one or more different orders"
+            )
         for _, share in self.orders:
             check_range("grating orders", share, 0.0)
 

@@ -156,7 +156,7 @@ def _gains(circuit: Circuit) -> dict[str, float]:
 
 
 def converter(rig: Rig) -> Adc:
-    """Of the board from 0 up, of a data acquisition on both sides of 0."""
+    """Converter of the rig: unipolar on the board, bipolar in a data acquisition."""
     board, daq = rig.board, rig.daq
     if daq is None:
         return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)

@@ -18,7 +18,7 @@ T = TypeVar("T", bound=SignalOptions)
 
 
 def split_files(files: tuple[Path, ...], options: T) -> tuple[tuple[Path, ...], T]:
-    """Files with those that follow ``--channel``, where a receiver could stand, and the options without them."""
+    """Files, those typed after ``--channel`` among them, and the options without these."""
     more = [text for text in options.channel if "=" not in text and Path(text).is_file()]
     channel = tuple(text for text in options.channel if text not in more)
     return (*files, *map(Path, more)), options.model_copy(update={"channel": channel})

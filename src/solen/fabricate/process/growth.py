@@ -89,7 +89,7 @@ def _edge_um(dose: FloatArray, blur: FloatArray, settings: Settings, where: str)
 
 
 def with_growth(settings: Settings, growth: float) -> Settings:
-    """Settings whose critical dose makes walls grow by that."""
+    """Settings with the critical dose that gives a stated growth of walls."""
     dose, blur = inside(settings)
     critical = float(dose @ ndtr(-(growth - settings.wash_um) / blur))
     return settings.model_copy(update={"Ec_mJ_per_cm2": critical})

@@ -159,7 +159,7 @@ class Deviation:
 
     @cached_property
     def shifted(self) -> tuple[float, "Deviation"]:
-        """Shift along z in µm that brings the printed face nearest, and what deviation is left then: that of shape."""
+        """Shift along z in µm that minimises the printed face's deviation, and the deviation of shape that remains."""
         lean = self.target.outward[:, 1]
         shift = -float(self.um @ lean / (lean @ lean))
         return shift, Deviation(self.target, self.um + shift * lean)

@@ -207,7 +207,7 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
     return DataError(
         "a measured index",
         limit=f"does not follow from {what} which says nothing of the reflectance{instead}",
-        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as no measurement",
+        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as not measured",
     )
 
 

@@ -1,4 +1,4 @@
-"""Young's modulus by regression over a stated range of strain, with what it is uncertain by; strength and break.
+"""Young's modulus by regression over a stated range of strain, with its uncertainty; strength and break.
 
 The idea: the slope of engineering stress over engineering strain, of every recorded point of the loading branch from
 one strain to another, both included: that is how testing machines do it (ISO 527-1: 0.05 to 0.25 %). Its uncertainty is
