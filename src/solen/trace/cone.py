@@ -9,8 +9,8 @@ neighbouring rays must start somewhere, at an end of a curve or on a curve that 
 whole only if no end of any curve lies inside the beam its two rays span, at any of their straight legs, nor next to a
 curved face between their ends. Past a caustic two rays need not span the beam between them: this is not a proof, and
 the uncertainty is an estimate. A stretch that is not whole is halved, until it is or is too narrow to matter; the
-width of all such gaps, times all that a ray carries, goes into the uncertainty. Nodes of the quadrature that turn out to have
-another tree send the piece back.
+width of all such gaps, times all that a ray carries, goes into the uncertainty. Nodes of the quadrature that turn out
+to have another tree send the piece back.
 
 The idea of bisecting the jumps is that of any adaptive integrator; the quadrature is the (7, 15) pair of Kronrod (1965)
 as tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 1983). All of it is compiled: see

@@ -193,7 +193,7 @@ def gather(samples: Samples, pieces: Pieces) -> float:
 
 @called
 def insert_stray(k: Precision, tables: Tables, family: Family, samples: Samples, start: int, angle: float) -> int:
-    """Keep a ray whose tree differs from that of its piece, so that its stretch is looked at anew: its number, or −1."""
+    """Keep a ray whose tree differs from its piece's, so that its stretch is looked at anew: its number, or −1."""
     i = start
     while samples.after[i] >= 0 and samples.angle[samples.after[i]] <= angle:
         i = samples.after[i]
