@@ -130,6 +130,17 @@ def test_rails_are_no_limits_of_differences(tmp_path: Path) -> None:
         study([tmp_path / "readings.csv"], AnalysisOptions(rails=(0.0, 5.0)))
 
 
+def test_a_log_without_times_has_a_rate(tmp_path: Path) -> None:
+    path = SHORT.write(tmp_path, name="daq.mat")
+    log_s, log_deg = SHORT.logged()
+    np.savetxt(tmp_path / "bare.csv", log_deg, header="angle_deg", comments="", fmt="%.6f")
+    options = AnalysisOptions(angle_file=(tmp_path / "bare.csv",), angle_rate_hz=SHORT.log_hz)
+    found = study([path], options).alignment["daq"]
+    assert found.lag_s == pytest.approx(SHORT.lag_s - log_s[0], abs=2.8 * found.u_lag_s)
+    with pytest.raises(SpecError, match="angle_rate_hz"):
+        AnalysisOptions(angle_rate_hz=50.0)
+
+
 def test_one_log_beside_a_recording_is_taken_and_several_are_asked_about(tmp_path: Path) -> None:
     path = SHORT.write(tmp_path, name="daq.mat")
     (tmp_path / "notes.txt").write_text("nothing of the kind\n", encoding="utf-8")

@@ -164,3 +164,22 @@ def test_without_the_extra_a_line_says_what_to_install(
     with pytest.raises(DataError) as refused:
         read(path)
     assert f'pip install "{extra}"' in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("word", "unit"), [("Volts", "V"), ("millivolts", "mV"), ("Degrees", "deg"), ("Seconds", "s"), ("Radian", "rad")]
+)
+def test_units_in_words_are_units(tmp_path: Path, word: str, unit: str) -> None:
+    with TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([ChannelObject("run", "some", LEFT, properties={"unit_string": word})])
+    assert read(tmp_path / "a.tdms").channels[0].unit == unit
+
+
+def test_columns_of_a_matrix_are_named_by_the_caller(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    savemat(path, {"data": np.column_stack([TIME, LEFT, RIGHT]).T, "fs": 200.0, "other": np.zeros((5, 2))})
+    found = read(path, columns=("time_s", "left_mV", "right_mV"))
+    assert [(one.name, one.unit) for one in found.channels] == [("time", "s"), ("left", "mV"), ("right", "mV")]
+    assert found.channels[1].values.tolist() == LEFT.tolist()
+    with pytest.raises(DataError, match=r"no matrices of 4 columns; it holds data 3 by 400"):
+        read(path, columns=("a", "b", "c", "d"))

@@ -119,6 +119,26 @@ def test_columns_named_by_the_caller(tmp_path: Path) -> None:
         read(saved(tmp_path, "t_s,F_N\n1,2\n"), columns=("t_s", "F_N"))
 
 
+def test_a_header_that_lacks_names_is_replaced_by_the_callers(tmp_path: Path) -> None:
+    path = saved(tmp_path, "time_s,left_V\n0.0,1.0,2.0\n0.1,1.1,2.1\n")
+    with pytest.raises(DataError, match=r"has 3 numbers, where the header in line 1 has 2 names"):
+        read(path)
+    found = read(path, columns=("time_s", "left_V", "right_V"))
+    assert [one.values.tolist() for one in found.channels] == [[0.0, 0.1], [1.0, 1.1], [2.0, 2.1]]
+
+
+def test_nul_bytes_behind_the_last_row_are_what_a_logger_reserved(tmp_path: Path) -> None:
+    table = b"time_s,left_V\n0.0,1.0\n0.1,1.1\n0.2,1.2\n"
+    (tmp_path / "log.csv").write_bytes(table + bytes(512))
+    found = read(tmp_path / "log.csv")
+    assert found.need("left_V").values.tolist() == [1.0, 1.1, 1.2]
+    assert any("512 NUL bytes" in line for line in found.warnings)
+    for broken in (bytes(4) + table, table[:-3] + bytes(9), table[:20] + bytes(2) + table[20:]):
+        (tmp_path / "log.csv").write_bytes(broken)
+        with pytest.raises(DataError, match=r"U\+0000"):
+            read(tmp_path / "log.csv")
+
+
 def test_samples_named_by_numbers(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, "wavelength_nm,2,4,6\n400,0.91,0.9,0.88\n500,0.92,0.91,0.9\n"))
     assert recording.names == ("wavelength", "2", "4", "6")

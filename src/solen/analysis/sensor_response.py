@@ -45,6 +45,8 @@ class AnalysisOptions(SignalOptions):
     between the clocks is found from the voltages."""
     angle_time: str | None = None
     """Column of the time in that log."""
+    angle_rate_hz: Finite | None = Field(None, gt=0)
+    """Entries per second of that log, where it has no times."""
     amplitude_deg: Finite | None = Field(None, gt=0)
     """Commanded amplitude to both sides, where no angle was recorded: the cycles are found in the voltages."""
     speed_deg_per_s: Finite = Field(15.0, gt=0)
@@ -67,6 +69,11 @@ class AnalysisOptions(SignalOptions):
         if self.angle_time is not None and not self.angle_file:
             limit = "names a column of a log"
             raise refused("angle_time", limit, value=self.angle_time, remedy="name the log with --angle-file")
+        if self.angle_rate_hz is not None and (not self.angle_file or self.angle_time is not None):
+            limit = "is of a log without times"
+            raise refused(
+                "angle_rate_hz", limit, value=self.angle_rate_hz, remedy="name the log with --angle-file alone"
+            )
         if self.amplitude_deg is not None and (self.angle_file or self.angle is not None):
             limit = "is for recordings without an angle"
             raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy="leave out the other")

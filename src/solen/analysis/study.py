@@ -295,7 +295,7 @@ def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
 
 def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, list[str]]:
     """How a log's clock differs from the recorder's, and assumptions about the log."""
-    own = options.model_copy(update={"time": options.angle_time, "rate_hz": None})
+    own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[str] = []
     base = sample_times(log, own, warnings)
     logged = recorded_angle_deg(log, own, warnings)

@@ -38,7 +38,9 @@ class Array:
     columns: Sequence[str] = ()
 
 
-def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str]) -> Recording:
+def recorded(
+    source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str], names: Sequence[str] | None = None
+) -> Recording:
     """Recording of arrays that run side by side.
 
     Parameters
@@ -47,23 +49,26 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
         The file, and what it was read as.
     arrays, metadata
         What it holds.
+    names
+        Of the columns, where a matrix has none of its own.
 
     Raises
     ------
     DataError
         Where no two arrays have one length.
     """
-    columns = [column for array in _plainly(arrays) for column in _columns(array)]
+    held = _named(source, _plainly(arrays), names) if names else _plainly(arrays)
+    columns = [column for array in held for column in _columns(array)]
     lengths = Counter(values.size for _, _, values in columns if values.size >= _LEAST)
     if not lengths:
         raise source.refused("", "holds no array of numbers", "export the signals as a table (CSV)")
     length = max(lengths, key=lambda size: (lengths[size], size))
-    held = [column for column in columns if column[2].size == length]
+    whole = [column for column in columns if column[2].size == length]
     others = sorted({name for name, _, values in columns if values.size not in {1, length}})
     stated = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
     note = f"arrays of another length are left out: {', '.join(others[:12])}" if others else ""
     channels = []
-    for name, (_, unit, values) in zip(unique([name for name, _, _ in held]), held, strict=True):
+    for name, (_, unit, values) in zip(unique([name for name, _, _ in whole]), whole, strict=True):
         head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
         channels.append(Channel(head.name, head.quantity, head.unit, values))
     channels = [
@@ -76,6 +81,16 @@ def recorded(source: Source, kind: str, arrays: Iterable[Array], metadata: Mappi
         source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
     )
     return Recording(tuple(along_axes(channels, ())), provenance)
+
+
+def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
+    """The one matrix that has as many columns as there are names; `DataError` where none or several have."""
+    fitting = [one for one in arrays if np.ndim(one.values) == 2 and min(np.shape(one.values)) == len(names)]
+    if len(fitting) != 1:
+        shapes = ", ".join(f"{one.name} {' by '.join(map(str, np.shape(one.values)))}" for one in arrays)
+        limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it holds {shapes}"
+        raise source.refused("", limit, "name each of a matrix's columns, in their order")
+    return [replace(fitting[0], columns=tuple(names))]
 
 
 def _plainly(arrays: Iterable[Array]) -> list[Array]:

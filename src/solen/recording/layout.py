@@ -176,16 +176,26 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
     """Error for a table that begins with words below which there is no table of numbers."""
     heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
     if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
-        limit = f"is no row of numbers below the header in {grid.place(filled[0])}"
-        return grid.refused(filled[1], None, limit, "write plain numbers there, and their unit in the header")
+        above, numbers = grid.place(filled[0]), _numbers(grid, filled[1])
+        limit = f"is no row of numbers below the header in {above}"
+        remedy = "write plain numbers there, and their unit in the header"
+        if numbers == grid.width(filled[1]) > len(heads):
+            limit = f"has {numbers} numbers, where the header in {above} has {len(heads)} names"
+            remedy = "name each column there, or all with --columns (columns= of read)"
+        return grid.refused(filled[1], None, limit, remedy)
     limit = "is neither the header of a table nor a row of it"
     return grid.refused(filled[0], None, limit, f"{_HEADER} above the numbers")
 
 
 def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Layout of a table without a header, whose columns the caller names."""
+    """Layout of a table without a header, or with one that does not fit it, whose columns the caller names."""
     if header is not None:
         raise grid.refused(header, None, "is a header; the columns are named twice", "leave out the columns")
-    if not filled or _numbers(grid, filled[0]) == 0:
-        raise grid.source.refused("", "does not begin with numbers", "name columns only of a table without a header")
-    return Layout(filled[0], list(columns), [""] * len(columns), [], *_parted(grid, filled))
+    first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)
+    if filled and _numbers(grid, filled[0]):
+        first = 0
+    if first is None or any(_numbers(grid, row) > 1 for row in filled[:first]):
+        limit = f"has no table of {len(columns)} columns of numbers"
+        raise grid.source.refused("", limit, "name every column of a table without a header, or with a broken one")
+    body, after = _parted(grid, filled[first:])
+    return Layout(filled[first], list(columns), [""] * len(columns), filled[:first], body, after)

@@ -4,7 +4,7 @@ The interface: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording
 """
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,11 @@ def is_matlab(source: Source) -> bool:
     return source.data.startswith(_MAGIC) or named
 
 
-def read(source: Source) -> Recording:
-    """Recording of a .mat file; `DataError` where it is damaged or holds no arrays of numbers."""
+def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
+    """Recording of a .mat file; `DataError` where it is damaged or holds no arrays of numbers.
+
+    ``columns`` names those of a matrix.
+    """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -45,7 +48,7 @@ def read(source: Source) -> Recording:
             metadata[name] = value
         else:
             arrays.append(Array(name, value))
-    return recorded(source, "matlab", arrays, metadata)
+    return recorded(source, "matlab", arrays, metadata, columns)
 
 
 def _header(source: Source) -> dict[str, str]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen import registry
-from solen.recording import cary, hdf5, layout, matlab, table, tdms, testxpert, workbook
+from solen.recording import cary, hdf5, layout, lvm, matlab, table, tdms, testxpert, workbook
 from solen.recording.bulk import bulk
 from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
@@ -26,11 +26,14 @@ class Format:
     ----------
     from_bytes
         Reads the file as it lies on the disk; asked before any table is looked for.
+    from_arrays
+        The same of a file of arrays, whose columns the user may name.
     from_cells
         Reads the cells of a text or a workbook's sheet.
     """
 
     from_bytes: Callable[[Source], Recording | None] = lambda _: None
+    from_arrays: Callable[[Source, Sequence[str] | None], Recording | None] = lambda _, __: None
     from_cells: Callable[[Grid], Recording | None] = lambda _: None
 
 
@@ -49,7 +52,8 @@ def _testxpert(grid: Grid) -> Recording | None:
 FORMATS = registry.Registry(
     registry.FORMATS,
     {
-        "matlab": Format(from_bytes=lambda source: matlab.read(source) if matlab.is_matlab(source) else None),
+        "matlab": Format(from_arrays=lambda s, names: matlab.read(s, names) if matlab.is_matlab(s) else None),
+        "lvm": Format(from_bytes=lambda source: lvm.read(source) if lvm.is_lvm(source) else None),
         "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
         "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
         "cary": Format(from_cells=_cary),
@@ -89,6 +93,10 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         return hdf5.read(large)
     source = load(Path(path))
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
+    named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
+    if named is not None:
+        _check_arrays(source, sheet, None)
+        return named
     arrays = next(filter(None, (one.from_bytes(source) for one in formats)), None)
     if arrays is not None:
         _check_arrays(source, sheet, columns)

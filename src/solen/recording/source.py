@@ -59,6 +59,13 @@ class Source:
         """Whether it is a zip archive, as an Excel workbook is."""
         return self.data.startswith(_ZIP)
 
+    @property
+    def padding(self) -> int:
+        """NUL bytes behind the last line of a text: a logger that reserves room before it writes has left them."""
+        kept = self.data.rstrip(b"\0")
+        reserved = kept.endswith((b"\n", b"\r")) and b"\0" not in kept
+        return len(self.data) - len(kept) if reserved else 0
+
     def refused(self, place: str, limit: str, remedy: str, value: object = None) -> DataError:
         """Error that names the file and the place in it."""
         return DataError(f"{self.path}{', ' if place else ''}{place}", value=value, limit=limit, remedy=remedy)
@@ -88,7 +95,7 @@ class Source:
             raise self.refused(f"line {line}", limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:
-        data = self.data
+        data = self.data[: len(self.data) - self.padding]
         if data.startswith((b"\xff\xfe", b"\xfe\xff")):
             return data.decode("utf-16")
         sample = data[:4096]

@@ -264,6 +264,10 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
 def _ending(grid: Grid, place: Layout, column: Column) -> str:
     """Note on a last number that may have lost its end, in a file whose last line has none."""
     cells = [grid.rows[row][column.place] for row in place.body]
+    if grid.source.padding and column.place == len(place.names) - 1:
+        return (
+            f"{grid.source.padding} NUL bytes stand behind the last row: the recorder may have stopped without warning"
+        )
     last = column.place == len(place.names) - 1 and grid.lines[place.body[-1]] == grid.lines[-1]
     if grid.ends or not last or len(cells) < 3 or len(cells[-1]) >= min(map(len, cells[:-1])):
         return ""

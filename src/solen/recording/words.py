@@ -98,6 +98,18 @@ _UNITS = (
     "°C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml"
 )
 _TOKENS = frozenset(_UNITS.split())
+_PREFIXES = {"": "", "milli": "m", "micro": "µ", "nano": "n", "kilo": "k"}
+_IN_WORDS = (
+    {
+        f"{before}{word}{plural}": f"{sign}{symbol}"
+        for word, symbol in {"volt": "V", "amp": "A", "ampere": "A", "ohm": "ohm", "second": "s", "newton": "N"}.items()
+        for before, sign in _PREFIXES.items()
+        for plural in ("", "s")
+    }
+    | dict.fromkeys(("degree", "degrees", "angle (deg)"), "deg")
+    | dict.fromkeys(("radian", "radians"), "rad")
+)
+"""Units as LabVIEW writes them, in words."""
 _LONGEST = 120  # letters of a header: what is longer is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
@@ -243,7 +255,7 @@ def _fits(quantity: str, unit: str) -> bool:
 
 def _unit_text(unit: str) -> str:
     unit = unit.strip().strip("[]()").strip()
-    return "1" if unit in _PURE or unit == "" else unit
+    return "1" if unit in _PURE or unit == "" else _IN_WORDS.get(unit.casefold(), unit)
 
 
 def _made(name: str, unit: str, optical: bool) -> Heading:

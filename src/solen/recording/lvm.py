@@ -1,0 +1,201 @@
+"""LabVIEW's measurement files (.lvm): packets of channels as text, each with a header of its own.
+
+The idea: a file is one header and any number of packets, each with its own. A packet states its channels, how many
+samples each has, their units in words, and where its times begin and how far they step; the rows below have one column
+of times, one for each channel, or none, and at their end a comment. What a packet states is held against what it has:
+a row too few is a file that was cut off. Packets of one set of channels follow one another in time.
+
+The interface: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
+Instruments.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.recording import dates
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.numbers import parse
+from solen.recording.source import Source
+from solen.recording.table import along_axes, is_simulated, unique
+from solen.recording.words import heading
+
+FIRST, END, COMMENT = "LabVIEW Measurement", "***End_of_Header***", "Comment"
+_SEPARATORS = {"tab": "\t", "comma": ","}
+_NEAR = 1e-3
+"""Part of a step by which a stated time may miss the one that the header states."""
+
+
+def is_lvm(source: Source) -> bool:
+    """Whether a file begins as an .lvm file does, or has the end of its header."""
+    return source.data.removeprefix(b"\xef\xbb\xbf").startswith(FIRST.encode()) or END.encode() in source.data
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line's number in the file and its cells."""
+
+    number: int
+    cells: list[str]
+
+    @property
+    def blank(self) -> bool:
+        return not any(self.cells)
+
+
+@dataclass(frozen=True)
+class _Packet:
+    """Channels of a packet: names and units, times (n,) and values (n, c)."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: FloatArray
+    values: FloatArray
+
+
+def read(source: Source) -> Recording:
+    """Recording of an .lvm file; `DataError` with the line of what is damaged or not read."""
+    texts = source.lines()
+    if not texts[0].startswith(FIRST):
+        raise source.refused("line 1", f"is not {FIRST}, as the file's own headers promise", "export it again")
+    stated = _stated(source, texts)
+    mark = stated.get("Decimal_Separator", ".")
+    separator = _SEPARATORS.get(stated.get("Separator", "Tab").casefold(), "\t")
+    lines = [_Line(n, [cell.strip() for cell in text.split(separator)]) for n, text in enumerate(texts, 1)]
+    start = next(n for n, line in enumerate(lines) if line.cells[0] == END) + 1
+    packets = list(_packets(source, lines[start:], stated, mark))
+    if not packets:
+        raise source.refused("", "holds no packet of numbers", "export it again")
+    for number, packet in enumerate(packets[1:], 2):
+        if (packet.names, packet.units) != (packets[0].names, packets[0].units):
+            limit = f"has other channels than the first: {', '.join(packet.names)}"
+            raise source.refused(f"packet {number}", limit, "write each set of channels to a file of its own")
+    time, values = (np.concatenate([getattr(one, what) for one in packets]) for what in ("time", "values"))
+    channels = [Channel("time", "time", "s", time)]
+    heads = [heading(name, unit) for name, unit in zip(packets[0].names, packets[0].units, strict=True)]
+    for name, head, column in zip(unique([one.name for one in heads]), heads, values.T, strict=True):
+        channels.append(Channel(name, head.quantity, head.unit, column))
+    provenance = Provenance(
+        source.name, source.sha256, "lvm", "", dates.among(stated), stated, simulated=is_simulated(stated)
+    )
+    return Recording(tuple(along_axes(channels, ())), provenance)
+
+
+def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
+    """What the file's header states, by its words."""
+    found: dict[str, str] = {}
+    for number, text in enumerate(texts, 1):
+        if text.startswith(END):
+            return found
+        key, value = (text.replace(",", "\t", 1) if "\t" not in text else text).partition("\t")[::2]
+        if number > 1 and key.strip():
+            found[key.strip()] = value.strip()
+    raise source.refused("", f"has no {END}: its header was cut off", "export it again")
+
+
+def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mark: str) -> Iterator[_Packet]:
+    """Packets one after the other; without headers of their own, rows of numbers alone."""
+    place = 0
+    while place < len(lines):
+        if lines[place].blank:
+            place += 1
+            continue
+        header: dict[str, list[str]] = {}
+        while place < len(lines) and lines[place].cells[0] != END:
+            if not lines[place].blank:
+                header[lines[place].cells[0]] = lines[place].cells[1:]
+            place += 1
+        if place + 1 >= len(lines) or "Channels" not in header:
+            where = f"line {lines[min(place, len(lines) - 1)].number}"
+            raise source.refused(where, "is in a packet that has no whole header", "export the file again")
+        last = place + 2
+        while last < len(lines) and not lines[last].blank and lines[last].cells[0] not in {"Channels", END}:
+            last += 1
+        yield _packet(source, header, lines[place + 1], lines[place + 2 : last], stated.get("X_Columns", "One"), mark)
+        place = last
+
+
+def _packet(
+    source: Source, header: dict[str, list[str]], heads: _Line, rows: Sequence[_Line], x_columns: str, mark: str
+) -> _Packet:
+    """Times and values of a packet's rows."""
+    count = _count(source, heads, header["Channels"][:1])
+    samples = _count(source, heads, header.get("Samples", [])[:1])
+    width = {"No": 1 + count, "One": 1 + count, "Multi": 2 * count}.get(x_columns, 1 + count)
+    names = [name for name in heads.cells if name]
+    names = names[:-1] if names[-1:] == [COMMENT] else names
+    if len(names) != width:
+        held = (len(names) - width) // (2 if x_columns == "Multi" else 1) + count
+        limit = f"names {held} channel{'s' * (held != 1)}, where {count} channels are stated"
+        raise source.refused(f"line {heads.number}", limit, "export the file again")
+    if len(rows) != samples or {*header["Samples"][:count]} != {header["Samples"][0]}:
+        limit = f"has {len(rows)} rows, where {samples} samples of each channel are stated: it was cut off or damaged"
+        raise source.refused(f"packet at line {heads.number}", limit, "export the file again")
+    cells = [_numbers(source, row, width, x_columns, mark) for row in rows]
+    table: FloatArray = np.array(cells, dtype=np.float64).reshape(len(rows), width)
+    start, step = (_one(source, heads, header.get(key, []), count, mark) for key in ("X0", "Delta_X"))
+    even: FloatArray = np.asarray(start + step * np.arange(samples), dtype=np.float64)
+    if x_columns == "No":
+        time, values = even, table[:, 1:]
+    elif x_columns == "Multi":
+        time, values = table[:, 0], table[:, 1::2]
+        _check_times(source, rows, np.abs(table[:, ::2] - time[:, None]).max(axis=1), step)
+    else:
+        time, values = table[:, 0], table[:, 1:]
+    if step > 0.0:
+        _check_times(source, rows, np.abs(time - even), max(step, 1e-6))
+    first = {"No": 1, "One": 1}.get(x_columns, 1)
+    kept = names[first:] if x_columns != "Multi" else names[1::2]
+    units = [*header.get("Y_Unit_Label", []), *[""] * count][:count]
+    return _Packet(tuple(kept), tuple(units), time, values)
+
+
+def _count(source: Source, near: _Line, cells: Sequence[str]) -> int:
+    if not cells or not cells[0].isdecimal():
+        limit = "is in a packet that does not state its channels and samples"
+        raise source.refused(f"line {near.number}", limit, "export the file again")
+    return int(cells[0])
+
+
+def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: str) -> float:
+    """Number that a header states for each channel, which must be one; 0 where it states none."""
+    held = {cell for cell in cells[:count] if cell}
+    if len(held) > 1:
+        limit = f"is in a packet whose channels have times of their own: {', '.join(sorted(held)[:4])}"
+        raise source.refused(f"line {near.number}", limit, "write channels of one clock to a file")
+    try:
+        return parse(held.pop(), mark) if held else 0.0
+    except ValueError as bad:
+        raise source.refused(f"packet at line {near.number}", str(bad), "export the file again") from None
+
+
+def _numbers(source: Source, row: _Line, width: int, x_columns: str, mark: str) -> list[float]:
+    """Numbers of a row; a comment may follow them."""
+    cells = row.cells
+    if len(cells) < width or len(cells) > width + 1:
+        limit = f"has {len(cells)} cells, where {width} numbers are expected and a comment may follow"
+        raise source.refused(f"line {row.number}", limit, "export the file again")
+    found = []
+    for place, cell in enumerate(cells[:width]):
+        if x_columns == "No" and place == 0:
+            found.append(np.nan)
+            continue
+        try:
+            found.append(parse(cell, mark))
+        except ValueError as bad:
+            where = f"line {row.number}, column {place + 1}"
+            raise source.refused(where, str(bad), "export the file again", cell) from None
+        if np.isnan(found[-1]):
+            where = f"line {row.number}, column {place + 1}"
+            raise source.refused(where, "holds no number", "export the file again")
+    return found
+
+
+def _check_times(source: Source, rows: Sequence[_Line], off: FloatArray, step: float) -> None:
+    """`DataError` at the first row whose time is not the one that the header states."""
+    wrong = np.flatnonzero(off > _NEAR * step + 1e-6)
+    if wrong.size:
+        limit = "has another time than the packet's header or its other columns state"
+        raise source.refused(f"line {rows[int(wrong[0])].number}", limit, "export the file again")

@@ -1,0 +1,112 @@
+"""LabVIEW's measurement files: every number of a plain reading, packets joined, what they state held against them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError
+from solen.recording import read
+
+
+def lvm(
+    rows: int = 12,
+    packets: int = 1,
+    *,
+    x_columns: str = "One",
+    separator: str = "\t",
+    mark: str = ".",
+    units: tuple[str, ...] = ("Volts", "Millivolts"),
+) -> str:
+    """A file as LabVIEW's Write to Measurement File writes it, of numbers that can be computed."""
+    name = {"\t": "Tab", ",": "Comma"}[separator]
+    head = ["Writer_Version 2", "Reader_Version 2", f"Separator {name}"]
+    head += [f"Decimal_Separator {mark}", f"Multi_Headings {'Yes' if packets > 1 else 'No'}", f"X_Columns {x_columns}"]
+    head += ["Time_Pref Absolute", "Operator lab", "Date 2026/03/01", "Time 10:22:33.125"]
+    lines = ["LabVIEW Measurement", *(line.replace(" ", separator, 1) for line in head)]
+    lines += [f"***End_of_Header***{separator}", separator]
+    for packet in range(packets):
+        lines += _packet(rows, packet, x_columns, separator, mark, units)
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _packet(rows: int, packet: int, x_columns: str, separator: str, mark: str, units: tuple[str, ...]) -> list[str]:
+    count, step = len(units), 0.001
+    start = packet * rows * step
+
+    def text(value: float) -> str:
+        return f"{value:.6f}".replace(".", mark)
+
+    def line(*cells: object) -> str:
+        return separator.join(map(str, (*cells, "")))
+
+    lines = [line("Channels", count), line("Samples", *[rows] * count), line("Date", *["2026/03/01"] * count)]
+    lines += [line("Y_Unit_Label", *units), line("X_Dimension", *["Time"] * count), line("X0", *[text(start)] * count)]
+    lines += [line("Delta_X", *[text(step)] * count), line("***End_of_Header***")]
+    names = [f"Voltage_{n}" for n in range(count)]
+    multi = [cell for name in names for cell in ("X_Value", name)]
+    lines.append(separator.join([*(multi if x_columns == "Multi" else ["X_Value", *names]), "Comment"]))
+    for row in range(rows):
+        x = text(start + row * step)
+        values = [text(value) for value in values_at(packet * rows + row, count)]
+        pairs = [cell for value in values for cell in (x, value)]
+        lines.append(line(*(pairs if x_columns == "Multi" else ["" if x_columns == "No" else x, *values])))
+    return [*lines, ""]
+
+
+def values_at(row: int, count: int) -> list[float]:
+    return [round(1.5 + 0.01 * row + n, 6) for n in range(count)]
+
+
+def saved(folder: Path, text: str) -> Path:
+    (folder / "file.lvm").write_text(text, encoding="utf-8", newline="")
+    return folder / "file.lvm"
+
+
+@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
+@pytest.mark.parametrize(("separator", "mark"), [("\t", "."), ("\t", ","), (",", ".")])
+@pytest.mark.parametrize("packets", [1, 3])
+def test_numbers_are_those_of_a_plain_reading(
+    tmp_path: Path, x_columns: str, separator: str, mark: str, packets: int
+) -> None:
+    found = read(saved(tmp_path, lvm(8, packets, x_columns=x_columns, separator=separator, mark=mark)))
+    assert found.provenance.format == "lvm"
+    assert [(one.name, one.unit) for one in found.channels] == [("time", "s"), ("Voltage_0", "V"), ("Voltage_1", "mV")]
+    assert found.channels[0].values == pytest.approx(0.001 * np.arange(8 * packets), abs=1e-9)
+    expected = np.array([values_at(row, 2) for row in range(8 * packets)])
+    assert np.column_stack([one.values for one in found.channels[1:]]) == pytest.approx(expected, abs=1e-12)
+    assert found.provenance.date == "2026-03-01"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("Samples\t12\t12", "Samples\t13\t13", "12 rows, where 13 samples"),
+        ("0.004000\t", "0.014000\t", "line 27; has another time"),
+        ("1.540000", "1.54x", "line 27, column 2 = '1.54x'"),
+        ("Channels\t2", "Channels\t3", "names 2 channels, where 3 channels"),
+        ("Voltage_1\tComment", "", "names 1 channel, where 2 channels"),
+        ("X0\t0.000000\t0.000000", "X0\t0.000000\t0.500000", "times of their own"),
+    ],
+)
+def test_what_a_packet_states_is_held_against_it(tmp_path: Path, before: str, after: str, words: str) -> None:
+    text = lvm()
+    assert before in text
+    with pytest.raises(DataError, match=words):
+        read(saved(tmp_path, text.replace(before, after, 1)))
+
+
+def test_a_file_that_was_cut_off_is_refused(tmp_path: Path) -> None:
+    text = lvm(40)
+    for share in (0.05, 0.2, 0.5, 0.9):
+        with pytest.raises(DataError):
+            read(saved(tmp_path, text[: int(share * len(text))]))
+
+
+def test_packets_of_other_channels_are_refused(tmp_path: Path) -> None:
+    two = lvm(5).rpartition("***End_of_Header***")[0]
+    other = lvm(5, units=("Volts",))
+    packet = other[other.index("Channels") :]
+    assert two
+    with pytest.raises(DataError, match="packet 2"):
+        read(saved(tmp_path, lvm(5) + packet))
