@@ -19,10 +19,12 @@ from solen.bench.homing import make_known
 from solen.bench.journal import read_journal
 from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.protocol import Protocol
+from solen.bench.roles import Stage
 from solen.bench.run import Instruments, begin, run
 from tests.bench.gcs2_controller_support import Gcs2Controller
 from tests.bench.wire_support import Answers
 
+Angles = Callable[[FloatArray], FloatArray]
 PERIOD_S = 0.005
 SENSOR = {"name": "A", "design": "", "lens": True, "emitter": 1, "right": 1, "left": 2}
 
@@ -119,7 +121,15 @@ def recorded(
     wire = SlowWire(controller, fine, round_trip_s, share)
     stage = Gcs2Stage(wire, clock, stage="M-060.DG")
     make_known(stage, True, 0.0)
-    on = Instruments(stage, StraightBoard(fine, lambda time_s: controller.axis.positions(time_s)), clock)
+    angles: Angles = lambda time_s: controller.axis.positions(time_s)  # noqa: E731  the axis is another after homing
+    return closed(folder, protocol, stage, fine, angles, clock), wire, controller
+
+
+def closed(
+    folder: Path, protocol: Protocol, stage: Stage, fine: SimulatedClock, angles: Angles, clock: Clock | None = None
+) -> RecordedRun:
+    """A protocol run on a stage with a straight board, and closed."""
+    on = Instruments(stage, StraightBoard(fine, angles), clock or fine)
     header = {
         "solen": "0", "simulated": True, "begun_utc": "2026-01-01T00:00:00+00:00", "protocol_name": protocol.name,
         "rig_name": "slow", "sensors": [SENSOR], "zero": 0.0, "lever_mm": None, "top_count": 65_535,
@@ -129,4 +139,4 @@ def recorded(
     path.unlink(missing_ok=True)
     with begin(path, on, header) as journal:
         run(protocol, on, journal)
-    return write_recording(read_journal(path), folder / "slow.nc"), wire, controller
+    return write_recording(read_journal(path), folder / "slow.nc")

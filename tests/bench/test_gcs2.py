@@ -135,6 +135,18 @@ def test_where_it_stands_can_be_taken_for_a_position() -> None:
     assert arrive(stage, clock) < 1.0
 
 
+def test_any_stage_is_driven_whose_unit_is_stated() -> None:
+    clock = SimulatedClock()
+    controller = Gcs2Controller(clock, stage="L-611.9ASD")
+    stage = Gcs2Stage(Wire(controller, clock), clock, stage="L-611.9ASD", unit="deg")
+    stage.reference()
+    stage.begin_move(2.0, 10.0)
+    arrive(stage, clock)
+    assert (stage.position(), stage.unit) == (2.0, "deg")
+    with pytest.raises(BenchError, match=r"'L-611\.9ASD'; .*state its unit"):
+        Gcs2Stage(Wire(controller, clock), clock, stage="L-611.9ASD")
+
+
 def test_roles_are_played() -> None:
     stage, _, _, _ = driven()
     turning: Stage = stage

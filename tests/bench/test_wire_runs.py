@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -272,6 +273,34 @@ def test_a_stage_that_does_not_know_its_zero_is_not_driven_to_find_it_unasked(wi
     assert run(True).outcome == "done"
     assert len(asked) == 2
     assert all("up to 360 deg to either side. Begin?" in question for question in asked)
+
+
+def test_somebody_turns_the_stage_at_a_terminal(wires: Wires) -> None:
+    rig, protocol = wires.folder / "wired.toml", wires.folder / "stops.toml"
+    text = rig.read_text(encoding="utf-8")
+    hand = re.sub(r'driver = "gcs2"\nhome = true\nport = ".*"', 'driver = "hand"', text)
+    (wires.folder / "hand.toml").write_text(hand, encoding="utf-8")
+    steps = "".join(
+        f"[[step]]\nto_deg = {to}\nvelocity_deg_per_s = 15.0\nhold_s = 0.2\n" for to in (-3.0, 0.0, 3.0, 0.0)
+    )
+    protocol.write_text(f'schema = 1\nname = "stops"\nrest_s = 0.1\n{steps}', encoding="utf-8")
+    words = ["bench", "run", "stops.toml", "--rig", "hand.toml", "--out", "out"]
+    line, pipe = [sys.executable, "-m", "solen", *words], subprocess.PIPE
+    with subprocess.Popen(line, cwd=wires.folder, stdin=pipe, stderr=pipe, text=True, encoding="utf-8") as child:
+        assert child.stdin is not None
+        assert child.stderr is not None
+        for said in child.stderr:
+            if asked := re.search(r"to ([+-]\d+) deg", said):
+                move = wires.stage.axis.send(wires.stage.clock.now_s(), float(asked[1]), 15.0)
+                time.sleep(max(0.0, move.end_s - wires.stage.clock.now_s()) + 0.05)
+                child.stdin.write("\n")
+                child.stdin.flush()
+    assert child.returncode == 0
+    with h5netcdf.File(wires.folder / "out" / "stops.nc", "r") as file:
+        read = {name: file.groups["A"].variables[name][...] for name in ("angle_deg", "right")}
+    assert set(read["angle_deg"]) == {-3.0, 0.0, 3.0}
+    means = [read["right"][read["angle_deg"] == angle].mean() for angle in (-3.0, 0.0, 3.0)]
+    assert means[0] < means[1] - 0.5 < means[2] - 0.5  # brighter is lower: -3 degrees brighten the right receiver
 
 
 def test_travel_of_the_rig_is_not_left(wires: Wires) -> None:

@@ -17,6 +17,7 @@ from typing import NoReturn
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
+from solen.analysis.timebase import LONGEST_GAP
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
 from solen.results import HIDDEN, Result
@@ -119,7 +120,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
     if high - low <= max(20.0 * noise, 1e-9):
         limit = f"moves by {high - low:.3g}° only, with noise of {noise:.2g}°: no cycle can be found"
         raise DataError("angle", limit=limit, remedy="name the column of the angle with --angle")
-    edges = _Edges(time_s, clean, noise, step, high - low)
+    edges = _Edges(_at_stops(time_s, angle_deg), clean, noise, step, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
     tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
     ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
@@ -140,6 +141,16 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray) -> Motion:
         speed_deg_per_s=_speed(time_s, ramps),
         warnings=warnings,
     )
+
+
+def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> FloatArray:
+    """Time without the ways between stops, where the angle changes in gaps alone: a stage that was turned by hand."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    gaps = steps > LONGEST_GAP * usual
+    if np.diff(angle_deg)[~gaps].any():
+        return time_s
+    return np.asarray(time_s[0] + np.concatenate([[0.0], np.cumsum(np.where(gaps, usual, steps))]))
 
 
 def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tuple[FloatArray, float]:

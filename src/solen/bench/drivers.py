@@ -57,7 +57,13 @@ def _gcs2(rig: "Rig", clock: Clock) -> Stage:
     table = rig.stage
     link = open_link(str(table.port), baud=table.baud)
     with on_failure(link.close):
-        return Gcs2Stage(link, clock, stage=table.model, axis=table.axis, address=table.address)
+        return Gcs2Stage(link, clock, stage=table.model, unit=table.unit, axis=table.axis, address=table.address)
+
+
+def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no clock
+    from solen.bench.hand import HandStage
+
+    return HandStage(rig.stage.unit or ("deg" if rig.stage.lever_mm is None else "mm"))
 
 
 def _serial(rig: "Rig", clock: Clock) -> EmitterBoard:
@@ -85,6 +91,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
     registry.INSTRUMENTS,
     {
         "gcs2": Driver("stage", _gcs2, needs="port"),
+        "hand": Driver("stage", _hand),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
     },

@@ -49,6 +49,17 @@ STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
 """Stages that PI sells, and the unit each is moved in."""
 
 
+def unit_of(stage: str, unit: Unit | None) -> Unit:
+    """Unit of a stage: as it is stated, or that of one of `STAGES`; `BenchError` where neither says, or both differ."""
+    known = STAGES.get(stage)
+    if unit is None and known is None:
+        limit = f"is a stage whose unit is not known; those of {', '.join(STAGES)} are"
+        raise BenchError("stage", value=stage, limit=limit, remedy='state its unit = "deg" or "mm"')
+    if unit is not None and known is not None and unit != known:
+        raise BenchError("unit", value=unit, limit=f"{stage} moves in {known}")
+    return unit or known or "deg"
+
+
 class Gcs2Stage:
     """One axis of a controller.
 
@@ -59,7 +70,9 @@ class Gcs2Stage:
     clock
         Clock that time-outs follow.
     stage
-        Name of the stage on that axis, one of `STAGES`; the controller must have it configured.
+        Name of the stage on that axis; the controller must have it configured.
+    unit
+        Of its positions; default: that of one of `STAGES`.
     axis, address
         The axis' name, and the controller's address where several share a line.
     answer_s, reference_s
@@ -77,15 +90,14 @@ class Gcs2Stage:
         clock: Clock,
         *,
         stage: str,
+        unit: Unit | None = None,
         axis: str = "1",
         address: int | None = None,
         answer_s: float = 1.0,
         reference_s: float = 60.0,
     ) -> None:
-        if stage not in STAGES:
-            raise BenchError("stage", value=stage, limit=f"must be one of {', '.join(STAGES)}")
         self.name = f"{stage} at {link.name}"
-        self.unit: Unit = STAGES[stage]
+        self.unit: Unit = unit_of(stage, unit)
         self._link, self._clock = link, clock
         self._lines = Lines(link, clock, timeout_s=answer_s)
         self._axis = axis

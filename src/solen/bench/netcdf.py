@@ -28,7 +28,7 @@ from solen.bench.frames import ANEW
 from solen.bench.journal import JournalContent, Rows
 from solen.bench.protocol import Protocol
 from solen.bench.rig import sensor_angle_deg
-from solen.bench.timing import Looks, Timing, came_by, exchanges
+from solen.bench.timing import Looks, Timing, came_by, exchanges, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
 from solen.results import HIDDEN, Result, reported
@@ -299,8 +299,7 @@ def _timing(file: Any, journaled: JournalContent) -> list[str]:
     for name, value in timing.attributes.items():
         file.attrs[name] = value
     protocol = Protocol(**header["protocol"])
-    reach = float(np.ptp(stage["position"])) if len(stage) else 0.0
-    remark = timing.remark(protocol.fastest, reach, protocol.unit)
+    remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
     return [] if remark is None else [remark]
 
 
@@ -372,8 +371,11 @@ def _columns(
     """Columns of readings that are kept, but for those of cycles that were cut short."""
     for cut_s, rest_s in cuts:
         kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
-    header, time = journaled.header, readings.time_s[kept]
-    position = _looks(journaled).at(time)
+    header, looks = journaled.header, _looks(journaled)
+    if not np.isfinite(looks.position).all():  # a stage that is turned by hand: nobody knows the angle on the way
+        kept = kept & np.isfinite(looks.at(readings.time_s))
+    time = readings.time_s[kept]
+    position = looks.at(time)
     return {
         "time_s": time,
         "angle_deg": sensor_angle_deg(position, header["zero"], header["lever_mm"]),

@@ -17,7 +17,7 @@ from pydantic import Field, model_validator
 from solen.arrays import FloatArray
 from solen.bench.daq import MODELS, Setup
 from solen.bench.drivers import DRIVERS
-from solen.bench.gcs2 import STAGES
+from solen.bench.gcs2 import STAGES, unit_of
 from solen.bench.tables import BenchTable, load_table
 from solen.errors import BenchError
 from solen.files import check_name
@@ -42,8 +42,14 @@ class StageOf(BenchTable):
 
     table: ClassVar[str] = "stage"
 
-    driver: Text = Field("simulated", description="simulated, gcs2 for a controller of PI, or that of another package.")
+    driver: Text = Field(
+        "simulated",
+        description="simulated, gcs2 for a controller of PI, hand for one without a motor, or that of another package.",
+    )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
+    unit: Literal["deg", "mm"] | None = Field(
+        None, description="What it moves in; needed for a model that is not among these."
+    )
     port: Text | None = Field(None, description="Line to the controller: COM3, /dev/ttyUSB0, socket://host:port.")
     baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(115_200, description="Baud rate.")
     axis: Text = Field("1", description="Name of the axis.")
@@ -68,11 +74,15 @@ class StageOf(BenchTable):
         _check_driver(self, "port")
         if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
             raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        if self.driver not in {"simulated", "gcs2"}:
+        if self.driver not in {"simulated", "gcs2", "hand"}:
             return self
-        if self.model not in STAGES:
-            raise refused("model", f"must be one of {', '.join(STAGES)}", value=self.model)
-        if (STAGES[self.model] == "mm") != (self.lever_mm is not None):
+        if self.driver == "hand" and "model" in self.model_fields_set:
+            raise refused("model", "is for a stage with a controller", value=self.model)
+        try:
+            unit = self.unit if self.driver == "hand" else unit_of(self.model, self.unit)
+        except BenchError as bad:
+            raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
+        if unit is not None and (unit == "mm") != (self.lever_mm is not None):
             raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
         return self
 

@@ -203,12 +203,13 @@ class _Runner:
         """Move and wait until it is there; while it moves it is asked for its position alone."""
         start = self._look()
         self._check_travel(step, start)
-        shortest_s = abs(step.target - start) / step.velocity
+        shortest_s = abs(step.target - start) / step.velocity if math.isfinite(start) else 0.0
+        patience_s = getattr(self.on.stage, "patience_s", ARRIVE_S)
         self.on.stage.begin_move(step.target, step.velocity)
         arrives_s = self.now_s + shortest_s
         while not self._arrived(step, arrives_s):
-            if self.now_s > arrives_s + ARRIVE_S:
-                limit = f"has not arrived at {step.target:g} {step.unit} in {shortest_s + ARRIVE_S:.0f} s"
+            if self.now_s > arrives_s + patience_s:
+                limit = f"has not arrived at {step.target:g} {step.unit} in {shortest_s + patience_s:.0f} s"
                 raise BenchError(self.on.stage.name, limit=limit, remedy="is it free to move?")
             self._tick(self.now_s + 1.0)
 
@@ -219,7 +220,7 @@ class _Runner:
         low, high = self.on.travel
         slack = OVERSHOOT * (high - low)
         for what, position in (("stands at", start), ("is sent to", step.target)):
-            if not low - slack <= position <= high + slack:
+            if position < low - slack or position > high + slack:
                 limit = f"{what} {position:g} {step.unit}, and travel in the rig is {low:g} to {high:g}"
                 raise BenchError(self.on.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
 

@@ -64,13 +64,16 @@ class Looks:
         return cls(stage["part"].astype(float), sent + half, half, stage["position"])
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Position at ascending times, by a monotone cubic between looks; NaN where there was none.
+        """Position at ascending times, by a monotone cubic between looks; NaN where a stage did not know it.
 
         Where it speeds up, straight lines between looks of 20 ms are off by up to 0.01 deg, always to the same side; a
         monotone cubic is off by a quarter of that, and goes nowhere where the stage was not.
         """
-        if len(self.time_s) == 0 or len(time_s) == 0:
+        known = np.isfinite(self.position)
+        if not known.any() or len(time_s) == 0:
             return np.full(len(time_s), np.nan)
+        if not known.all():
+            return self._at_known(time_s, known)
         first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
         near = slice(max(int(first) - 3, 0), int(last) + 3)
         at, place, times = np.unique(self.time_s[near], return_inverse=True, return_counts=True)
@@ -78,6 +81,13 @@ class Looks:
         if len(at) < 2:
             return np.full(len(time_s), position[0])
         return np.asarray(PchipInterpolator(at, position)(np.clip(time_s, at[0], at[-1])))
+
+    def _at_known(self, time_s: FloatArray, known: BoolArray) -> FloatArray:
+        """The same where looks on both sides know the position, and NaN elsewhere."""
+        kept = Looks(self.part[known], self.time_s[known], self.bound_s[known], self.position[known])
+        after = np.clip(np.searchsorted(self.time_s, time_s), 0, len(known) - 1)
+        beside = known[after] & known[np.maximum(after - 1, 0)]
+        return np.where(beside, kept.at(time_s), np.nan)
 
 
 def came_by(came: Rows, journaled: JournalContent) -> FloatArray:
@@ -129,9 +139,9 @@ class Timing:
     def of(cls, stage: Rows, resolution_s: float, lines: Iterable[ClockLine]) -> "Timing":
         """Timing of a stage's rows, and the lines of the sampler's clock."""
         looks = Looks.of(stage, resolution_s)
-        within = np.diff(looks.part) == 0.0
         steps = np.abs(np.diff(looks.position))
-        moving = within & (steps > MOVED * np.ptp(looks.position) if len(looks.position) else within)
+        within = (np.diff(looks.part) == 0.0) & np.isfinite(steps)
+        moving = within & (steps > MOVED * reach_of(looks.position))
         moving = moving if moving.any() else within
         between = _between(looks, moving)
         intervals, bounds = np.diff(looks.time_s)[moving], looks.bound_s[1:][moving]
@@ -174,4 +184,10 @@ def _between(looks: Looks, moving: BoolArray) -> float:
     if not (odd.any() and way > 0.0 and lasted > 0.0):
         return 0.0
     missed = looks.position[1::2][: len(odd)] - even.at(looks.time_s[1::2][: len(odd)])
-    return float(0.25 * np.sqrt(np.mean(missed[odd] ** 2)) * lasted / way)
+    return float(0.25 * np.sqrt(np.nanmean(missed[odd] ** 2)) * lasted / way)
+
+
+def reach_of(position: FloatArray) -> float:
+    """From the lowest position that is known to the highest; 0 for none."""
+    known = position[np.isfinite(position)]
+    return float(np.ptp(known)) if len(known) else 0.0

@@ -1,0 +1,102 @@
+"""A stage that is turned by hand, from stop to stop: the program asks, the person turns and presses Enter.
+
+The idea: where the stage is while somebody turns it, nobody knows; readings of that time have no angle and are left
+out. At a stop it stands where the protocol sent it, or where its scale says: who reads another angle off it types that
+before Enter. Between two stops somebody may take as long as they like; emitters are fed and sampled all the same.
+
+The interface: `HandStage`, a `Stage`.
+"""
+
+import math
+import sys
+import threading
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Literal
+
+from solen.errors import BenchError
+
+PATIENCE_S = 3600.0
+"""How long somebody may take for a move."""
+
+
+def _said(line: str) -> None:
+    sys.stderr.write(line + "\n")
+    sys.stderr.flush()
+
+
+def _typed() -> str:
+    return sys.stdin.readline()
+
+
+class HandStage:
+    """A stage without a motor.
+
+    Parameters
+    ----------
+    unit
+        Of its positions.
+    say
+        Shows a line to whoever turns it; default: stderr.
+    answer
+        Waits for a line of theirs, and gives it with its end; empty where nobody can answer any more. Default: stdin.
+    """
+
+    patience_s = PATIENCE_S
+
+    def __init__(
+        self,
+        unit: Literal["deg", "mm"] = "deg",
+        say: Callable[[str], object] = _said,
+        answer: Callable[[], str] = _typed,
+    ) -> None:
+        self.name, self.unit = "stage turned by hand", unit
+        self._say, self._answer = say, answer
+        self._answers: SimpleQueue[str] = SimpleQueue()
+        self._target, self._position = math.nan, math.nan
+
+    def reference(self) -> None:
+        """Who turns it knows where its zero is."""
+
+    def begin_move(self, target: float, velocity: float) -> None:  # noqa: ARG002  a hand has its own
+        """Ask for a move; a target that it stands at already needs none."""
+        if target == self._position:
+            return
+        self._target, self._position = target, math.nan
+        self._say(f"Move the stage to {target:+g} {self.unit}, then press Enter (or type where it stands).")
+        threading.Thread(target=lambda: self._answers.put(self._answer()), daemon=True).start()
+
+    def position(self) -> float:
+        """Where it stands; NaN while it is moved, and before the first move."""
+        return self._position
+
+    def on_target(self) -> bool:
+        """Whether somebody has said that it stands."""
+        if math.isfinite(self._position):
+            return True
+        try:
+            line = self._answers.get_nowait()
+        except Empty:
+            return False
+        if not line:
+            raise BenchError(self.name, limit="nobody answers: the input has ended", remedy="run it at a terminal")
+        self._take(line.strip())
+        return math.isfinite(self._position)
+
+    def stop(self) -> None:
+        """Nothing moves by itself; a hand that is at it is no longer waited for."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    def _take(self, text: str) -> None:
+        """The target for Enter alone, or what was typed; asks again for what is no number."""
+        try:
+            position = float(text.replace(",", ".")) if text else self._target
+        except ValueError:
+            position = math.nan
+        if math.isfinite(position):
+            self._position = position
+        else:
+            self._say(f"{text!r} is no position in {self.unit}; press Enter, or type a number.")
+            threading.Thread(target=lambda: self._answers.put(self._answer()), daemon=True).start()

@@ -1,0 +1,118 @@
+"""A stage turned by hand: from stop to stop to a response, and nothing is made up for the ways between."""
+
+import math
+import re
+import threading
+import time
+from pathlib import Path
+
+import h5netcdf
+import numpy as np
+import pytest
+
+from solen.analysis import study
+from solen.bench.clock import SimulatedClock
+from solen.bench.hand import HandStage
+from solen.bench.protocol import Protocol
+from solen.bench.rig import Rig
+from solen.bench.simulated.stage import Axis
+from solen.errors import BenchError
+from tests.bench.slow_wire_support import closed
+
+STOPS = [0.0, *np.arange(-0.5, -3.1, -0.5), *np.arange(-2.5, 3.1, 0.5), *np.arange(2.5, -0.1, -0.5)]
+
+
+def stops(cycles: int) -> Protocol:
+    steps = [{"to_deg": round(float(to), 3), "velocity_deg_per_s": 5.0, "hold_s": 0.5} for to in STOPS[1:]]
+    return Protocol(name="stops", cycles=cycles, step=steps)
+
+
+class Person(SimulatedClock):
+    """Somebody who turns a stage where the program says, beyond it and back, and presses Enter; and their time.
+
+    The clock waits for them, so that what they do takes no longer than it is to.
+    """
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self.axis, self.asked, self._rng = Axis(50.0), 0, np.random.default_rng(seed)
+        self._due_s, self._answered = math.inf, threading.Event()
+
+    def hear(self, line: str) -> None:
+        found = re.search(r"to ([+-][\d.]+) deg", line)
+        assert found is not None
+        self.asked += 1
+        begun_s = self.now_s() + self._rng.uniform(0.2, 1.0)
+        move = self.axis.send(begun_s, float(found[1]) + 0.4, self._rng.uniform(0.3, 2.0))
+        self._answered.clear()
+        self._due_s = self.axis.send(move.end_s, float(found[1]), 1.0).end_s + 0.3
+
+    def sleep(self, duration_s: float) -> None:
+        super().sleep(duration_s)
+        if self.now_s() >= self._due_s:
+            self._due_s = math.inf
+            self._answered.set()
+            time.sleep(0.002)  # their line is on its way
+
+    def answer(self) -> str:
+        self._answered.wait(10.0)
+        return "\n"
+
+
+def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Path) -> None:
+    person = Person(seed=1)
+    stage = HandStage("deg", person.hear, person.answer)
+    run = closed(tmp_path, stops(3), stage, person, person.axis.positions)
+    assert run.outcome == "done"
+    assert person.asked == 3 * 24 + 1
+    with h5netcdf.File(run.path, "r") as file:
+        read = {name: file.groups["A"].variables[name][...] for name in ("time_s", "angle_deg", "right")}
+        assert np.isnan(file.variables["stage_position"][...]).any()
+    true = person.axis.positions(read["time_s"])
+    assert read["angle_deg"] == pytest.approx(true, abs=1e-9)  # nothing of the ways between
+    assert set(np.round(read["angle_deg"], 6)) == set(np.round(STOPS, 6))
+    found = study([run.path]).to_dict()["sensors"]["A"]["receivers"]["right"]
+    slope = np.polyfit(found["angle_deg"], found["mean_V"], 1)[0]
+    assert slope == pytest.approx(5_000 * 5.0 / 65_536, rel=1e-3)
+    assert found["hysteresis_percent"] < 0.5
+
+
+def answered(stage: HandStage) -> None:
+    due = time.monotonic() + 5.0
+    while not stage.on_target() and time.monotonic() < due:
+        time.sleep(1e-3)
+
+
+def test_what_is_typed_is_where_it_stands() -> None:
+    said: list[str] = []
+    lines = iter(["2,9\n", "there\n", "-3.1\n", ""])
+    stage = HandStage("deg", said.append, lambda: next(lines))
+    assert math.isnan(stage.position())
+    stage.begin_move(3.0, 1.0)
+    answered(stage)
+    assert stage.position() == 2.9
+    stage.begin_move(-3.0, 1.0)
+    assert math.isnan(stage.position())
+    answered(stage)
+    assert stage.position() == -3.1
+    assert [line for line in said if "no position" in line] == [
+        "'there' is no position in deg; press Enter, or type a number."
+    ]
+    stage.begin_move(-3.1, 1.0)  # it stands there
+    assert len(said) == 3
+    stage.begin_move(0.0, 1.0)
+    with pytest.raises(BenchError, match="nobody answers"):
+        answered(stage)
+
+
+def test_a_rig_with_a_hand_needs_no_port_and_has_no_model() -> None:
+    sensor = {"name": "A", "design": "a.toml", "emitter": 1, "right": 1, "left": 2}
+    board = {"driver": "serial", "port": "COM3"}
+    rig = Rig(name="hand", stage={"driver": "hand"}, board=board, sensor=(sensor,))
+    assert not rig.simulated
+    with pytest.raises(BenchError, match=r"model = 'M-060\.DG'"):
+        Rig(name="x", stage={"driver": "hand", "model": "M-060.DG"}, board=board, sensor=(sensor,))
+    with pytest.raises(BenchError, match="lever_mm"):
+        Rig(name="x", stage={"driver": "hand", "unit": "mm"}, board=board, sensor=(sensor,))
+    with pytest.raises(BenchError, match=r"unit = 'mm'; M-060\.DG moves in deg"):
+        Rig(name="x", stage={"unit": "mm"}, sensor=(sensor,))
