@@ -255,7 +255,7 @@ def test_bad_protocols_are_told_in_one_line(bench: Path, change: tuple[str, str]
         (('name = "B"', 'name = "aux.1"'), "'aux.1'; is a device on Windows"),
         (('name = "B"', 'name = "B."'), "nor end in a dot"),
         (("right = 4", "right = 1"), "input 1 is used twice"),
-        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "must be one of M-060.DG, M-111.1DG"),
+        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "model = 'M-1'; .* M-060.DG, M-111.1DG are"),
         (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
         (("[board]", '[board]\nport = "COM1"'), "port = 'COM1'; is for a real board"),
         (("[board]", '[stage]\ndriver = "gcs2"\n[board]'), "a real stage needs it$"),
