@@ -19,12 +19,11 @@ import tomli_w
 from pydantic import Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.files import read_text
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
 from solen.results import HIDDEN, reported
 from solen.spec import Design, Material
-from solen.spec.shipped import ShippedFiles
+from solen.spec.shipped import Library
 from solen.spec.strict import (
     Document,
     Migrations,
@@ -33,9 +32,7 @@ from solen.spec.strict import (
     Positive,
     Strict,
     Text,
-    migrated,
     nearest,
-    parse_toml,
     refused,
     told_of,
 )
@@ -46,8 +43,6 @@ LOSS_APART_NM = 20.0
 """How far a wavelength may be from that of a loss before it is warned of."""
 WHOLE, OFF_WHOLE = 100.0, 0.1
 """What the parts of a formulation add up to, and how far the rounding of their percentages may leave it."""
-
-_SHELF = ShippedFiles(files("solen.material") / "library", "resin")
 
 Interval = tuple[Number, Number]
 
@@ -236,13 +231,6 @@ class Optical:
         return None if self.dispersion is None else self.dispersion.mode or None
 
 
-def _resin(text: str, what: str) -> Resin:
-    data = parse_toml(text, what, DataError)
-    data = migrated(data, what, current=RESIN_SCHEMA, migrations=RESIN_MIGRATIONS, error=DataError)
-    with told_of(what):
-        return Resin(**data)
-
-
 def load_resin(path: Path | str) -> Resin:
     """Resin of a file.
 
@@ -251,8 +239,7 @@ def load_resin(path: Path | str) -> Resin:
     DataError
         Where the file cannot be read, is not TOML, has another schema, or is not a valid resin.
     """
-    path = Path(path)
-    return _resin(read_text(path, DataError), str(path))
+    return _library().load(path)
 
 
 def dumps_resin(resin: Resin, comment: str = "") -> str:
@@ -271,14 +258,18 @@ def dumps_resin(resin: Resin, comment: str = "") -> str:
     return "".join([f"# {comment}\n" if comment else "", tomli_w.dumps(tables)])
 
 
+def _library() -> Library[Resin]:
+    return Library(files("solen.material") / "library", "resin", Resin, RESIN_SCHEMA, RESIN_MIGRATIONS)
+
+
 def library() -> tuple[str, ...]:
     """Names of the resins that solen ships, sorted."""
-    return _SHELF.names()
+    return _library().names()
 
 
 def library_resin(name: str) -> Resin:
     """Resin of the library; `DataError` with the nearest name where there is none of that name."""
-    return _resin(_SHELF.text(name), f"resin {name}")
+    return _library().shipped(name)
 
 
 def optical(design: Design) -> Optical:

@@ -17,9 +17,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.files import read_text
 from solen.spec.light import why_no_pattern
-from solen.spec.shipped import ShippedFiles
+from solen.spec.shipped import Library
 from solen.spec.strict import (
     Migrations,
     NotNegative,
@@ -27,10 +26,7 @@ from solen.spec.strict import (
     Positive,
     Strict,
     Text,
-    migrated,
-    parse_toml,
     refused,
-    told_of,
 )
 
 PART_SCHEMA = 1
@@ -38,8 +34,6 @@ PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into t
 
 Basis = Literal["datasheet", "sibling", "measured", "estimate"]
 Angle = Annotated[Number, Field(ge=0, le=180)]
-
-_SHELF = ShippedFiles(files("solen.parts") / "library", "part")
 
 
 class Sourced(Strict):
@@ -236,28 +230,25 @@ def load_part(path: Path | str) -> Part:
     DataError
         Where the file cannot be read, is not TOML, has another schema, or is not a valid part.
     """
-    path = Path(path)
-    return _part(read_text(path, DataError), str(path))
+    return _LIBRARY.load(path)
 
 
 def library() -> tuple[str, ...]:
     """Names of the parts that solen ships, sorted."""
-    return _SHELF.names()
+    return _LIBRARY.names()
 
 
 def library_part(name: str) -> Part:
     """Part of the library; `DataError` with the nearest name where there is none of that name."""
-    return _part(_SHELF.text(name), f"part {name}")
+    return _LIBRARY.shipped(name)
 
 
-def _part(text: str, what: str) -> Part:
-    data: dict[str, Any] = parse_toml(text, what, DataError)
-    data = migrated(data, what, current=PART_SCHEMA, migrations=PART_MIGRATIONS, error=DataError)
+def _part(**data: Any) -> Part:
     kind = KINDS.get(str(data.get("kind")))
     if kind is None:
         remedy = 'add e.g. kind = "emitter"' if "kind" not in data else ""
-        raise DataError(
-            f"{what}: kind", value=data.get("kind"), limit=f"must be one of {', '.join(KINDS)}", remedy=remedy
-        )
-    with told_of(what):
-        return kind(**data)
+        raise DataError("kind", value=data.get("kind"), limit=f"must be one of {', '.join(KINDS)}", remedy=remedy)
+    return kind(**data)
+
+
+_LIBRARY: Library[Part] = Library(files("solen.parts") / "library", "part", _part, PART_SCHEMA, PART_MIGRATIONS)

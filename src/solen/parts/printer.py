@@ -16,20 +16,17 @@ from typing import Annotated, ClassVar
 from pydantic import Field
 
 from solen.errors import DataError, SolenError
-from solen.files import read_text
 from solen.parts.datasheet import PART_MIGRATIONS, PART_SCHEMA, Quantity, Sourced
 from solen.registry import PRINTERS
 from solen.results import Result
-from solen.spec.shipped import ShippedFiles
-from solen.spec.strict import Strict, Text, migrated, parse_toml, told_of
+from solen.spec.shipped import Library
+from solen.spec.strict import Strict, Text
 
 MOST_PIXELS = 20_000
 """Along one side."""
 SURE = ("datasheet", "measured")
 
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
-
-_SHELF = ShippedFiles(files("solen.parts") / "printers", "printer", PRINTERS)
 
 
 class Pixels(Sourced):
@@ -90,14 +87,18 @@ class Printer(Strict):
         return tuple(name for name, number in deciding.items() if number.basis not in SURE)
 
 
+def _library() -> Library[Printer]:
+    return Library(files("solen.parts") / "printers", "printer", Printer, PART_SCHEMA, PART_MIGRATIONS, PRINTERS)
+
+
 def printers() -> tuple[str, ...]:
     """Names of the printers that solen and other packages ship, sorted."""
-    return _SHELF.names()
+    return _library().names()
 
 
 def library_printer(name: str) -> Printer:
     """Printer of the library; `DataError` with the nearest name where there is none of that name."""
-    return _printer(_SHELF.text(name), f"printer {name}")
+    return _library().shipped(name)
 
 
 def load_printer(path: Path | str) -> Printer:
@@ -108,8 +109,7 @@ def load_printer(path: Path | str) -> Printer:
     DataError
         Where the file cannot be read, is not TOML, has another schema, or is not a valid printer.
     """
-    path = Path(path)
-    return _printer(read_text(path, DataError), str(path))
+    return _library().load(path)
 
 
 def printer_of(text: str) -> Printer:
@@ -150,10 +150,3 @@ class PrinterList(Result):
     """The printers of the library."""
 
     printers: tuple[PrinterSummary, ...]
-
-
-def _printer(text: str, what: str) -> Printer:
-    data = parse_toml(text, what, DataError)
-    data = migrated(data, what, current=PART_SCHEMA, migrations=PART_MIGRATIONS, error=DataError)
-    with told_of(what):
-        return Printer(**data)

@@ -1,24 +1,34 @@
-"""Files that solen ships by name: resins, parts, and whatever comes in a folder of TOML files beside its reader."""
+"""Libraries of TOML files: those that solen ships by name (resins, parts, printers), and a user's own by path."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pathlib import Path
 from types import ModuleType
+from typing import Generic, TypeVar
 
 from solen.errors import DataError
+from solen.files import read_text
 from solen.registry import Registry
-from solen.spec.strict import nearest
+from solen.spec.strict import Migrations, migrated, nearest, parse_toml, told_of
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class ShippedFiles:
-    """A folder of TOML files; ``what`` they are, in a word.
+class Library(Generic[T]):
+    """A folder of TOML files; ``what`` they are, in a word, and what ``make`` makes of the keys of one.
 
-    Other packages add to it by entry points of the ``group``: each names a package that holds ``NAME.toml``.
+    ``migrations`` take the tables of an old version into those of the next, up to ``schema``. Other packages add to it
+    by entry points of the ``group``: each names a package that holds ``NAME.toml``.
     """
 
     folder: Traversable
     what: str
+    make: Callable[..., T]
+    schema: int
+    migrations: Migrations
     group: str = ""
 
     @property
@@ -45,3 +55,17 @@ class ShippedFiles:
         if not file.is_file():
             file = files(self._added[name]) / f"{name}.toml"
         return file.read_text(encoding="utf-8")
+
+    def shipped(self, name: str) -> T:
+        """One of the library; `DataError` with the nearest name where there is none of that name."""
+        return self._made(self.text(name), f"{self.what} {name}")
+
+    def load(self, path: Path | str) -> T:
+        """One of a file; `DataError` where it cannot be read, is not TOML, has another schema, or is not valid."""
+        return self._made(read_text(Path(path), DataError), str(path))
+
+    def _made(self, text: str, what: str) -> T:
+        data = parse_toml(text, what, DataError)
+        data = migrated(data, what, current=self.schema, migrations=self.migrations, error=DataError)
+        with told_of(what):
+            return self.make(**data)

