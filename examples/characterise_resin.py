@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from solen.material.gather import BuildOptions
 from solen.material.index.options import IndexOptions
+from solen.material.resin_from_results import BuildOptions
 from solen.pipeline.resin import cure, cutback, index, library, stiffness
 from solen.sensor import Sensor, index_offsets
 from solen.spec import loads, template, with_values

@@ -7,7 +7,7 @@ on both ways, which separates f and δ. Each cycle gives its own shift; a line t
 and rate of the clock, its residuals their uncertainties.
 
 A log has few entries, and a ramp begins and ends between two of them: a straight line there would cut the corner. The
-ramp's own line and the level of the hold meet in it (`solen.analysis.corners`); such times are not used for the lag.
+ramp's own line and the level of the hold meet in it (`solen.analysis.log_interpolation`); such times are not used for the lag.
 
 What every cycle shares is not in the scatter of cycles: an encoder's steps are added, and where parts of the range ask
 for lags that differ more than those of the cycles, their scatter is the uncertainty.
@@ -25,7 +25,7 @@ import numpy as np
 from scipy.interpolate import BSpline, make_lsq_spline
 from scipy.signal import fftconvolve
 
-from solen.analysis.corners import LoggedAngle, logged_angle
+from solen.analysis.log_interpolation import LoggedAngle, logged_angle
 from solen.analysis.motion import Motion, find_motion
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError

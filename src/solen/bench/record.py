@@ -22,8 +22,8 @@ from solen import __version__, files
 from solen.bench.catalogue import Catalogue, header_of
 from solen.bench.clock import Clock, SimulatedClock, WallClock
 from solen.bench.drivers import open_instruments
-from solen.bench.ends import Ended, ended_by_signals, uninterrupted
 from solen.bench.homing import Confirm, make_known
+from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
 from solen.bench.journal import SUFFIX, Journal, JournalContent, read_journal, reserve_of
 from solen.bench.lock import locked
 from solen.bench.netcdf import RecordedRun, check_installed, write_recording

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from solen.bench.clock import Clock
-from solen.bench.ends import Ended, uninterrupted
+from solen.bench.interrupts import Ended, uninterrupted
 from solen.bench.journal import Journal, JournalContent
 from solen.bench.protocol import Protocol, Step
 from solen.bench.roles import Daq, EmitterBoard, Stage

@@ -10,13 +10,13 @@ lens as printed.
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
-from solen.sensor.idle import idle_keys
 from solen.sensor.index_offset import IndexOffset, index_offsets
 from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
 from solen.sensor.readings import Acceptance, readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
 from solen.sensor.study import Case, DesignStudy, Summary, study
+from solen.sensor.unused_keys import unused_keys
 
 __all__ = [
     "OPTICAL_KEYS",
@@ -47,11 +47,11 @@ __all__ = [
     "as_printed",
     "budget",
     "check",
-    "idle_keys",
     "index_offsets",
     "lens_check",
     "practice",
     "readings",
     "received",
     "study",
+    "unused_keys",
 ]

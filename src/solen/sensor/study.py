@@ -10,10 +10,10 @@ from solen.material import Optical
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.as_printed import AsPrinted, as_printed
 from solen.sensor.check import BodySizes, Focus, body_sizes, foci_of
-from solen.sensor.idle import idle_keys
 from solen.sensor.practice import Practice, practice
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
+from solen.sensor.unused_keys import unused_keys
 from solen.spec import Design
 
 SCHEMA = 1
@@ -203,7 +203,7 @@ class DesignStudy(Result):
         """What must be known before its numbers are used."""
         return (
             *self.sensor.warnings,
-            *idle_keys(self.sensor),
+            *unused_keys(self.sensor),
             *(() if self.practice is None else self.practice.warnings),
         )
 

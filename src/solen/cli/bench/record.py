@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.bench.catalogue import RecordingList
-from solen.bench.ends import Ended, pass_over
+from solen.bench.interrupts import Ended, pass_over
 from solen.bench.netcdf import RecordedRun
 from solen.bench.record import RecordOptions
 from solen.bench.run import Tick

@@ -8,9 +8,9 @@ from pydantic import BaseModel
 
 from solen.cli.app import FLAT, FigureFile, lines, listing, short, text
 from solen.material.facts import IndexAt, ResinFacts, ResinList, ShowOptions, listed
-from solen.material.gather import BuildOptions
 from solen.material.mix import MixOptions, Mixtures, Weighed, mixtures
 from solen.material.resin import Source
+from solen.material.resin_from_results import BuildOptions
 from solen.results import Outcome
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from solen import __version__, files
 from solen.errors import OutputError
 from solen.material.facts import ResinFacts, facts_of
-from solen.material.gather import BuildOptions, gather
 from solen.material.resin import dumps_resin, resin_of
+from solen.material.resin_from_results import BuildOptions, gather
 from solen.pipeline.outputs import check_ending, check_outputs, write
 from solen.results import Outcome
 from solen.spec.design import names_file

@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from solen.bench.ends import Ended, ended_by_signals, uninterrupted
+from solen.bench.interrupts import Ended, ended_by_signals, uninterrupted
 
 ENDING = [name for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, name)]
 

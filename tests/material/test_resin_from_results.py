@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from solen.errors import DataError
 from solen.material import Cauchy, Sellmeier, Tabulated
-from solen.material.gather import (
+from solen.material.resin import Resin, dumps_resin
+from solen.material.resin_from_results import (
     READERS,
     CureResult,
     CutbackResult,
@@ -21,7 +22,6 @@ from solen.material.gather import (
     gaps,
     thinned,
 )
-from solen.material.resin import Resin, dumps_resin
 
 
 def spectrum(n: list[float | None], **more: Any) -> dict[str, Any]:
