@@ -7,7 +7,8 @@ on both ways, which separates f and δ. Each cycle gives its own shift; a line t
 and rate of the clock, its residuals their uncertainties.
 
 A log has few entries, and a ramp begins and ends between two of them: a straight line there would cut the corner. The
-ramp's own line and the level of the hold meet in it (`solen.analysis.log_interpolation`); such times are not used for the lag.
+ramp's own line and the level of the hold meet in it (`solen.analysis.log_interpolation`); such times are left out of
+the lag.
 
 What every cycle shares is not in the scatter of cycles: an encoder's steps are added, and where parts of the range ask
 for lags that differ more than those of the cycles, their scatter is the uncertainty.

@@ -16,7 +16,7 @@ from solen.sensor.readings import Acceptance, readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
 from solen.sensor.study import Case, DesignStudy, Summary, study
-from solen.sensor.unused_keys import unused_keys
+from solen.sensor.unused_keys import keys_without_effect
 
 __all__ = [
     "OPTICAL_KEYS",
@@ -48,10 +48,10 @@ __all__ = [
     "budget",
     "check",
     "index_offsets",
+    "keys_without_effect",
     "lens_check",
     "practice",
     "readings",
     "received",
     "study",
-    "unused_keys",
 ]

@@ -14,7 +14,7 @@ from solen.material import Optical
 from solen.results import Result
 from solen.sensor.index_offset import steps
 from solen.sensor.sensor import Sensor
-from solen.sensor.unused_keys import unused_keys
+from solen.sensor.unused_keys import keys_without_effect
 from solen.spec.strict import Finite, Options
 
 
@@ -158,7 +158,7 @@ def check(sensor: Sensor) -> Check:
         lens=sensor.cut,
         foci=foci_of(sensor),
         body=body_sizes(sensor),
-        warnings=(*sensor.warnings, *unused_keys(sensor)),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor)),
     )
 
 

@@ -20,7 +20,7 @@ from solen.recording import Provenance
 from solen.scene import Scene
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
-from solen.sensor.unused_keys import unused_keys
+from solen.sensor.unused_keys import keys_without_effect
 from solen.trace import trace
 
 SIDES = ("right", "left")
@@ -141,7 +141,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
         temperature_C=design.readout.temperature_c,
         ambient_mW_per_cm2=design.readout.ambient_mw_cm2,
         parts=tuple(PartUsed(part.name, part.kind, part.document, part.estimates) for part in parts),
-        warnings=(*sensor.warnings, *unused_keys(sensor, "power"), *reasons, *found.coarse()),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor, "power"), *reasons, *found.coarse()),
     )
 
 

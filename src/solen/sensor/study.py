@@ -13,7 +13,7 @@ from solen.sensor.check import BodySizes, Focus, body_sizes, foci_of
 from solen.sensor.practice import Practice, practice
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
-from solen.sensor.unused_keys import unused_keys
+from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 
 SCHEMA = 1
@@ -203,7 +203,7 @@ class DesignStudy(Result):
         """What must be known before its numbers are used."""
         return (
             *self.sensor.warnings,
-            *unused_keys(self.sensor),
+            *keys_without_effect(self.sensor),
             *(() if self.practice is None else self.practice.warnings),
         )
 

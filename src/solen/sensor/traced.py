@@ -9,7 +9,7 @@ from solen.errors import SpecError
 from solen.results import HIDDEN, Result
 from solen.sensor.response import Sensitivity
 from solen.sensor.sensor import OPTICAL_KEYS, Sensor
-from solen.sensor.unused_keys import unused_keys
+from solen.sensor.unused_keys import keys_without_effect
 from solen.trace import Convergence, Trace, convergence
 from solen.trace.described import Branch, branches, face_names
 from solen.trace.options import TraceOptions, check_paths, trace_with
@@ -104,7 +104,7 @@ def trace_design(
         in_space=scene.extrusion is not None,
         faces=face_names(scene),
         branches=branches(trace, scene) if paths else None,
-        warnings=(*sensor.warnings, *unused_keys(sensor, trace.mode)),
+        warnings=(*sensor.warnings, *keys_without_effect(sensor, trace.mode)),
     )
 
 

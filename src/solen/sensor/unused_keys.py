@@ -11,7 +11,7 @@ from solen.spec import Wall
 from solen.trace import Mode
 
 
-def unused_keys(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
+def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
     """A sentence for each key that the design states and that has no effect in its dimension, or in a mode."""
     found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
     shape = sensor.design.lens.shape
