@@ -11,7 +11,7 @@ from solen.curve import Curve, Spline
 from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, MeasuredProfile, OvalLens, profile_text
 from solen.plane import Rigid
-from solen.sensor import Response, Sensor, as_printed, unused_keys
+from solen.sensor import Response, Sensor, as_printed, keys_without_effect
 from solen.spec import loads
 from solen.trace import Limits, trace, trace_reference
 from tests.agreement.compare_support import TURN_RAD, compared, turned
@@ -243,6 +243,6 @@ def test_another_index_leaves_the_measured_lens_as_it_is(tmp_path: Path) -> None
 
 def test_a_profile_that_is_not_used_is_told(tmp_path: Path) -> None:
     unused = loads('schema = 1\nname = "a"\n[material]\nindex = 1.44\n[lens]\nprofile = "lens.json"\n', folder=tmp_path)
-    assert unused_keys(Sensor.of(unused)) == (
+    assert keys_without_effect(Sensor.of(unused)) == (
         'lens.profile has no effect with lens.shape = "cartesian-oval"; set lens.shape = "measured"',
     )

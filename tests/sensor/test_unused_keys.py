@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from solen.sensor import Sensor, unused_keys
+from solen.sensor import Sensor, keys_without_effect
 from solen.spec import Design
 from solen.trace import Mode
 
@@ -64,7 +64,7 @@ def traced(tables: dict[str, Any], mode: Mode) -> dict[str, float]:
 def test_a_key_that_is_told_of_changes_nothing(
     tables: dict[str, Any], without: dict[str, Any], mode: Mode, told: str
 ) -> None:
-    (sentence,) = unused_keys(Sensor.of(Design.model_validate(PAPER | tables)), mode)
+    (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode)
     assert sentence.startswith(told)
     assert "has no effect in" in sentence
     assert traced(tables, mode) == traced(without, mode)
@@ -74,12 +74,12 @@ def test_a_key_that_is_told_of_changes_nothing(
 def test_a_key_that_changes_something_is_not_told_of(
     tables: dict[str, Any], without: dict[str, Any], mode: Mode
 ) -> None:
-    assert unused_keys(Sensor.of(Design.model_validate(PAPER | tables)), mode) == ()
+    assert keys_without_effect(Sensor.of(Design.model_validate(PAPER | tables)), mode) == ()
     assert traced(tables, mode) != traced(without, mode)
 
 
 def test_a_ripple_across_is_told_of_in_the_plane_alone() -> None:
     wall = {"face": "outer-*", "texture_pitch_um": 50.0, "texture_amplitude_um": 1.0, "texture_direction": "across"}
-    (sentence,) = unused_keys(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]})))
+    (sentence,) = keys_without_effect(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]})))
     assert sentence.startswith('wall[0].texture_direction = "across" has no effect in the plane')
-    assert unused_keys(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]} | SPACE))) == ()
+    assert keys_without_effect(Sensor.of(Design.model_validate(PAPER | {"wall": [wall]} | SPACE))) == ()
