@@ -45,6 +45,14 @@ def _(index: LayerIndex) -> Iterator[str]:
     )
     yield f"  {'nm':>8}  {'n':<18} {'k':<22} {'lossless n':<10}"
     yield from (_row(index, at) for at in range(0, count, max(1, -(-count // MOST_ROWS))))
+    if (film := index.interference) is not None:
+        optical = ""
+        if film.optical_thickness_um is not None:
+            optical = f", n times thickness {film.optical_thickness_um:.4f} ± {short(film.u_optical_thickness_um)} µm"
+        yield (
+            f"layer {film.thickness_um:.2f} ± {short(film.u_thickness_um)} µm thick{optical}, thickness in the beam "
+            f"± {100.0 * film.thickness_spread:.2g} %"
+        )
     yield from evaluated_lines(index.at, index.led)
     if index.fit is not None:
         model = plain(index.fit.model)

@@ -22,6 +22,7 @@ from pydantic import Field
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index import Length, measured, reading
+from solen.material.index.interference import fringes_of
 from solen.material.regression import fitted, t_tail
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
 from solen.recording import Channel, Recording, Spectrum, spectra
@@ -67,6 +68,11 @@ class Sample:
     wavelength_nm: FloatArray
     transmittance: FloatArray
     reflectance: FloatArray | None = None
+
+    def interferes(self, thickness_um: float) -> bool:
+        """Whether its spectra show fringes, so that no index follows from single wavelengths."""
+        spectra = {"T": self.transmittance} | ({} if self.reflectance is None else {"R": self.reflectance})
+        return bool(fringes_of(self.wavelength_nm, spectra, Length(thickness_um)))
 
 
 @dataclass(frozen=True)
@@ -309,7 +315,9 @@ def _at(nm: float, layers: Sequence[Sample], seconds: FloatArray, thickness_um: 
     )
     n = np.full(len(layers), np.nan)
     if thickness_um is not None:
-        for number in np.flatnonzero(np.isfinite(r)):
+        for number in np.flatnonzero(np.isfinite(r)).tolist():
+            if layers[number].interferes(thickness_um):
+                continue
             both = reading([t[number]], name="T"), reading([r[number]], name="R")
             n[number] = measured([nm], *both, Length(thickness_um)).n.value[0]
     return AtWavelength(nm, t, r, n, trend(seconds, t), trend(seconds, n))
@@ -337,6 +345,8 @@ def _warnings(
         warnings.append("no reflectance: transmittance alone does not say how the index changes")
     elif thickness_um is None:
         warnings.append("the index needs --thickness-um")
+    elif fringed := [one.name for one in layers if one.reflectance is not None and one.interferes(thickness_um)]:
+        warnings.append(f"no index of {', '.join(fringed)}: fringes are detected; solen resin index fits them")
     return warnings
 
 

@@ -4,8 +4,15 @@ The idea: fringes are λ²/(2nh) apart. A monochromator whose bandwidth is well 
 them and the powers add; one whose bandwidth is below sees them, and so does a spectrum whose wavelengths are close
 enough to show them. Points that are too far apart show no fringe and are still off by it.
 
-The interface: `fringe_warnings`, in sentences.
+Fringes are periodic in n/λ, and nothing else in a spectrum is: they are looked for by the share of the scatter that a
+cosine of 4πnh/λ takes away, over n·h and over how n falls, and count as seen where noise would hardly ever do as much.
+
+The interface: `find_fringes` gives a `Phase` for each way to read them, none where there are none; `fringe_warnings`
+says in sentences what a bandwidth leaves open.
 """
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +20,186 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.units import NM_PER_UM
 
+_FEWEST = 24  # points in which fringes can be looked for
+_SMOOTH = 5  # degree of the curve that is no fringe
+_LEAST_FRINGES = 3.0  # in the range
+_RISES = tuple(np.linspace(0.0, 0.03, 7))
+_CHANCE = -4.0  # logarithm of how often noise may be taken for fringes
+_SAME_UM, _MOST_WAYS, _ORDERS = 0.15, 3, 6.0
+_MOST_RISE = 0.1
+_WINDOWS, _LEAST_WINDOWS = 12, 3  # parts of a spectrum, and in how many fringes must be
+_LEAST_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth curve look like fringes
+
 
 def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:
     """Distance in nm between two maxima of the interference of a layer's two faces, λ²/(2nh)."""
     wavelength = np.asarray(wavelength_nm, dtype=float)
     return np.asarray(wavelength**2 / (2.0 * np.asarray(n) * np.asarray(thickness_um) * NM_PER_UM))
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A way to read fringes: 4π · optical thickness/λ · (1 + rise·u + bend·u²), u from −1 to 1 along 1/λ².
+
+    Attributes
+    ----------
+    optical_um
+        n times thickness where u is 0.
+    rise, bend
+        How n rises towards short wavelengths, relative.
+    share
+        Part of the scatter about a smooth curve that they explain.
+    amplitude
+        Their root mean square.
+    """
+
+    optical_um: float
+    rise: float
+    bend: float
+    share: float
+    amplitude: float
+
+
+def find_fringes(
+    wavelength_nm: FloatArray,
+    values: FloatArray,
+    optical_um: tuple[float, float],
+    beside: FloatArray | None = None,
+) -> list[Phase]:
+    """Ways to read the fringes of a spectrum, the best first; none where noise explains it, or an absorption band.
+
+    Parameters
+    ----------
+    wavelength_nm, values
+        Ascending, and T, or T − R; shape (n,).
+    optical_um
+        Least and greatest n times thickness.
+    beside
+        T + R, which fringes leave alone and absorption does not.
+    """
+    count = wavelength_nm.size
+    if count < _FEWEST:
+        return []
+    um = wavelength_nm / NM_PER_UM
+    ends = um[-1] ** -2, um[0] ** -2
+    u = (um**-2 - sum(ends) / 2.0) / ((ends[1] - ends[0]) / 2.0)
+    coarse: list[tuple[float, float, float]] = []
+    for part in (slice(None), slice(count // 2, None)):  # a slit takes those at short wavelengths away
+        coarse += _periodogram(um[part], u[part], _level(values[part]), optical_um)
+    coarse.sort(reverse=True)
+    if not coarse or coarse[0][0] > 1.0:
+        return []
+    seen: list[tuple[float, float, float]] = []
+    for one in coarse:
+        if all(abs(one[1] - other[1]) > _SAME_UM for other in seen):
+            seen.append(one)
+    off = _level(values)
+    ways = [_refined(um, u, off, optical, rise) for _, optical, rise in seen[:_MOST_WAYS]]
+    ways += [_hopped(um, u, off, ways[0], by) for by in np.arange(-_ORDERS, _ORDERS + 0.1, 0.5) if by]
+    found: list[Phase] = []
+    for way in sorted(ways, key=lambda one: -one.share):
+        inside = optical_um[0] <= way.optical_um <= optical_um[1] and abs(way.rise) < _MOST_RISE
+        apart = all(abs(way.optical_um - other.optical_um) > 0.1 for other in found)
+        if inside and apart and way.amplitude > _LEAST_AMPLITUDE:
+            found.append(way)
+    if not found or not _are_fringes(um, u, off, None if beside is None else _level(beside), found[0]):
+        return []
+    return [one for one in found if one.share > 0.5 * found[0].share][:_MOST_WAYS]
+
+
+def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
+    """Whether they run through much of the spectrum, and leave T + R alone; a band does neither."""
+    waves = np.exp(4j * np.pi * phase.optical_um * (1.0 + phase.rise * u + phase.bend * u**2) / um)
+    parts = np.array_split(np.arange(um.size), _WINDOWS)
+    here = np.array([abs(np.mean(off[part] * waves[part])) for part in parts])
+    if int((here > 0.3 * here.max()).sum()) < _LEAST_WINDOWS:
+        return False
+    if beside is None:
+        return True
+    there = np.array([abs(np.mean(beside[part] * waves[part])) for part in parts])
+    return float(np.sum(there**2)) < 0.25 * float(np.sum(here**2))
+
+
+def _level(values: FloatArray) -> FloatArray:
+    """Values about a smooth curve."""
+    z = np.linspace(-1.0, 1.0, values.size)
+    return np.asarray(values - np.polynomial.chebyshev.Chebyshev.fit(z, values, _SMOOTH, domain=(-1, 1))(z))
+
+
+def _periodogram(
+    um: FloatArray, u: FloatArray, off: FloatArray, optical_um: tuple[float, float]
+) -> list[tuple[float, float, float]]:
+    """Logarithm of the chance of noise, n·h and rise of the strongest periods that noise does not explain."""
+    span = abs(2.0 / um[0] - 2.0 / um[-1])
+    optical = np.arange(max(optical_um[0], _LEAST_FRINGES / span), optical_um[1], 0.2 / span)
+    total, freedom = float(off @ off), (um.size - _SMOOTH - 3) / 2.0
+    if not (optical.size and total > 0.0):
+        return []
+    best = []
+    for rise in _RISES:
+        power = np.abs(np.exp(1j * np.outer(optical, 4.0 * np.pi * (1.0 + rise * u) / um)) @ off) ** 2
+        share = np.minimum(2.0 * power / um.size / total, 1.0 - 1e-12)
+        for place in np.argsort(share)[::-1][:2]:
+            chance = np.log10(optical.size * len(_RISES)) + freedom * np.log10(1.0 - share[place])
+            best.append((float(chance), float(optical[place]), float(rise)))
+    return [(chance - _CHANCE, one, rise) for chance, one, rise in best if chance < _CHANCE]
+
+
+def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, rise: float) -> Phase:
+    """The period beside a coarse one whose cosine, with an amplitude that changes smoothly, explains most."""
+    envelope = np.stack([np.ones_like(u), u, u**2])
+
+    def explained(near: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
+        waves = np.cos(np.outer(near, 4.0 * np.pi * (1.0 + slope * u) / um))
+        right = waves @ (envelope * off).T
+        square = waves**2
+        left = np.stack([[square @ (a * b) for b in envelope] for a in envelope]).transpose(2, 0, 1)
+        answer = np.linalg.solve(left + 1e-9 * um.size * np.eye(3), right[..., None])[..., 0]
+        return (right * answer).sum(axis=1) / float(off @ off), answer[:, 0] - 0.5 * answer[:, 1]
+
+    tried = []
+    for slope in rise + np.linspace(-0.008, 0.008, 17):
+        near = np.arange(optical - 0.6, optical + 0.6, 0.02)
+        share, sign = explained(near, slope)
+        at = int(np.argmax(np.where(sign > 0.0, share, -1.0)))
+        tried.append((float(share[at]), float(near[at]), float(slope)))
+    _, best, slope = max(tried)
+    return _polished(um, u, off, np.array([best, best * slope, 0.0]))
+
+
+def _hopped(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
+    """Fringes that are by so many orders other ones, with the same phases as nearly as may be."""
+    shape = np.stack([np.ones_like(u), u, u**2])
+    shift = np.linalg.lstsq(shape.T, by * um / 2.0, rcond=None)[0]
+    return _polished(um, u, off, phase.optical_um * np.array([1.0, phase.rise, phase.bend]) + shift)
+
+
+def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> Phase:
+    """The same with a bend in the dispersion, by Gauss and Newton from a start."""
+    per_um = 4.0 * np.pi / um
+    shape: FloatArray = np.stack([np.ones_like(u), u, u**2])
+    envelope: FloatArray = np.stack([np.ones_like(u), u, u**2, u**3])
+
+    def misfit(p: FloatArray) -> tuple[FloatArray, FloatArray]:
+        phase = np.asarray(per_um * (p @ shape))
+        waves = envelope * np.cos(phase)
+        size = np.linalg.lstsq(waves.T, off, rcond=None)[0]
+        slope = -(size @ envelope) * np.sin(phase) * per_um * shape
+        return off - size @ waves, np.vstack([waves, slope])
+
+    left, slopes = misfit(p)
+    for _ in range(20):
+        step = np.linalg.lstsq(slopes.T, left, rcond=None)[0][envelope.shape[0] :]
+        for part in (1.0, 0.3, 0.1):
+            other, turned = misfit(p + part * step)
+            if float(other @ other) < float(left @ left):
+                p, left, slopes = p + part * step, other, turned
+                break
+        else:
+            break
+    explained = math.sqrt(max(float(np.mean(off**2) - np.mean(left**2)), 0.0))
+    share = 1.0 - float(left @ left) / float(off @ off)
+    return Phase(float(p[0]), float(p[1] / p[0]), float(p[2] / p[0]), share, explained)
 
 
 def fringe_warnings(

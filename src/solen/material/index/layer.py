@@ -19,6 +19,7 @@ from solen.material.index.fit import Fit
 from solen.material.index.formula import formula_through, smoothed_scatter
 from solen.material.index.fringes import fringe_warnings
 from solen.material.index.illuminant import Evaluated, formula_in, index_in, lines, named_light
+from solen.material.index.interference import MODE, Interference, fringed, fringes_of
 from solen.material.index.literature import Band, band, check_dispersion, check_index
 from solen.material.index.mixups import refuse_mixups
 from solen.material.index.options import IndexOptions
@@ -89,6 +90,8 @@ class LayerIndex(Measured):
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n
         Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
+    interference
+        What the fringes say of the layer; None where none were detected.
     """
 
     file: str
@@ -123,6 +126,7 @@ class LayerIndex(Measured):
     traces: Mapping[str, tuple[str, ...]]
     repeats_nm: float | None
     repeats_lossless_n: FloatArray | None
+    interference: Interference | None
     spectrum: IndexSpectrum = field(metadata=HIDDEN)
 
 
@@ -139,8 +143,10 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     beside = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, chosen)
     refuse_mixups(spectra.rows, spectra.names)
-    spectrum = _routed(spectra, options)
     bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
+    spectrum, interference = _interfering(spectra, options, bandwidth_nm)
+    if spectrum is None:
+        spectrum = _routed(spectra, options)
     fit, fit_warnings = formula_through(spectrum, options.fit, options.terms)
     literature, literature_warnings = _literature(spectrum, options)
     at = [lines([nm], [1.0]) for nm in options.at_nm]
@@ -188,6 +194,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         traces=spectra.names,
         repeats_nm=repeats_nm,
         repeats_lossless_n=repeats_n,
+        interference=interference,
         sources=(recording.provenance,),
         warnings=(
             *spectrum.warnings,
@@ -201,6 +208,35 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         ),
         spectrum=spectrum,
     )
+
+
+def _interfering(
+    spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
+) -> tuple[IndexSpectrum | None, Interference | None]:
+    """Index by the fringes of T and R, where they are detected or asked for; None of both where there are none.
+
+    Raises
+    ------
+    DataError, SpecError
+        Where fringes are asked for and not there, or are there and another route is asked for.
+    """
+    if options.mode in {"as-published", "absorptance"} or not {"T", "R"} & spectra.rows.keys():
+        return None, None
+    thickness = None if options.thickness_um is None else options.thickness
+    kinds = [kind for kind in ("T", "R") if kind in spectra.rows and not (kind == "R" and options.mode == "lossless")]
+    nm, readings = spectra.wavelength_nm, {kind: _reading(spectra, options, kind) for kind in kinds}
+    phases = fringes_of(nm, {kind: one.value for kind, one in readings.items()}, thickness)
+    if not phases:
+        if options.mode == MODE:
+            raise SpecError("--mode fringes", limit="no fringes are detected", remedy="leave --mode out")
+        return None, None
+    if options.mode in {"measured", "lossless"}:
+        amplitude = np.sqrt(2.0) * phases[0].amplitude
+        limit = f"adds powers, but fringes of ± {amplitude:.2g} are detected, whose faces interfere"
+        raise DataError(
+            f"--mode {options.mode}", limit=limit, remedy="leave --mode out: the route for fringes is taken"
+        )
+    return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm))
 
 
 def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
@@ -335,7 +371,7 @@ def _about_instrument(
                 f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
                 "layer cannot, that of one measured against its bare substrate can; if so, state --baseline substrate"
             )
-    if options.thickness_um is not None:
+    if options.thickness_um is not None and spectrum.mode != MODE:
         n = spectrum.lossless.value
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():

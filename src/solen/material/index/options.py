@@ -45,9 +45,10 @@ class IndexOptions(RowOptions):
     """Thickness of the layer in µm; only the lossless mode needs none."""
     u_thickness_um: Finite | None = None
     """Its standard uncertainty."""
-    mode: Literal["measured", "absorptance", "as-published", "lossless"] | None = None
-    """Route: measured (R and T measured), absorptance (R = 1 − T − A), lossless (T alone, k = 0 assumed) or
-    as-published (R = 1 − T + log10 T, not a measurement); default: by what was measured, never as-published."""
+    mode: Literal["measured", "absorptance", "as-published", "lossless", "fringes"] | None = None
+    """Route: measured (R and T measured), absorptance (R = 1 − T − A), lossless (T alone, k = 0 assumed), fringes (T, R
+    or both of a layer whose faces interfere) or as-published (R = 1 − T + log10 T, not a measurement); default:
+    by what was measured, with fringes detected automatically, never as-published."""
     transmittance: tuple[str, ...] = ()
     """Name of a trace of T; repeatable, for repeats of one measurement. Naming one trace is naming all."""
     reflectance: tuple[str, ...] = ()

@@ -15,6 +15,7 @@ TITLES = {
     "absorptance": "from T and absorptance, R = 1 − T − A",
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
+    "fringes": "by levels and fringes of its spectra",
 }
 """What each mode is, as a title states it."""
 
@@ -51,10 +52,11 @@ def _widened(low: float, high: float) -> tuple[float, float]:
 
 def _draw_light(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     against = ", against the bare substrate" if index.baseline == "substrate" else ""
-    axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{against}")
-    if index.mode == "measured":
+    if np.isfinite(index.T).any():
+        axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{against}")
+    if index.mode in {"measured", "fringes"} and np.isfinite(index.R).any():
         axes.plot(nm, index.R, _style(nm), color=LEFT, ms=3, lw=1.4, label="R")
-    elif index.mode != "lossless":
+    elif index.mode not in {"lossless", "fringes"}:
         axes.plot(nm, index.R, "--", color=LEFT, lw=1.2, label="R, by difference")
     low, high = axes.get_ylim()
     axes.set(ylabel="fraction", ylim=(min(low, 0.0), max(high, 1.0)))
@@ -65,7 +67,9 @@ def _draw_loss(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     t, r = index.T, index.R
     absorbance = -np.log10(np.where(t > 0.0, t, np.nan))
     axes.plot(nm, absorbance, _style(nm), color=RIGHT, ms=3, lw=1.4, label="absorbance −log10 T")
-    if index.mode in {"measured", "absorptance"} and not index.options.substrate:  # T and R of one baseline
+    if (
+        index.mode in {"measured", "absorptance", "fringes"} and np.isfinite(r).any() and not index.options.substrate
+    ):  # T and R of one baseline
         axes.plot(nm, 1.0 - r - t, _style(nm), color=SPACE, ms=3, lw=1.4, label="absorptance 1 − R − T")
         axes.legend(fontsize=8)
     axes.axhline(0.0, color=INK, lw=0.6)
@@ -80,7 +84,7 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     axes.plot(nm, n, _style(nm), color=colour, ms=3, lw=1.4, label="n")
     _draw_literature(axes, nm, index)
     limits = axes.get_ylim()
-    if index.mode != "lossless":
+    if index.mode not in {"lossless", "fringes"}:
         axes.plot(nm, index.lossless_n, ":", color=LOST, lw=1.4, label="lossless, from T alone")
     _draw_fit(axes, index.fit)
     axes.set_ylim(*_widened(*limits))

@@ -1,0 +1,444 @@
+"""A layer whose faces interfere: n(λ), k(λ) ≥ 0 and thickness from T, R or both; what blurs the fringes is fitted too.
+
+The idea: what is not known beside the index is fitted with it, each with what is known of it before: the thickness by a
+micrometer, the slit by the instrument, the spread of the thickness within the beam by nothing, an error of a 100 %
+reading by the stated accuracy. Fringes then give n times thickness to a part in ten thousand, the level of R gives n,
+the micrometer helps to tell them apart, and the covariance holds what the data leave open. k is a line through knots,
+each at least 0. Scatter is judged by the residuals themselves.
+
+Fringes have many nearly equal solutions, an order apart. Those beside the best are tried; what a second one would say
+is in the covariance by its weight.
+
+The interface: `Measured` is what was read and what is known, `fit_film` gives a `Film`.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.material.index.coherence import Blur, layer, stacked
+from solen.material.index.fringes import Phase
+from solen.material.index.reading import Length, Reading
+from solen.material.index.stack import Setup
+from solen.units import NM_PER_UM
+
+SLIT_SHARE = 0.1
+"""Standard uncertainty of a stated slit width, relative; its shape counts in it."""
+U_THICKNESS = 0.1
+"""Standard uncertainty of a thickness whose own is not stated, relative."""
+_MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
+_BEND = 0.01  # standard deviation of what the third term adds to n over half of the range, before anything is known
+_OTHER = 0.02  # standard uncertainty of the contrast, relative, beside slit and thickness
+_KNOTS = 6
+_STEP = 1e-30
+_STATED_U = 1e-3  # weight of readings before their scatter is known
+_ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # orders beside a solution that are tried, and how often
+_BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase that are tried
+_TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of it
+_APART = 12.0  # of χ², from which on another solution has no weight
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """What was read of a layer, and what is known beside it.
+
+    Attributes
+    ----------
+    wavelength_nm
+        Shape (n,), ascending.
+    readings
+        ``T``, ``R`` or both.
+    thickness
+        By a micrometer; None where it is not known.
+    slit_nm
+        Slit width; None where it is not known.
+    setup
+        Sheet that the layer is on; None in air.
+    """
+
+    wavelength_nm: FloatArray
+    readings: dict[str, Reading]
+    thickness: Length | None = None
+    slit_nm: float | None = None
+    setup: Setup | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """A fitted layer; arrays of shape (n,) along the wavelengths.
+
+    Attributes
+    ----------
+    n, k
+        Index and extinction.
+    parts_n, parts_k
+        Their uncertainty as independent errors common to all wavelengths, shape (parts, n): the covariance of two
+        wavelengths is the sum of their products.
+    thickness_um, u_thickness_um
+        Mean thickness and its standard uncertainty.
+    optical_um, u_optical_um
+        n times thickness at the middle wavelength, and its standard uncertainty.
+    spread
+        Standard deviation of the thickness within the beam, relative.
+    slit_nm
+        Slit width as it fits best.
+    visibility
+        Share of the contrast of a perfect film that is left, in the middle.
+    residual
+        Root mean square of measured minus fitted, by reading.
+    amplitude
+        Root mean square of the fringes in it, by reading.
+    fitted
+        Fitted spectra, by reading.
+    """
+
+    n: FloatArray
+    k: FloatArray
+    parts_n: FloatArray
+    parts_k: FloatArray
+    thickness_um: float
+    u_thickness_um: float
+    optical_um: float
+    u_optical_um: float
+    spread: float
+    slit_nm: float
+    visibility: float
+    residual: dict[str, float]
+    amplitude: dict[str, float]
+    fitted: dict[str, FloatArray]
+
+
+class _Model:
+    """Parameters of a layer and what they predict; names are places in the vector of parameters."""
+
+    def __init__(self, measured: Measured, level: float, optical_um: float, *, coherent: bool = True) -> None:
+        nm = measured.wavelength_nm
+        self.measured, self.level, self.optical_um = measured, level, optical_um
+        self.coherent = coherent
+        self.um = nm / NM_PER_UM
+        x, ends = self.um**-2, (self.um[-1] ** -2, self.um[0] ** -2)
+        self.middle = (ends[0] + ends[1]) / 2.0
+        self.half = max((ends[1] - ends[0]) / 2.0, 1e-12)
+        self.u = (x - self.middle) / self.half
+        self.u_per_nm = -2.0 * self.um**-3 / self.half / NM_PER_UM
+        self.hats = _hats(nm, min(_KNOTS, max(2, nm.size // 8)))
+        self.k_unit = 1e-4
+        names = ["n", "rise", "bend", "ln_optical", "slit", "rough", "wedge", "other"]
+        if measured.setup is not None:
+            names.append("sheet")
+        names += [f"off_{kind}" for kind in measured.readings]
+        self.names = {name: place for place, name in enumerate(names)}
+        self.first_k = len(names)
+        self.size = len(names) + self.hats.shape[1]
+        self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in measured.readings}
+
+    def start(self, phase: Phase) -> FloatArray:
+        """Where a search begins: the phase that the fringes show, and what leaves their contrast best."""
+        p = np.zeros(self.size)
+        slit = self.measured.slit_nm
+        values = {"n": self.level, "rise": self.level * phase.rise, "bend": self.level * phase.bend}
+        for name, value in values.items():
+            p[self.names[name]] = value
+        p[self.first_k :] = 0.05
+        return min((self.blurred(p, width) for width in ((slit,) if slit else (0.3, 1.0, 3.0))), key=self.cost)
+
+    def cost(self, p: FloatArray) -> float:
+        """Sum of squares."""
+        off = self.residuals(p)
+        return float(off @ off)
+
+    def blurred(self, p: FloatArray, slit: float) -> FloatArray:
+        """The same with the spreads of the thickness that fit best, of a few."""
+        if not self.coherent:
+            return p
+        middle = 4.0 * np.pi * self.optical_um * np.sqrt(self.middle)
+        places = [self.names[name] for name in ("slit", "rough", "wedge")]
+        tried = []
+        for rough in _BLURRED / middle:
+            for wedge in _TURNED / middle / np.sqrt(3.0):
+                q = p.copy()
+                q[places] = slit, rough, wedge
+                tried.append(np.clip(q, *self.bounds))
+        return min(tried, key=self.cost)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and greatest parameters."""
+        low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
+        limits = {
+            "n": (1.05, 4.5),
+            "slit": (0.0, _MOST_SLIT_NM),
+            "rough": (0.0, _MOST_SPREAD),
+            "wedge": (0.0, _MOST_SPREAD),
+        }
+        for name, (least, most) in limits.items():
+            low[self.names[name]], high[self.names[name]] = least, most
+        low[self.first_k :] = 0.0
+        return low, high
+
+    def index(self, p: Any) -> tuple[Any, Any]:
+        """Index and its derivative by the wavelength."""
+        n, rise, bend = (p[self.names[name]] for name in ("n", "rise", "bend"))
+        u = self.u
+        return n + rise * u + bend * u**2, (rise + 2.0 * bend * u) * self.u_per_nm
+
+    def thickness(self, p: Any) -> Any:
+        """Thickness in µm."""
+        return self.optical_um * np.exp(p[self.names["ln_optical"]]) / p[self.names["n"]]
+
+    def blur(self, p: Any) -> Blur:
+        """What takes the contrast away; all of it of a layer that is taken by its levels alone."""
+        if not self.coherent:
+            return Blur(0.0, 10.0)
+        return Blur(*(p[self.names[name]] for name in ("slit", "rough", "wedge", "other")))
+
+    def spectra(self, p: Any, blur: Blur | None = None) -> dict[str, Any]:
+        """What the instrument would read, by kind."""
+        setup, nm = self.measured.setup, self.measured.wavelength_nm
+        n, slope = self.index(p)
+        k = self.k_unit * (self.hats @ p[self.first_k :])
+        sheet = None
+        behind: Any = 1.0
+        if setup is not None:
+            behind = np.asarray(setup.substrate.n) + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n))
+            sheet = (behind, setup.substrate.k, setup.substrate.thickness_um)
+        piece = layer(n, slope, k, self.thickness(p), nm, behind, blur or self.blur(p))
+        read = stacked(piece, sheet, nm, setup)
+        return {kind: getattr(read, kind) + p[self.names[f"off_{kind}"]] for kind in self.measured.readings}
+
+    def residuals(self, p: Any) -> Any:
+        """Weighted residuals of the readings, then of what is known before."""
+        spectra, rows = self.spectra(p), []
+        for kind, reading in self.measured.readings.items():
+            rows.append((spectra[kind] - reading.value) / self.scatter[kind])
+        return np.concatenate([*rows, self.prior(p)])
+
+    def prior(self, p: Any) -> Any:
+        """What is known before, in standard uncertainties."""
+        at = {name: p[place] for name, place in self.names.items()}
+        rows = [at["bend"] / _BEND, at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
+        rows.append(at["other"] / _OTHER)
+        if (thickness := self.measured.thickness) is not None:
+            u = U_THICKNESS * thickness.um if thickness.u_um is None else max(thickness.u_um, 1e-4 * thickness.um)
+            rows.append((self.thickness(p) - thickness.um) / u)
+        slit = self.measured.slit_nm
+        rows.append(at["slit"] / _MOST_SLIT_NM if slit is None else (at["slit"] / slit - 1.0) / SLIT_SHARE)
+        if "sheet" in at:
+            rows.append(at["sheet"])
+        for kind, reading in self.measured.readings.items():
+            u = float(np.sqrt(np.mean((reading.u_common**2).sum(axis=0))))
+            rows.append(at[f"off_{kind}"] / max(u, 1e-6))
+        return np.stack(rows)
+
+    def slopes(self, p: FloatArray) -> FloatArray:
+        """Derivatives of the residuals, by a complex step; by all k in one, as each acts at its wavelength alone."""
+        one_by_one = np.zeros((self.residuals(p).size, self.first_k))
+        for place in range(self.first_k):
+            moved = p.astype(complex)
+            moved[place] += 1j * _STEP
+            one_by_one[:, place] = self.residuals(moved).imag / _STEP
+        moved = p.astype(complex)
+        moved[self.first_k :] += 1j * _STEP
+        by_k = self.residuals(moved).imag / _STEP
+        rows = np.zeros((by_k.size, self.hats.shape[1]))
+        count = len(self.measured.readings)
+        rows[: count * self.hats.shape[0]] = np.tile(self.hats, (count, 1)) * by_k[: count * self.hats.shape[0], None]
+        return np.hstack([one_by_one, rows])
+
+    def solve(self, p: FloatArray, steps: int = 25) -> tuple[FloatArray, float]:
+        """Parameters of the least squares from a start, and their sum of squares.
+
+        Levenberg's and Marquardt's steps in the parameters that are free: not at a bound that the step would cross.
+        """
+        low, high = self.bounds
+        p = np.clip(p, low, high)
+        off = self.residuals(p)
+        cost, damping = float(off @ off), 1e-3
+        for _ in range(steps):
+            slope = self.slopes(p)
+            pull = slope.T @ off
+            free = ~(((p <= low) & (pull > 0.0)) | ((p >= high) & (pull < 0.0)))
+            normal = slope[:, free].T @ slope[:, free]
+            before = cost
+            for _ in range(6):
+                step = np.zeros(p.size)
+                step[free] = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), pull[free])
+                moved = np.clip(p + step, low, high)
+                other = self.residuals(moved)
+                if float(other @ other) < cost:
+                    p, off, cost, damping = moved, other, float(other @ other), damping / 10.0
+                    break
+                damping = max(10.0 * damping, 1e-4)
+            if before - cost < 0.01:
+                break
+        return p, cost
+
+    def ordered(self, p: FloatArray, by: float) -> FloatArray:
+        """Parameters whose fringes are by so many orders other ones, with the same phases as nearly as may be."""
+        names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
+        shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
+        places = [names[name] for name in ("n", "rise", "bend")]
+        optical = self.optical_um * float(np.exp(p[names["ln_optical"]]))
+        paths = optical * p[places] / p[names["n"]] + shift
+        moved = p.copy()
+        moved[places[1:]] = p[names["n"]] * paths[1:] / paths[0]
+        moved[names["ln_optical"]] = np.log(paths[0] / self.optical_um)
+        return moved
+
+    def weigh(self, p: FloatArray) -> None:
+        """Take the scatter of the residuals for that of the readings, where repeats do not say more."""
+        spectra = self.spectra(p)
+        for kind, reading in self.measured.readings.items():
+            off = reading.value - spectra[kind]
+            freedom = max(off.size - self.size / len(self.measured.readings), off.size / 4.0)
+            self.scatter[kind] = np.maximum(max(float(np.sqrt(np.sum(off**2) / freedom)), 1e-9), reading.u_random)
+
+
+def _unit(u: FloatArray) -> FloatArray:
+    return np.where(u > 0.0, u, 1e-9)
+
+
+def _hats(nm: FloatArray, count: int) -> FloatArray:
+    """Piecewise linear functions of the wavelength with a knot at each of so many places, shape (n, count)."""
+    knots = np.linspace(nm[0], nm[-1], count)
+    return np.stack([np.interp(nm, knots, row) for row in np.eye(count)], axis=1)
+
+
+def fit_film(measured: Measured, level: float, phases: Sequence[Phase]) -> Film:
+    """Layer whose fringes and levels are those that were read.
+
+    Parameters
+    ----------
+    level
+        Index to start from.
+    phases
+        What the fringes may be, the best first.
+
+    Raises
+    ------
+    DataError
+        Where the spectra do not determine a film.
+    """
+    begun = []
+    for phase in phases:
+        model = _Model(measured, level, phase.optical_um)
+        begun.append((model, *model.solve(model.start(phase), 6)))
+    model, p, _ = min(begun, key=lambda one: one[2])
+    p = _best_order(model, p)
+    for _ in range(2):
+        p, cost = model.solve(p)
+        model.weigh(p)
+    solutions = [model.solve(p), *(model.solve(model.ordered(p, by), 12) for by in (-1.0, -0.5, 0.5, 1.0))]
+    p, cost = min(solutions, key=lambda one: one[1])
+    place = model.names["ln_optical"]
+    order = 0.5 / np.sqrt(model.middle) / model.optical_um
+    rivals = [one for one in solutions if one[1] < cost + _APART and abs(one[0][place] - p[place]) > order / 4.0]
+    return _film(model, p, cost, rivals)
+
+
+def fit_levels(measured: Measured, level: float) -> Film:
+    """Layer by its levels alone, the sum of powers: fringes that are left count as scatter of neighbours."""
+    thickness_um = 25.0 if measured.thickness is None else measured.thickness.um
+    model = _Model(measured, level, level * thickness_um, coherent=False)
+    p = model.start(Phase(model.optical_um, 0.01, 0.0, 0.0, 0.0))
+    for _ in range(3):
+        p, _ = model.solve(p)
+        model.weigh(p)
+    return _film(model, *model.solve(p), ())
+
+
+def _best_order(model: _Model, p: FloatArray) -> FloatArray:
+    """Solution that no order beside it improves: fringes an order apart differ by hardly another dispersion."""
+    p, cost = model.solve(p, 6)
+    for _ in range(_MOST_ORDERS):
+        beside = [model.solve(model.ordered(p, by), 4) for by in _ORDERS]
+        better, less = min(beside, key=lambda one: one[1])
+        if less > 0.999 * cost:
+            break
+        p, cost = better, less
+    return p
+
+
+def _film(model: _Model, p: FloatArray, cost: float, rivals: Sequence[tuple[FloatArray, float]]) -> Film:
+    parts = _parts(model, p)
+
+    def changes(function: Callable[[Any], Any]) -> FloatArray:
+        return np.stack([np.atleast_1d(function(p + 1j * _STEP * row)).imag / _STEP for row in parts])
+
+    def k_of(q: Any) -> Any:
+        return model.k_unit * (model.hats @ q[model.first_k :])
+
+    loose = _parts(model, p, k_is_free=True)
+
+    def changes_of_k() -> FloatArray:
+        return loose[:, model.first_k :] @ (model.k_unit * model.hats.T)
+
+    n, place = model.index(p)[0], model.names["ln_optical"]
+    total = 1.0 + sum(np.exp((cost - misfit) / 2.0) for _, misfit in rivals)
+    doubt = [np.sqrt(np.exp((cost - misfit) / 2.0) / total) * (model.index(other)[0] - n) for other, misfit in rivals]
+    apart = sum(np.exp((cost - misfit) / 2.0) / total * float(other[place] - p[place]) ** 2 for other, misfit in rivals)
+    thickness, optical = changes(model.thickness), changes(lambda q: np.exp(q[model.names["ln_optical"]]))
+    spectra = model.spectra(p)
+    clear = model.spectra(p, Blur(0.0, 10.0))
+    slit, rough, wedge = (float(p[model.names[name]]) for name in ("slit", "rough", "wedge"))
+    optical_um = model.optical_um * float(np.exp(p[model.names["ln_optical"]]))
+    phase = 4.0 * np.pi * optical_um * np.sqrt(model.middle)
+    per_nm = phase * np.sqrt(model.middle) / NM_PER_UM
+    return Film(
+        n=n,
+        k=k_of(p),
+        parts_n=np.vstack([changes(lambda q: model.index(q)[0]), *doubt])
+        if doubt
+        else changes(lambda q: model.index(q)[0]),
+        parts_k=changes_of_k(),
+        thickness_um=float(model.thickness(p)),
+        u_thickness_um=float(np.sqrt((thickness**2).sum())),
+        optical_um=optical_um,
+        u_optical_um=model.optical_um * float(np.sqrt((optical**2).sum() + apart)),
+        spread=float(np.hypot(rough, wedge)),
+        slit_nm=slit,
+        visibility=float(Blur(slit, rough, wedge).left(1, phase, per_nm)),
+        residual={
+            kind: float(np.sqrt(np.mean((reading.value - spectra[kind]) ** 2)))
+            for kind, reading in model.measured.readings.items()
+        },
+        amplitude={kind: float(np.std(spectra[kind] - clear[kind])) for kind in spectra},
+        fitted=spectra,
+    )
+
+
+def _parts(model: _Model, p: FloatArray, *, k_is_free: bool = False) -> FloatArray:
+    """Covariance of the parameters as rows, whose products it sums up; a parameter at its bound stays there.
+
+    For bounds of k itself its knots are free at 0, too.
+
+    Neighbours that err together, as a slit wider than the step makes them, widen it.
+    """
+    low, high = model.bounds
+    free: BoolArray = (p > low + 1e-9) & (p < high - 1e-9)
+    if k_is_free:
+        free[model.first_k :] = True
+    slopes = model.slopes(p)[:, free]
+    scale = np.sqrt((slopes**2).sum(axis=0))
+    scale[scale == 0.0] = 1.0
+    _, sizes, axes = np.linalg.svd(slopes / scale, full_matrices=False)
+    if sizes[-1] < 1e-10 * sizes[0]:
+        raise DataError("film", limit="is not determined by these spectra", remedy="state the thickness and the slit")
+    rows = np.zeros((sizes.size, p.size))
+    rows[:, free] = axes / sizes[:, None] / scale
+    return np.asarray(rows * np.sqrt(_likeness(model, p)))
+
+
+def _likeness(model: _Model, p: FloatArray) -> float:
+    """What the variance is widened with where neighbours err together."""
+    spectra, most = model.spectra(p), 1.0
+    for kind, reading in model.measured.readings.items():
+        off = reading.value - spectra[kind]
+        rho = float(np.sum(off[1:] * off[:-1]) / max(np.sum(off**2), 1e-300))
+        if rho > 2.33 / np.sqrt(off.size):
+            most = max(most, (1.0 + min(rho, 0.9)) / (1.0 - min(rho, 0.9)))
+    return most

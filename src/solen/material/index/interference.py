@@ -1,0 +1,191 @@
+"""The route of a layer whose fringes are seen: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
+
+The idea: fringes in the data are recognised by themselves. Then the index follows from a film whose coherence is fitted
+with it (`solen.material.index.film`). What is left of the spectra is searched once more: where it has fringes still, no
+such film made them, and n is taken from the levels of T and R alone, with the fringes as scatter in its uncertainty.
+
+The interface: `fringes_of` readings, `fringed` gives the spectrum and an `Interference`.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from solen.arrays import FloatArray
+from solen.errors import DataError
+from solen.material.index.film import Film, Measured, fit_film, fit_levels
+from solen.material.index.fringes import Phase, find_fringes
+from solen.material.index.inversion import invert
+from solen.material.index.masks import THREE_SIGMAS, Why, counted
+from solen.material.index.reading import Combined, Length, Reading
+from solen.material.index.routes import lossless_index
+from solen.material.index.spectrum import IndexSpectrum, estimate, nothing
+from solen.material.index.stack import Setup
+from solen.results import HIDDEN, Result
+
+MODE = "fringes"
+"""Name of the route."""
+_INDICES = (1.25, 1.9)  # of layers whose fringes are looked for, in optical thickness over thickness
+_THICK_UM = (8.0, 150.0)  # n times thickness where the thickness is not stated
+_USUAL = 1.5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Interference(Result):
+    """What the fringes of a layer say beside its index.
+
+    Attributes
+    ----------
+    thickness_um, u_thickness_um
+        Mean thickness, and its standard uncertainty.
+    optical_thickness_um, u_optical_thickness_um
+        n times thickness at the middle of the spectrum, and its standard uncertainty; None where only the levels count.
+    thickness_spread
+        Standard deviation of the thickness within the beam, relative, as the contrast shows it.
+    slit_nm
+        Slit width that fits best.
+    visibility
+        Share of the contrast of a perfect film, in the middle of the spectrum.
+    by_levels
+        Whether no film explains the fringes, so that n is from the levels of the spectra.
+    residual
+        Root mean square of measured minus fitted, by reading.
+    """
+
+    thickness_um: float
+    u_thickness_um: float
+    optical_thickness_um: float | None
+    u_optical_thickness_um: float | None
+    thickness_spread: float
+    slit_nm: float
+    visibility: float
+    by_levels: bool
+    residual: Mapping[str, float]
+    fitted: Mapping[str, FloatArray] = field(metadata=HIDDEN)
+
+
+def fringes_of(
+    wavelength_nm: FloatArray, readings: Mapping[str, ArrayLike], thickness: Length | None = None
+) -> list[Phase]:
+    """Fringes of T, of R, or of their difference where both were measured; none where noise explains it."""
+    spectra = {kind: np.asarray(values, dtype=float) for kind, values in readings.items()}
+    beside = None
+    if set(spectra) == {"T", "R"}:
+        values, beside = (spectra["T"] - spectra["R"]) / 2.0, (spectra["T"] + spectra["R"]) / 2.0
+    else:
+        values = spectra["T"] if "T" in spectra else -spectra["R"]
+    known = np.isfinite(values)
+    least, most = _THICK_UM
+    if thickness is not None:
+        margin = min(max(3.0 * (thickness.u_um or 0.0) / thickness.um, 0.15), 0.5)
+        least, most = (thickness.um * end for end in (_INDICES[0] * (1.0 - margin), _INDICES[1] * (1.0 + margin)))
+    return find_fringes(wavelength_nm[known], values[known], (least, most), None if beside is None else beside[known])
+
+
+def fringed(
+    wavelength_nm: FloatArray,
+    readings: Mapping[str, Reading],
+    phases: list[Phase],
+    thickness: Length | None,
+    slit_nm: float | None,
+    setup: Setup | None = None,
+) -> tuple[IndexSpectrum, Interference]:
+    """Index and extinction of a layer whose fringes were found.
+
+    Raises
+    ------
+    DataError
+        Where a reading is missing between others, or the spectra do not determine a film.
+    """
+    if not all(np.isfinite(one.value).all() for one in readings.values()):
+        limit = "must have a number at every wavelength where fringes are fitted"
+        raise DataError("T and R", limit=limit, remedy="leave the rows without one out")
+    measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup)
+    level = _level(readings)
+    film = fit_film(measured, level, phases)
+    left = {kind: one.value - film.fitted[kind] for kind, one in readings.items()}
+    by_levels = bool(fringes_of(wavelength_nm, left, thickness))
+    if by_levels:
+        film = fit_levels(measured, level)
+    return _spectrum(measured, film, by_levels=by_levels), _facts(film, by_levels=by_levels)
+
+
+def _level(readings: Mapping[str, Reading]) -> float:
+    """Index to start from, by what T and R are in the middle of their fringes."""
+    middle = {kind: float(np.median(one.value)) for kind, one in readings.items()}
+    if set(middle) == {"T", "R"}:
+        n = float(invert(middle["R"], middle["T"], 25.0, 600.0).n)
+    else:
+        n = float(lossless_index(middle["T"] if "T" in middle else 1.0 - middle["R"]))
+    return n if _INDICES[0] < n < _INDICES[1] else _USUAL
+
+
+def _facts(film: Film, *, by_levels: bool) -> Interference:
+    return Interference(
+        thickness_um=film.thickness_um,
+        u_thickness_um=film.u_thickness_um,
+        optical_thickness_um=None if by_levels else film.optical_um,
+        u_optical_thickness_um=None if by_levels else film.u_optical_um,
+        thickness_spread=film.spread,
+        slit_nm=film.slit_nm,
+        visibility=film.visibility,
+        by_levels=by_levels,
+        residual=film.residual,
+        fitted=film.fitted,
+    )
+
+
+def _spectrum(measured: Measured, film: Film, *, by_levels: bool) -> IndexSpectrum:
+    nm, nothing_known = measured.wavelength_nm, np.full(film.n.size, np.nan)
+    n, k = (_common(parts) for parts in (film.parts_n, film.parts_k))
+    fine = np.full(nm.size, int(Why.FINE), dtype=np.int8)
+    small = film.k <= k.bound(THREE_SIGMAS)
+    no_k = np.where(small, Why.SMALL, fine).astype(np.int8)
+    values = {kind: one.value for kind, one in measured.readings.items()}
+    return IndexSpectrum(
+        mode=MODE,
+        measurement=True,
+        wavelength_nm=nm,
+        n=estimate(film.n, n, fine),
+        k=estimate(film.k, k, no_k),
+        k_low95=np.where(small, 0.0, np.maximum(film.k - k.bound(0.95), 0.0)),
+        k_high95=film.k + k.bound(0.95),
+        correlation=nothing_known,
+        lossless=nothing(np.full(nm.size, int(Why.ASSUMED), dtype=np.int8)),
+        reflectance=values.get("R", nothing_known),
+        transmittance=values.get("T", nothing_known),
+        thickness=Length(film.thickness_um, film.u_thickness_um),
+        warnings=(*_remarks(measured, by_levels=by_levels), *counted("k", no_k)),
+    )
+
+
+def _common(parts: FloatArray) -> Combined:
+    size = parts.shape[1]
+    return Combined(np.zeros(size), parts, np.full(size, np.inf))
+
+
+def _remarks(measured: Measured, *, by_levels: bool) -> list[str]:
+    """What was chosen, and what is missing."""
+    found = ["fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted"]
+    if by_levels:
+        found = [
+            "fringes were detected that no film of one slit and one spread of its thickness has: n is from the levels "
+            "of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
+        ]
+    if measured.slit_nm is None:
+        found.append(
+            "the bandwidth is not stated and was fitted: --bandwidth-nm, as the contrast of fringes depends on it"
+        )
+    if (thickness := measured.thickness) is None or thickness.u_um is None:
+        found.append("the uncertainty of the thickness is not stated: 10 % is taken, and the fringes decide")
+    unknown = [kind for kind, one in measured.readings.items() if not one.u_common.any()]
+    if unknown:
+        options = " and ".join(f"--u-{kind}" for kind in unknown)
+        found.append(f"the accuracy of {' and '.join(unknown)} is not stated and not in u(n): {options}")
+    if "R" not in measured.readings:
+        found.append(
+            "R was not measured: n rests on the contrast of the fringes and on the thickness; measure R as well"
+        )
+    return [*found, *(remark for one in measured.readings.values() for remark in one.remarks)]
