@@ -51,7 +51,7 @@ def _(index: LayerIndex) -> Iterator[str]:
             optical = f", n times thickness {film.optical_thickness_um:.4f} ± {short(film.u_optical_thickness_um)} µm"
         yield (
             f"layer {film.thickness_um:.2f} ± {short(film.u_thickness_um)} µm thick{optical}, thickness in the beam "
-            f"± {100.0 * film.thickness_spread:.2g} %"
+            f"± {film.thickness_spread_percent:.2g} %"
         )
     yield from evaluated_lines(index.at, index.led)
     if index.fit is not None:

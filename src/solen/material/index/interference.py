@@ -42,8 +42,8 @@ class Interference(Result):
         Mean thickness, and its standard uncertainty.
     optical_thickness_um, u_optical_thickness_um
         n times thickness at the middle of the spectrum, and its standard uncertainty; None where only the levels count.
-    thickness_spread
-        Standard deviation of the thickness within the beam, relative, as the contrast shows it.
+    thickness_spread_percent
+        Standard deviation of the thickness within the beam, as the contrast shows it.
     slit_nm
         Slit width that fits best.
     visibility
@@ -58,7 +58,7 @@ class Interference(Result):
     u_thickness_um: float
     optical_thickness_um: float | None
     u_optical_thickness_um: float | None
-    thickness_spread: float
+    thickness_spread_percent: float
     slit_nm: float
     visibility: float
     by_levels: bool
@@ -128,7 +128,7 @@ def _facts(film: Film, *, by_levels: bool) -> Interference:
         u_thickness_um=film.u_thickness_um,
         optical_thickness_um=None if by_levels else film.optical_um,
         u_optical_thickness_um=None if by_levels else film.u_optical_um,
-        thickness_spread=film.spread,
+        thickness_spread_percent=100.0 * film.spread,
         slit_nm=film.slit_nm,
         visibility=film.visibility,
         by_levels=by_levels,
