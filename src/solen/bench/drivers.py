@@ -60,10 +60,21 @@ def _gcs2(rig: "Rig", clock: Clock) -> Stage:
         return Gcs2Stage(link, clock, stage=table.model, unit=table.unit, axis=table.axis, address=table.address)
 
 
+def _grbl(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.grbl import GrblStage
+    from solen.bench.link import open_link
+
+    table = rig.stage
+    link = open_link(str(table.port), baud=table.baud)
+    with on_failure(link.close):
+        axis = table.axis if "axis" in table.model_fields_set else "X"
+        return GrblStage(link, clock, unit=table.moves_in, axis=axis)
+
+
 def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no clock
     from solen.bench.hand import HandStage
 
-    return HandStage(rig.stage.unit or ("deg" if rig.stage.lever_mm is None else "mm"))
+    return HandStage(rig.stage.moves_in)
 
 
 def _serial(rig: "Rig", clock: Clock) -> EmitterBoard:
@@ -91,6 +102,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
     registry.INSTRUMENTS,
     {
         "gcs2": Driver("stage", _gcs2, needs="port"),
+        "grbl": Driver("stage", _grbl, needs="port"),
         "hand": Driver("stage", _hand),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),

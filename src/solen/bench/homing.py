@@ -18,7 +18,7 @@ Confirm = Callable[[str], bool]
 """Asks whoever is there, and says whether the answer was yes."""
 
 
-def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None) -> None:
+def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None, *, resumed: bool = False) -> None:
     """See that a stage knows its zero.
 
     Parameters
@@ -31,6 +31,8 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
         Position at which the sensor is straight.
     confirm
         Asked where ``home`` is false; None where nobody is there.
+    resumed
+        Whether a run goes on that was interrupted: the stage then stands anywhere.
 
     Raises
     ------
@@ -41,6 +43,9 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
         stage.reference()
     elif stage.referenced:
         return
+    elif home == "here" and resumed:
+        remedy = "close the journal with solen bench recover, and begin another run"
+        raise BenchError(stage.name, limit="has forgotten its zero since the run began", remedy=remedy)
     elif home == "here":
         stage.set_position(zero)
     elif home or (confirm is not None and confirm(f"{stage.name} does not know its zero. {stage.search} Begin?")):

@@ -117,7 +117,7 @@ def record(
             ended_by_signals(),
             _instruments(rig, protocol, rig_file.parent, clock, noise, report) as (stage, sampler, drawn),
         ):
-            make_known(stage, rig.stage.home, rig.stage.zero, confirm)
+            make_known(stage, rig.stage.home, rig.stage.zero, confirm, resumed=before is not None)
             on = Instruments(stage, sampler, clock, _read_every_s(protocol, simulated_time), rig.stage.travel)
             if journal is None:
                 header = _header(protocol, rig, rig_file.parent, simulated_time)

@@ -23,6 +23,8 @@ from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
+OPEN_LOOP = ("grbl", "hand")
+"""Drivers of stages that have no model: whatever the axis turns or pushes."""
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
@@ -44,7 +46,8 @@ class StageOf(BenchTable):
 
     driver: Text = Field(
         "simulated",
-        description="simulated, gcs2 for a controller of PI, hand for one without a motor, or that of another package.",
+        description="simulated, gcs2 for a controller of PI, grbl for a stepper, hand for one without a motor, or "
+        "that of another package.",
     )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
     unit: Literal["deg", "mm"] | None = Field(
@@ -74,17 +77,22 @@ class StageOf(BenchTable):
         _check_driver(self, "port")
         if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
             raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        if self.driver not in {"simulated", "gcs2", "hand"}:
+        if self.driver not in {"simulated", "gcs2", *OPEN_LOOP}:
             return self
-        if self.driver == "hand" and "model" in self.model_fields_set:
-            raise refused("model", "is for a stage with a controller", value=self.model)
+        if self.driver in OPEN_LOOP and "model" in self.model_fields_set:
+            raise refused("model", "is for a stage of gcs2", value=self.model)
         try:
-            unit = self.unit if self.driver == "hand" else unit_of(self.model, self.unit)
+            unit = self.unit if self.driver in OPEN_LOOP else unit_of(self.model, self.unit)
         except BenchError as bad:
             raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
         if unit is not None and (unit == "mm") != (self.lever_mm is not None):
             raise refused("lever_mm", "is for a linear stage, and a linear stage needs it", value=self.lever_mm)
         return self
+
+    @property
+    def moves_in(self) -> Literal["deg", "mm"]:
+        """Unit of its positions: as stated, or mm at the end of a lever."""
+        return self.unit or ("deg" if self.lever_mm is None else "mm")
 
 
 class BoardOf(BenchTable):

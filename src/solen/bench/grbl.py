@@ -1,0 +1,220 @@
+"""Stepper motors on a board with GRBL 1.1, as in small mills and on bare Arduinos with a CNC shield.
+
+The idea: a move is a jog in machine coordinates, which leaves nothing of the controller's own state changed and is
+cancelled by one byte, whatever is under way. ``?`` is answered at once, also while the axis moves. The controller
+counts steps and sees nothing: switched on, or reset by the opening of its port, it does not know where it stands, so
+that a run begins by homing or by taking the place where it stands. Commands, settings and codes: Grbl v1.1 wiki,
+"Commands", "Jogging", "Configuration" and "Interface".
+
+The interface: `GrblStage`, a `Stage` that `solen.bench.roles.Homes`.
+"""
+
+import re
+from typing import Literal
+
+from solen.bench.clock import Clock
+from solen.bench.link import Lines, Link
+from solen.errors import BenchError
+
+CANCEL, STATUS = b"\x85", b"?"
+WAKES_S = 5.0
+"""A board that is reset as its port is opened answers after some seconds."""
+BEGINS_S = 0.25
+"""So long after its command a move may not have begun yet."""
+AT_REST = {"Idle", "Alarm", "Check", "Sleep"}
+AXES = "XYZABC"
+ERRORS = {
+    5: "homing is not enabled ($22)",
+    8: "it is not idle",
+    9: "it is locked after an alarm",
+    15: "the target is beyond its soft limits ($130 to $132)",
+    16: "it does not know this jog",
+    22: "no feed rate",
+}
+"""What the controller means by its error codes; others are shown by number."""
+_STATUS = re.compile(r"<(\w+)(?::\d)?\|(?:.*\|)?MPos:([-\d.,]+)")
+_SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
+
+
+class GrblStage:
+    """One axis of a controller.
+
+    Parameters
+    ----------
+    link, clock
+        Line to the controller, and the clock that time-outs follow.
+    unit
+        Of the axis, as its steps per unit are configured (``$100``): GRBL says mm for both.
+    axis
+        Its letter.
+    answer_s, home_s
+        How long an answer, and homing, may take.
+
+    Raises
+    ------
+    BenchError
+        Where the controller does not answer, is no GRBL 1.1, or reports no machine position.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        unit: Literal["deg", "mm"] = "deg",
+        axis: str = "X",
+        answer_s: float = 1.0,
+        home_s: float = 120.0,
+    ) -> None:
+        if axis not in AXES[:3]:
+            raise BenchError("axis", value=axis, limit="must be X, Y or Z")
+        self.name, self.unit = f"GRBL axis {axis} at {link.name}", unit
+        self._link, self._clock, self._home_s = link, clock, home_s
+        self._lines = Lines(link, clock, timeout_s=answer_s)
+        self._axis, self._place = axis, AXES.index(axis)
+        self._zero: float | None = None
+        self._target, self._begun_s = 0.0, 0.0
+        self._wake()
+        self.identity = next((line for line in self._command("$I") if line.startswith("[VER:")), "")
+        if not self.identity.startswith("[VER:1.1"):
+            raise self._refusal(f"answered {self.identity!r} as its version", "GRBL 1.1 is needed")
+        self._settings = {
+            int(number): float(value) for line in self._command("$$") for number, value in _SETTING.findall(line)
+        }
+
+    @property
+    def referenced(self) -> bool:
+        """Whether its zero was found or set since it was connected."""
+        return self._zero is not None
+
+    @property
+    def search(self) -> str:
+        """How far it may move to find its zero."""
+        if not self._setting(22):
+            return "It has no switch to find it by ($22=0)."
+        return f"It drives to its limit switch, by up to {self._setting(130 + self._place):g} {self.unit}."
+
+    def reference(self) -> None:
+        """Drive to the limit switch, unless its zero is known."""
+        if self.referenced:
+            return
+        self._command("$H", self._home_s)
+        self._zero = 0.0
+
+    def set_position(self, position: float) -> None:
+        """Take where it stands for a position; nothing moves."""
+        state, at = self._status()
+        if state == "Alarm":  # it waits for homing
+            self._command("$X")
+        self._zero = at - position
+
+    def begin_move(self, target: float, velocity: float) -> None:
+        """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
+        if self._zero is None:
+            raise self._refusal("does not know its zero", "reference it first")
+        highest = self._setting(110 + self._place) / 60.0
+        if velocity > highest:
+            limit = f"{velocity:g} {self.unit}/s is above its highest velocity, {highest:g} (${110 + self._place})"
+            raise self._refusal(limit, "move more slowly")
+        self._target = target + self._zero
+        self._begun_s = self._clock.now_s()
+        self._command(f"$J=G21 G90 G53 {self._axis}{self._target:.4f} F{60.0 * velocity:.3f}")
+
+    def position(self) -> float:
+        """Where the axis is, in deg or mm, by the steps that were sent to its motor."""
+        return self._status()[1] - (self._zero or 0.0)
+
+    def on_target(self) -> bool:
+        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere."""
+        state, at = self._status()
+        if state not in AT_REST:
+            return False
+        step = 1.0 / max(self._setting(100 + self._place), 1e-9)
+        if state != "Alarm" and abs(at - self._target) <= 0.5 * step + 2e-3:
+            return True
+        if state == "Alarm" or self._clock.now_s() > self._begun_s + BEGINS_S:
+            limit = f"rests at {at:g}, sent to {self._target:g} (state {state})"
+            raise self._refusal(limit, "did a limit switch or the reset button stop it?")
+        return False
+
+    def stop(self) -> None:
+        """Stop at once, with its acceleration; what was still to be done is dropped."""
+        self._link.write(CANCEL)
+        self._lines.forget()
+        due = self._clock.now_s() + 2.0
+        while self._status()[0] not in AT_REST:
+            if self._clock.now_s() > due:
+                raise self._refusal("does not stop", "cut its supply")
+            self._clock.sleep(0.01)
+
+    def close(self) -> None:
+        """Stop and close the line."""
+        try:
+            self.stop()
+        finally:
+            self._link.close()
+
+    def _wake(self) -> None:
+        """Wait until it answers: opening the port resets most boards, and what came before is of no use."""
+        due, line = self._clock.now_s() + WAKES_S, b""
+        self._link.write(STATUS)
+        while not line.startswith(b"<"):
+            try:
+                line = self._lines.next_bytes()
+            except BenchError:
+                if self._clock.now_s() > due:
+                    raise
+                self._link.write(STATUS)
+            if self._clock.now_s() > due:
+                raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
+        self._lines.forget()
+        self._status()
+
+    def _status(self) -> tuple[str, float]:
+        """State and machine position."""
+        if self._lines.late:
+            self._lines.forget()
+        self._link.write(STATUS)
+        for _ in range(10):
+            line = self._lines.next().strip()
+            if line.startswith("ALARM:"):
+                raise self._refusal(f"raised {line}", "look after the stage")
+            if line.startswith("<"):
+                found = _STATUS.match(line)
+                places = found[2].split(",") if found else []
+                if found is None or len(places) <= self._place:
+                    raise self._refusal(f"answered {line!r}", "let it report machine positions: $10=1")
+                return found[1], float(places[self._place])
+        raise self._refusal("does not answer to ?", "check the baud rate")
+
+    def _command(self, text: str, timeout_s: float | None = None) -> list[str]:
+        """Send a line; what is answered before ``ok``. `BenchError` with the controller's reason."""
+        if self._lines.late:
+            self._lines.forget()
+        self._link.write(f"{text}\n".encode("ascii"))
+        lines: list[str] = []
+        due = self._clock.now_s() + (timeout_s or 0.0)
+        while True:
+            try:
+                line = self._lines.next().strip()
+            except BenchError:
+                if self._clock.now_s() >= due:
+                    raise
+                continue
+            if line == "ok":
+                return lines
+            if line.startswith(("error:", "ALARM:")):
+                raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
+            lines.append(line)
+
+    def _setting(self, number: int) -> float:
+        return self._settings.get(number, 0.0)
+
+    def _refusal(self, limit: str, remedy: str) -> BenchError:
+        return BenchError(self.name, limit=limit, remedy=remedy)
+
+
+def _meaning(line: str) -> str:
+    kind, _, code = line.partition(":")
+    known = ERRORS.get(int(code), "") if kind == "error" and code.isdigit() else ""
+    return f"{line}, {known}" if known else line
