@@ -146,8 +146,33 @@ def test_lines_without_a_header_have_named_columns(folder: Path) -> None:
     named = SignalOptions(columns=("t", "left_V", "right_V"))
     decoded(folder, signals=named, rows=answers, text=["0.5,2.0,2.0\n"])
     assert answers.getvalue().splitlines()[1].startswith("0.500000,")
-    named = SignalOptions(channel=("left=a", "right=b"))
+    named = SignalOptions(channel=("left=a", "right=b"), rate_hz=200.0)
     decoded(folder, signals=named, rows=answers, text=["a,b\n", "2.0,2.0\n"])
+
+
+@pytest.mark.parametrize("mark", ["\ufeff", "\xef\xbb\xbf"], ids=["UTF-8", "Windows-1252"])
+@pytest.mark.parametrize("header", ["t/s,U_L/V,U_R/V", "time_s,left_V,right_V", "Zeit (s);U_L [V];U_R [V]"])
+def test_a_header_may_begin_with_a_mark_of_its_byte_order(folder: Path, mark: str, header: str) -> None:
+    answers = io.StringIO()
+    row = "0.5,2.0,2.0\n" if "," in header else "0,5;2,0;2,0\n"
+    decoded(folder, rows=answers, text=[f"{mark}{header}\n", row])
+    assert answers.getvalue().splitlines()[1].startswith("0.500000,")
+
+
+def test_a_stream_without_times_is_refused_unless_its_rate_is_known(folder: Path) -> None:
+    lines = ["left_V,right_V\n", "2.0,2.0\n", "2.0,2.0\n"]
+    with pytest.raises(DataError, match="--rate-hz"):
+        decoded(folder, text=lines)
+    answers = io.StringIO()
+    decoded(folder, signals=SignalOptions(rate_hz=50.0), rows=answers, text=lines)
+    assert [row.split(",")[0] for row in answers.getvalue().splitlines()[1:]] == ["0.000000", "0.020000"]
+
+
+def test_volts_after_a_stroke_are_two_receivers_of_one_sensor(folder: Path, tmp_path: Path) -> None:
+    write(tmp_path / "S1.csv", header="t/s,angle/deg,U_L/V,U_R/V")
+    found = pipeline.decode(folder / "S1.calibration.json", str(tmp_path / "S1.csv")).result
+    assert found.against_angle is not None
+    assert found.against_angle.rms_deg < 0.06
 
 
 def test_ctrl_c_ends_a_stream_and_leaves_a_whole_file(folder: Path, tmp_path: Path) -> None:

@@ -204,7 +204,8 @@ def _split(text: str, optical: bool) -> Heading | None:
         return _made(name, "", optical) if _meanings(name) else None
     for form in (_SLASH, _IN, _LAST):
         match = form.fullmatch(text)
-        if match and _is_unit_of(match[1], match[2].strip("()")):
+        volts = form is _SLASH and match is not None and match[2] == "V"  # U_L/V is a quotient, sample/A a name
+        if match and _is_unit_of(match[1], match[2].strip("()"), bracketed=volts):
             return _made(match[1], _unit_text(match[2].strip("()")), optical)
     return _suffixed(text, optical)
 

@@ -25,6 +25,8 @@ from solen.recording.words import heading
 from solen.units import factor
 
 _SEPARATORS = (";", "\t", ",")
+_BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
+"""Mark of the byte order before a header, read as UTF-8 and as Windows-1252."""
 STDIN = "-"
 FILE_OPTIONS = ("angle", "zero_deg", "flip_angle", "on_off_hz", "on", "mains_hz", "emitters", "smooth_ms", "sheet")
 """Options that have a meaning for files alone."""
@@ -109,8 +111,11 @@ def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, sou
     raise DataError(source, limit=limit, remedy="choose one with --sensor")
 
 
-def check_live(options: SignalOptions) -> None:
-    """`SpecError` where an option is set that live readings have no use for."""
+def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
+    """`SpecError` where an option is set that live readings have no use for, or none without their ambient light."""
+    if subtracted and options.rails is not None:
+        limit = "are no limits of readings whose ambient light was subtracted; clipped ones are marked"
+        raise SpecError("--rails", limit=limit, remedy="leave it out")
     for name in FILE_OPTIONS:
         if name in options.model_fields_set:
             option = f"--{name.replace('_', '-')}"
@@ -129,6 +134,7 @@ def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
     first = next((row for row in rows if row.strip()), None)
     if first is None:
         raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
+    first = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)
     separator = next((one for one in _SEPARATORS if one in first), ",")
     cells = _cells(first, separator)
     if options.columns:
@@ -163,6 +169,9 @@ class _Layout:
             time = named_column(header, options.time, "--time")
         elif options.rate_hz is None:
             time = column_of(header, "time")
+            if time is None:
+                remedy = f"name it with --time, or give --rate-hz; {existing(header)}"
+                raise DataError(STDIN, limit="no column is recognised as the time of the readings", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         unit = "" if time is None else options.time_unit or time.unit
         scales = (_scale(unit, "s", "time"), _scale(left.unit, "V", left.name), _scale(right.unit, "V", right.name))
@@ -176,8 +185,7 @@ class _Layout:
             cells = _cells(row, self.separator)
             values = [self._number(cell) for cell in cells] if len(cells) == self.count else [math.nan] * self.count
             place, left, right = self.places
-            counted = number / self.rate_hz if self.rate_hz else float(number)
-            stamp = counted if place is None else values[place] * self.scales[0]
+            stamp = number / (self.rate_hz or 1.0) if place is None else values[place] * self.scales[0]
             volts = [values[left] * self.scales[1], values[right] * self.scales[2]]
             yield Batch(np.array([stamp]), np.array([volts if math.isfinite(stamp) else [math.nan, math.nan]]))
 

@@ -92,7 +92,7 @@ def _stream(
         return line_stream(text, signals)
     path = Path(source)
     if path.suffix == JOURNAL:
-        check_live(signals)
+        check_live(signals, subtracted=True)
         return _journal(path, options, calibrated)
     return recorded_stream(path, signals, options.sensor, calibrated)
 
