@@ -23,6 +23,8 @@ _SPELLINGS |= {
     "": "1",
     "-": "1",
 }
+_COUNTS = frozenset({"count", "counts"})
+"""Counts of a converter or an encoder: of what size, nobody knows; pint takes them for pure numbers, as it does rad."""
 _POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
 _FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
@@ -62,7 +64,7 @@ def _unit(text: str) -> Any:
     """Unit of a text, or None."""
     plain = text.strip().strip("[]").translate(_POWERS)
     plain = _SPELLINGS.get(plain.lower(), plain)
-    if len(plain) > _LONGEST or not _FORM.fullmatch(plain):
+    if len(plain) > _LONGEST or not _FORM.fullmatch(plain) or plain.lower() in _COUNTS:
         return None
     if plain == "1":
         return _registry().dimensionless

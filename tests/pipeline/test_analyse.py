@@ -74,6 +74,33 @@ def test_units_are_converted(tmp_path: Path) -> None:
     assert found["runs"][0]["motion"]["cycles"][1]["start_s"] == pytest.approx(3.4, abs=0.02)
 
 
+@pytest.mark.parametrize(("unit", "key"), [("pF", "pF"), ("lux", "lux"), ("counts", "counts"), ("kΩ", "kΩ")])
+def test_units_are_free(tmp_path: Path, capsys: pytest.CaptureFixture[str], unit: str, key: str) -> None:
+    """Nothing is taken for volts that is none: keys, lines, axes and warnings say what the recording says."""
+    path = write(tmp_path / "S1.csv", replace(TRUTH, noise_V=0.002), f"time_s,angle_deg,left ({unit}),right ({unit})")
+    figure = tmp_path / "response.svg"
+    found = result(capsys, str(path), "--figure", str(figure), "--traces", str(tmp_path / "traces.svg"))
+    sensor = found["sensors"]["S1"]
+    assert sensor["unit"] == unit
+    right = sensor["receivers"]["right"]
+    assert right[f"range_{key}"] == pytest.approx(2.0 * np.tanh(1.5), rel=0.02)
+    assert {f"mean_{key}", f"u_sensitivity_{key}_per_deg"} <= set(right)
+    assert not [name for name in (*right, *sensor["left_minus_right"]) if "_V" in name]
+    assert f"signal ({unit})" in figure.read_text(encoding="utf-8")
+    assert run_command(["bench", "analyse", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert f" {unit}/°" in said
+    assert " V" not in said.replace("VL", "")
+    assert run_command(["bench", "calibrate", str(path)]) == 2
+    assert unit in capsys.readouterr().err
+
+
+def test_receivers_of_two_units_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "S1.csv", TRUTH, "time_s,angle_deg,left (pF),right (lux)")
+    with pytest.raises(DataError, match="lux"):
+        study([path], AnalysisOptions(channel=("left=left", "right=right")))
+
+
 def test_labels_lens_and_runs_from_names(tmp_path: Path) -> None:
     paths = [
         write(tmp_path / f"{name}.csv", replace(TRUTH, swing_V=swing, seed=seed))

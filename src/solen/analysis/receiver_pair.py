@@ -151,7 +151,9 @@ def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V
     return Contrast(angle_deg, share.mean(axis=0), *over_cycles(share[:, 0]), *over_cycles(share[:, -1]))
 
 
-def sign_warnings(receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None) -> list[str]:
+def sign_warnings(
+    receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
+) -> list[str]:
     """Whether left and right answer as in the convention: a rising angle darkens the right and brightens the left."""
     if sides is None:
         return []
@@ -160,8 +162,8 @@ def sign_warnings(receivers: Mapping[str, ReceiverResponse], sides: tuple[int, i
     if not (left.resolved and right.resolved) or min(abs(left.value), abs(right.value)) < _NOTHING_V:
         return []
     changes = (
-        f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} V and {names[1]} by "
-        f"{right.value:+.3g} V"
+        f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} {unit} and {names[1]} by "
+        f"{right.value:+.3g} {unit}"
     )
     if left.value > 0.0 > right.value:
         return [

@@ -143,6 +143,7 @@ class SensorResponse(Result):
 
     label: str
     lens: bool | None
+    unit: str
     receivers: dict[str, ReceiverResponse]
     left_minus_right: PairResponse | None
     timing: Timing
@@ -194,6 +195,9 @@ def sensor_response(
     """
     first = recordings[0]
     for other in recordings[1:]:
+        if other.unit != first.unit:
+            limit = f"is in {other.unit}; {first.source} is in {first.unit}"
+            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them apart")
         if other.receivers != first.receivers:
             limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
             raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="name them alike with --channel")
@@ -210,11 +214,11 @@ def sensor_response(
     if sides is not None:
         pair = pair_response(ways, sides, (noise[sides[0]], noise[sides[1]]), options.dark_V)
     warnings = [warning for run in runs for warning in (*run.motion.warnings, *run.warnings)]
-    warnings += [] if first.lens is False else sign_warnings(receivers, sides)
+    warnings += [] if first.lens is False else sign_warnings(receivers, sides, first.unit)
     warnings += _cautions(receivers, ways, runs)
     timing = _timing(runs, ways, receivers)
     warnings += _timing_warnings(timing, receivers)
-    return SensorResponse(first.label, first.lens, receivers, pair, timing, runs, ways, tuple(warnings))
+    return SensorResponse(first.label, first.lens, first.unit, receivers, pair, timing, runs, ways, tuple(warnings))
 
 
 def _timing(runs: Sequence[Run], ways: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
@@ -280,7 +284,7 @@ def _clip_warnings(signals: Signals, marked: BoolArray) -> list[str]:
     for name, column, flags in zip(signals.receivers, signals.volts.T, marked.T, strict=True):
         if flags.any():
             ends = sorted({float(value) for value in (column[flags].min(), column[flags].max())})
-            where = " and ".join(f"{value:.4g} V" for value in ends)
+            where = " and ".join(f"{value:.4g} {signals.unit}" for value in ends)
             what = "readings hold samples" if signals.ambient_subtracted else "samples"
             at = "at a limit of the recorder" if signals.ambient_subtracted else f"clipped at {where}"
             warnings.append(
@@ -349,30 +353,31 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[str]:
 
 def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[str]:
     """Whether drift alone separates both ways by half of the hysteresis: they lie up to half a cycle apart."""
-    drift = own.drift_V_per_min
+    drift, unit = own.drift_V_per_min, runs[0].signals.unit
     lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
     apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
     if not (abs(drift) > 3.0 * own.u_drift_V_per_min and apart > 0.5 * own.hysteresis_V > 0.5 * _ROUNDING_V):
         return []
     return [
-        f"{name}: a drift of {drift:+.2g} V/min parts rising and falling ways by up to {apart:.2g} V, which is in the "
-        f"hysteresis of {own.hysteresis_V:.2g} V"
+        f"{name}: a drift of {drift:+.2g} {unit}/min parts rising and falling ways by up to {apart:.2g} {unit}, "
+        f"which is in the hysteresis of {own.hysteresis_V:.2g} {unit}"
     ]
 
 
 def _cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[str]:
     """What the numbers of a sensor cannot show."""
-    warnings = _rest_warnings(runs) + _reach_warnings(ways, runs)
+    warnings, unit = _rest_warnings(runs) + _reach_warnings(ways, runs), runs[0].signals.unit
     if ways.cycles < 3:
         count = "one cycle is" if ways.cycles == 1 else "two cycles are"
         warnings.append(f"{count} used: repeatability and drift cannot be judged")
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
-            warnings.append(f"{name}: does not answer to the angle beyond its noise (swing {own.swing_V:.2g} V)")
+            warnings.append(f"{name}: does not answer to the angle beyond its noise (swing {own.swing_V:.2g} {unit})")
         if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
             warnings.append(
-                f"{name}: the hysteresis of {size:.2g} V is within 3 of its uncertainties ({u:.2g} V); it is a bound"
+                f"{name}: the hysteresis of {size:.2g} {unit} is within 3 of its uncertainties ({u:.2g} {unit}); it is "
+                "a bound"
             )
         warnings += _drift_warnings(name, own, runs)
         if not np.isfinite(ways.volts[..., place]).any():

@@ -8,7 +8,7 @@ readings of them); `Signals` are those of one sensor.
 """
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, NoReturn, Self
 
@@ -149,6 +149,8 @@ class Waveforms:
         (n,); None where there is none.
     clipped
         Samples that the recording marks as clipped, (n, m); None where it marks none.
+    unit
+        Of the values: V, or what the recording states that is no voltage, as pF, lux or counts.
     ambient_subtracted
         Whether ambient light was subtracted, so that no light is 0 V.
     window_s
@@ -165,6 +167,7 @@ class Waveforms:
     volts: FloatArray
     angle_deg: FloatArray | None = None
     clipped: BoolArray | None = None
+    unit: str = "V"
     ambient_subtracted: bool = False
     window_s: float = 0.0
     switching: Switching | None = None
@@ -201,6 +204,8 @@ class Signals:
         Samples that the recording marks as clipped, (n, m); None where it marks none.
     provenance
         Of the recording.
+    unit
+        Of the values: V, or another that the recording states.
     ambient_subtracted
         Whether ambient light was subtracted; clipped samples are then those marked before.
     timing_bound_s
@@ -218,6 +223,7 @@ class Signals:
     source: str = ""
     clipped: BoolArray | None = None
     provenance: Provenance = field(default_factory=Provenance)
+    unit: str = "V"
     ambient_subtracted: bool = False
     timing_bound_s: tuple[float, Literal["recording", "log"]] | None = None
     ambient_V: Mapping[str, float] = field(default_factory=dict)
@@ -256,12 +262,14 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     if angle_deg is None and angle == "required":
         refuse_without_angle(recording)
     channels = _receivers(recording, options, angle)
+    unit, file = _unit_of(channels.values()), _file(recording)
     flags = [_clipped_flags(recording, channel) for channel in channels.values()]
     samples = Waveforms(
         time_s=base.time_s,
         step_s=base.step_s,
         receivers=tuple(channels),
-        volts=np.column_stack([_volts(channel, warnings) for channel in channels.values()])[base.order],
+        volts=np.column_stack([_values(channel, unit, file, warnings) for channel in channels.values()])[base.order],
+        unit=unit,
         angle_deg=None if angle_deg is None else angle_deg[base.order],
         clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
         ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
@@ -410,9 +418,21 @@ def _receivers(recording: Recording, options: SignalOptions, angle: AngleSource)
     return {column.name: column for column in columns}
 
 
-def _volts(channel: Channel, warnings: list[str]) -> FloatArray:
-    if channel.unit and channel.unit != "1":
-        return channel.to("V")
+def _unit_of(channels: Iterable[Channel]) -> str:
+    """Unit of the receivers: V, unless one states another that cannot be converted to it."""
+    units = [one.unit for one in channels if one.unit and one.unit != "1"]
+    return next((unit for unit in units if factor(unit, "V") is None), "V")
+
+
+def _values(channel: Channel, unit: str, file: str, warnings: list[str]) -> FloatArray:
+    """Values of a receiver in the unit of all."""
+    if unit != "V" or (channel.unit and channel.unit != "1"):
+        scale = factor(channel.unit, unit) if channel.unit else None
+        if scale is None:
+            limit = f"is no unit of a receiver beside one in {unit}"
+            remedy = "choose receivers of one kind with --channel NAME=COLUMN"
+            raise DataError(f"{file}: {channel.name}", value=channel.unit or "none", limit=limit, remedy=remedy)
+        return channel.values * scale
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -109,6 +109,18 @@ class Study(Result):
         return tuple({provenance.sha256: provenance for provenance in self.provenances}.values())
 
     @property
+    def unit(self) -> str:
+        """Unit of the receivers: V, or another that the recordings state."""
+        return next(iter(self.sensors.values())).unit
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as plain data; keys that end in V name the unit that the recordings have in its place."""
+        whole = super().to_dict()
+        if self.unit == "V":
+            return whole
+        return {key: one if key == "options" else _in_unit(one, self.unit) for key, one in whole.items()}
+
+    @property
     def remark(self) -> str:
         """What every figure must state about the processing; empty for nothing."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
@@ -117,6 +129,26 @@ class Study(Result):
     def detected(self) -> bool:
         """Whether anything was detected that nobody stated."""
         return any(one.detected for one in self.switching.values()) or self.logs_found
+
+
+_VOLTS = re.compile(r"(?<=_)V(?=_|$)")
+
+
+def _in_unit(value: Any, unit: str) -> Any:
+    """Plain data whose keys name a unit in place of V: ``range_pF``, ``sensitivity_lux_per_deg``."""
+    if isinstance(value, list):
+        return [_in_unit(one, unit) for one in value]
+    if not isinstance(value, dict):
+        return value
+    return {_VOLTS.sub(re.sub(r"\W+", "_", unit), key): _in_unit(one, unit) for key, one in value.items()}
+
+
+def in_volts(found: Study) -> Study:
+    """A study whose receivers are voltages; `DataError` for others, which no model of a circuit takes."""
+    if found.unit != "V":
+        limit = "is the unit of the receivers; this needs voltages"
+        raise DataError(found.provenances[0].file, value=found.unit, limit=limit, remedy="record volts")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +179,10 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     found = _read(files, options)
     sensors, bare = found.sensors, found.bare
     _check_controls(options, sensors)
+    units = {one.unit for signals in sensors.values() for one in signals}
+    if len(units) > 1:
+        limit = f"hold receivers in {' and in '.join(sorted(units))}"
+        raise DataError("recordings", limit=limit, remedy="analyse those of each unit apart")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
@@ -329,6 +365,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
             source=path.name,
             clipped=None if samples.clipped is None else samples.clipped[:, places],
             provenance=provenance,
+            unit=samples.unit,
             ambient_subtracted=samples.ambient_subtracted,
             timing_bound_s=_timing_bound_s(part),
             ambient_V=ambient_V,

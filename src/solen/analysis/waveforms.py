@@ -95,7 +95,7 @@ def _follows(result: Switched) -> bool:
 def _found(whole: Waveforms, options: SignalOptions, clock: Clock) -> Switched:
     settle_s = min(1e-6 * DEFAULT_SETTLE_US, 0.3 * clock.shorter_s)
     states = clock.states(settle_s, options.emitters)
-    units = ("V",) * len(whole.receivers)
+    units = (whole.unit,) * len(whole.receivers)
     samples = Samples(whole.time_s, whole.volts, whole.receivers, units, states, settle_s, clock)
     return switched(samples, mains_hz=options.mains_hz, rails=options.rails or (None, None))
 
@@ -153,7 +153,8 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[str]:
     if result.flicker is not None:
         lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
         warnings.append(
-            f"lamps flicker at {lines} Hz by up to {state.flicker_V:.2g} V: fitted to the off phases and subtracted"
+            f"lamps flicker at {lines} Hz by up to {state.flicker_V:.2g} {result.samples.units[0]}: fitted to the off "
+            "phases and subtracted"
         )
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:

@@ -90,7 +90,7 @@ def existing(recording: Recording) -> str:
 
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
-    """Receivers among columns: those in volts, else those whose names state a side, else numbered ones."""
+    """Receivers among columns: in volts, else whose names state a side, else numbered ones, else sides in any unit."""
     columns = [column for column in columns if not is_companion(column.name)]
     in_volts = [
         column
@@ -99,7 +99,13 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
     ]
     bare = [column for column in columns if not column.unit]
     by_name = in_volts or [one for one in bare if ENDS_IN_V.search(one.name) or side_of(one.name)]
-    return by_name or [one for one in bare if _NUMBERED.fullmatch(one.name)]
+    return by_name or [one for one in bare if _NUMBERED.fullmatch(one.name)] or _sided(columns)
+
+
+def _sided(columns: Sequence[Channel]) -> list[Channel]:
+    """Columns whose names state a side, in the unit that the first of them has."""
+    sided = [one for one in columns if side_of(one.name)]
+    return [one for one in sided if one.unit == sided[0].unit]
 
 
 def is_companion(name: str) -> bool:

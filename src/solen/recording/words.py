@@ -95,7 +95,7 @@ _LABELS = (
 _UNITS = (
     "nm um µm mm cm m km Å s sec sek ms us µs ns min h hr std N mN uN µN kN Pa kPa MPa GPa W mW uW µW nW kW J mJ uJ µJ "
     "kJ V mV uV µV A mA uA µA nA Ohm ohm Ω kΩ MΩ kOhm Hz kHz MHz deg degree degrees mdeg rad mrad arcmin arcsec K degC "
-    "°C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml"
+    "°C ° g mg kg dB dBm % %T %R percent pct prozent micron microns µ mol L l ml pF nF fF lux lx counts"
 )
 _TOKENS = frozenset(_UNITS.split())
 _PREFIXES = {"": "", "milli": "m", "micro": "µ", "nano": "n", "kilo": "k"}
@@ -184,7 +184,7 @@ def stated_unit(text: str) -> bool:
         return False
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in {"sek", "sec"} for token in tokens)
-    return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text))
+    return text in _PURE or (known and (is_unit(text) or "dB" in text or "°C" in text or text == "counts"))
 
 
 def is_mode(text: str) -> bool:

@@ -59,11 +59,12 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     reach = f"{motion.low_deg:.3g}° to {motion.high_deg:.3g}°"
     yield f"{sensor.label}{LENS[sensor.lens]}: {cycles}, {reach}{'; simulated' if simulated else ''}"
     for name, receiver in sensor.receivers.items():
-        yield from _receiver(name, receiver, sensor.timing.receivers[name])
+        yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit)
     yield _timing(sensor.timing)
     pair = sensor.left_minus_right
     if pair is not None:
-        yield f"  left and right show one voltage at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
+        what = "voltage" if sensor.unit == "V" else "value"
+        yield f"  left and right show one {what} at {_pm(pair.balance_deg, pair.u_balance_deg, '°')}"
 
 
 def _timing(timing: Timing) -> str:
@@ -76,19 +77,20 @@ def _timing(timing: Timing) -> str:
     )
 
 
-def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming) -> Iterator[str]:
-    slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, " V/°")
-    near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, " V/°")
-    swing = _pm(response.range_V, response.u_range_V, " V")
+def _receiver(name: str, response: ReceiverResponse, timing: ReceiverTiming, unit: str) -> Iterator[str]:
+    slope = _pm(response.sensitivity_V_per_deg, response.u_sensitivity_V_per_deg, f" {unit}/°")
+    near_zero = _pm(response.sensitivity_near_zero_V_per_deg, response.u_sensitivity_near_zero_V_per_deg, f" {unit}/°")
+    swing = _pm(response.range_V, response.u_range_V, f" {unit}")
     yield f"  {name}: range {swing}; sensitivity {slope}, near zero {near_zero}"
     linearity = _percent(response.independent_linearity_percent)
     shares = (
         f"hysteresis {_percent(response.hysteresis_percent)} {_apart(timing)}, linearity {linearity}, "
         f"repeatability {_percent(response.repeatability_percent)} of full scale"
     )
-    yield f"    {shares}; drift {_pm(response.drift_V_per_min, response.u_drift_V_per_min, ' V/min')}"
+    yield f"    {shares}; drift {_pm(response.drift_V_per_min, response.u_drift_V_per_min, f' {unit}/min')}"
     angle = response.resolution_near_zero_deg
-    yield f"    noise {1e3 * response.noise_V:.3g} mV" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
+    noise = f"{1e3 * response.noise_V:.3g} mV" if unit == "V" else f"{response.noise_V:.3g} {unit}"
+    yield f"    noise {noise}" + (f", that is {angle:.2g}° near zero" if angle == angle else "")
 
 
 def _apart(timing: ReceiverTiming) -> str:

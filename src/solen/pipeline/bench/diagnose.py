@@ -4,6 +4,7 @@ from pathlib import Path
 
 from solen.analysis import AnalysisOptions, study
 from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses, diagnosed_sensors
+from solen.analysis.study import in_volts
 from solen.arrays import Progress
 from solen.pipeline.outputs import check_outputs, write
 from solen.results import Outcome
@@ -36,4 +37,6 @@ def diagnose(
         In one line, where a file, an option or an output is not what it should be.
     """
     check_outputs(out, figure)
-    return write(diagnosed_sensors(study(recordings, analysis), options, progress), "diagnosis", out, figure=figure)
+    return write(
+        diagnosed_sensors(in_volts(study(recordings, analysis)), options, progress), "diagnosis", out, figure=figure
+    )

@@ -44,7 +44,7 @@ def study_figure(study: Study) -> Figure:
         for number, panel in enumerate(axes[:panels]):
             panel.set_xlabel("angle (°)")
             if number % across == 0:
-                panel.set_ylabel("voltage (V)")
+                panel.set_ylabel("voltage (V)" if study.unit == "V" else f"signal ({study.unit})")
         state_origin(figure, study.simulated, study.remark)
     return figure
 

@@ -48,7 +48,7 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
     above.set_ylabel("angle (°), thin")
     above.grid(visible=False)
     above.spines["right"].set_visible(True)
-    axes.set_ylabel("voltage (V)")
+    axes.set_ylabel("voltage (V)" if signals.unit == "V" else f"signal ({signals.unit})")
     axes.set_xlim(signals.time_s[0], signals.time_s[-1])
     several = f", {signals.source}" if len(response.runs) > 1 else ""
     axes.set_title(f"{title_of(response)}{several}; grey: holds, cropped; hatched: not used", fontsize=9, loc="left")
