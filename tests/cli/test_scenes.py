@@ -1,20 +1,23 @@
 """``solen trace SCENE.json``: both formats, what is printed, what is refused."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from solen.cli import run_command
-from solen.curve import Segment
-from solen.scene import Interface, Monitor, Rays, Region, Scene, save
+from solen.curve import Arc, Segment
+from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene, save
+from solen.trace import integrate, options
 
+LAMP = {"type": "SingleRay", "p1": {"x": 0, "y": 0}, "p2": {"x": 1, "y": 0}, "brightness": 0.5}
 PEER = {
     "version": 5,
     "name": "a lamp and a screen",
     "objs": [
-        {"type": "SingleRay", "p1": {"x": 0, "y": 0}, "p2": {"x": 1, "y": 0}, "brightness": 0.5},
+        LAMP,
         {"type": "Detector", "p1": {"x": 9, "y": -4}, "p2": {"x": 9, "y": 3}, "irradMap": True, "binSize": 2},
         {"type": "Detector", "p1": {"x": 8, "y": -4}, "p2": {"x": 8, "y": 3}, "name": "all"},
         {"type": "Hologram"},
@@ -59,6 +62,7 @@ def test_a_peers_scene_in_its_units(peer: Path, capsys: pytest.CaptureFixture[st
     assert found["not_understood"] == [{"object": 4, "type": "Hologram", "key": None, "reason": reason}]
     lines = printed(capsys, str(peer)).splitlines()
     assert lines[0] == "a lamp and a screen (ray-optics), 1 rays, mode power"
+    assert "all       0.5 ± unknown  (1 rays)" in lines[2]
     assert lines[-1] == f"not understood: object 4, Hologram: {reason}"
 
 
@@ -117,3 +121,84 @@ def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys
 def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["trace", str(own), "--sampling", "adaptive"]) == 2
     assert "reads receivers alone, and this scene has monitors" in capsys.readouterr().err
+
+
+@pytest.fixture
+def stop(tmp_path: Path) -> Path:
+    """A lamp behind a stop in a ring that detects."""
+    black = Interface("stop", Segment((0.3, 3.0), (2.0, 3.0)), "air", "air", "absorbing")
+    ring = Interface("ring", Arc.circle((0.0, 0.0), 9.0), "air", "air", "receiver", "ring")
+    lamp = Fan((0.0, 0.0), 0.0, 60.0, 101)
+    return save(tmp_path / "stop.json", Scene((Region("air", 1.0),), (black, ring), (lamp,)))
+
+
+@pytest.mark.parametrize("sampling", ["fan", "sobol", "adaptive"])
+def test_every_power_that_is_printed_has_its_uncertainty(
+    sampling: str, stop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = printed(capsys, str(stop), "--sampling", sampling).splitlines()
+    powers = [line for line in lines if line.startswith("  ")]
+    assert [line.split()[0] for line in powers] == ["ring", "detected", "escaped", "absorbed", "truncated"]
+    for line in powers:
+        assert "±" in line
+        assert "unknown" not in line
+        assert 0.0 <= float(line.split("±")[1].split()[0]) < 2e-2
+
+
+def test_a_tolerance_that_is_not_reached_is_printed_for_scenes_too(
+    stop: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = (str(stop), "--sampling", "adaptive", "--tolerance")
+    assert "not reached" not in printed(capsys, *arguments, "1e-3")
+    monkeypatch.setattr(options, "integrate", partial(integrate, most_legs=8))
+    assert "the tolerance was not reached: " in printed(capsys, *arguments, "1e-9")
+
+
+def test_a_scene_can_be_checked(peer: Path, own: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command(["check", str(peer)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "a lamp and a screen: a valid scene of ray-optics"
+    assert "  monitors    detector1, all" in lines
+    assert lines[-1].startswith("not understood: object 4, Hologram")
+    assert run_command(["check", str(own), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["format"], found["rays"], found["receivers"], found["monitors"]) == ("solen", 2, ["eye"], ["line"])
+    assert run_command(["check", str(own), "--set", "lens.focus_mm=3"]) == 2
+    assert "belongs to a design" in capsys.readouterr().err
+    bad = tmp_path / "bad.json"
+    bad.write_text("{", encoding="utf-8")
+    assert run_command(["check", str(bad)]) == 2
+    assert "not JSON" in capsys.readouterr().err
+
+
+def test_light_that_a_file_adds_is_a_warning(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ruled = {"type": "DiffractionGrating", "p1": {"x": 5, "y": -4}, "p2": {"x": 5, "y": 4}, "customBrightness": True}
+    file = tmp_path / "ruled.json"
+    file.write_text(json.dumps({"version": 5, "objs": [LAMP, ruled]}), encoding="utf-8")
+    for command in ("check", "trace"):
+        assert run_command([command, str(file)]) == 0
+        assert "warning: diffractiongrating1.1: its orders add up to 2 times" in capsys.readouterr().out
+    assert run_command(["trace", str(file), "--mode", "power"]) == 2
+    assert "a sum of 2" in capsys.readouterr().err
+
+
+def test_a_figure_of_a_design_whose_receivers_have_names_of_their_own(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Before, a receiver that is neither right nor left ended in a KeyError."""
+    corners = [(-2, 0), (2, 0), (2, 9), (0, 9), (-2, 9)]
+    names = ["lens", "wall", "receiver-north", "receiver-south", "wall"]
+    faces = [
+        {"name": name, "curve": {"kind": "segment", "a": a, "b": b}}
+        for name, a, b in zip(names, corners, corners[1:] + corners[:1], strict=True)
+    ]
+    drawn = {"solen_outline": 1, "faces": faces, "emitters": [{"point": (0.0, -1.0), "axis_deg": 0.0}]}
+    (tmp_path / "own.json").write_text(json.dumps(drawn), encoding="utf-8")
+    design = tmp_path / "own.toml"
+    text = 'schema = 1\nname = "own"\n[material]\nindex = 1.5\n[body]\nkind = "outline"\nfile = "own.json"\n'
+    design.write_text(text + "[motion]\npivot = [0.0, 0.0]\n", encoding="utf-8")
+    figure = tmp_path / "rays.svg"
+    assert run_command(["trace", str(design), "--figure", str(figure)]) == 0, capsys.readouterr().err
+    svg = figure.read_text(encoding="utf-8")
+    assert "north" in svg
+    assert "south" in svg

@@ -147,6 +147,10 @@ def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
         ([{"face": "receiver-right"}], r"wall\[0\]\.face = 'receiver-right'; names no wall"),
         ([{"face": "stem-right", "from_mm": 17.0}], r"wall\[0\]\.from_mm = 17\.0; must be below 16\.2"),
         ([{"face": "stem-right", **SKIN}, {"face": "stem-left", **SKIN, "index": 1.5}], r"wall\[1\]\.outside = 'skin'"),
+        (
+            [{"face": "stem-right", "from_mm": 5.0, "to_mm": 5.0 + 1e-9, **SKIN}],
+            r"wall\[0\]\.to_mm = .*at least 1e-06 mm",
+        ),
         ([{"face": "inner-*", **SKIN}], "reaches into|turns inwards"),
         ([{"face": "stem-right", **SKIN, "depth_mm": 300.0}], "reaches into|tightly"),
         ([{"face": "lens", **SKIN}], "reaches into the emitter|tightly"),
@@ -156,6 +160,16 @@ def test_what_cannot_be_is_refused(walls: list[dict[str, Any]], words: str) -> N
     with pytest.raises(DesignError, match=words) as refusal:
         scene(*walls)
     assert len(str(refusal.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize("apart_mm", [0.0, 1e-12, 1e-9, 1e-7, -1e-9])
+def test_tables_that_end_at_one_place_but_for_rounding_are_neighbours(apart_mm: float) -> None:
+    other = {"outside": "glue", "index": 1.5}
+    found = scene(
+        {"face": "stem-right", "from_mm": 2.0, "to_mm": 5.0, **SKIN},
+        {"face": "stem-right", "from_mm": 5.0 + apart_mm, "to_mm": 9.0, **other},
+    )
+    assert len([i for i in found.interfaces if i.name in {f"stem-right.{k}" for k in range(1, 9)}]) == 4
 
 
 @pytest.mark.parametrize("angle_deg", [3.0, -3.0])

@@ -17,7 +17,21 @@ from solen.trace.result import LEG, Crossed
 
 AIR, GLASS = Region("air", 1.0), Region("glass", 1.5)
 
-SAME = ("rays", "ledger", "missed", "leaked", "hits", "undefined", "truncated", "pieces", "reached", "single_error")
+SAME = (
+    "rays",
+    "ledger",
+    "missed",
+    "leaked",
+    "u_ledger",
+    "u_missed",
+    "u_leaked",
+    "hits",
+    "undefined",
+    "truncated",
+    "pieces",
+    "reached",
+    "single_error",
+)
 WHERE = {
     **{name: f"attribute {name}" for name in ("mode", "method", "why")},
     **{name: name for name in SAME},

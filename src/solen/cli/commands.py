@@ -15,7 +15,7 @@ GROUPS = {
 COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     DESIGN: (
         ("new", "design.new:new", "Write a commented design file, FOLDER/sensor.toml."),
-        ("check", "design.check:check", "Check that a design can be built at every angle of its motion."),
+        ("check", "design.check:check", "Check that a design can be built at every angle of its motion, or a scene."),
         ("run", "design.run:run", "Simulate a design: response with and without lens, figures, tables, report."),
         ("trace", "design.trace:trace", "Trace a design at one angle, or a scene (.json, also of ray-optics)."),
         ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),

@@ -12,7 +12,7 @@ from solen.geometry.body import Face
 from solen.spec import Wall
 
 SHORTEST_MM = 1e-6
-"""A piece shorter than this is not cut off."""
+"""A piece shorter than this is not cut off; a stretch shorter than this is none."""
 DARK = ("receiver", "mirror", "black")
 """Parts whose faces are no walls."""
 
@@ -83,6 +83,9 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
     if wall.from_mm >= longest_mm - SHORTEST_MM:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
+    if wall.to_mm is not None and wall.to_mm - wall.from_mm < SHORTEST_MM:
+        limit = f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter stretch is rounding"
+        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the stretch longer")
     if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(
@@ -98,7 +101,11 @@ def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
     measure = Measure(face.curve)
     begins, ends = face.begins_mm, face.begins_mm + measure.length_mm
     limits = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
-    cuts = [begins, *sorted(p for p in limits if begins + SHORTEST_MM < p < ends - SHORTEST_MM), ends]
+    cuts = [begins]
+    for place in sorted(limits):  # ends of two tables nearer than that are one
+        if cuts[-1] + SHORTEST_MM < place < ends - SHORTEST_MM:
+            cuts.append(place)
+    cuts.append(ends)
     pieces = []
     for low, high in pairwise(cuts):
         middle = 0.5 * (low + high)

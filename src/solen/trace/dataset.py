@@ -11,6 +11,7 @@ xarray and what it writes netCDF with are no part of a plain installation: ``pip
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -116,17 +117,15 @@ def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path
 
 
 def _whole(trace: Trace) -> dict[str, _Variable]:
-    ledger = trace.ledger
-    fates = {
-        "detected": ledger.detected,
-        "escaped": ledger.escaped,
-        "absorbed": ledger.absorbed,
-        "truncated": ledger.truncated,
-    }
+    fates = [field.name for field in fields(trace.ledger)]
+    ledger, u_ledger = ([getattr(of, name) for name in fates] for of in (trace.ledger, trace.u_ledger))
     single = math.nan if trace.single_error is None else trace.single_error
     return {
-        "fate": (("fate",), list(fates), {"long_name": "where power went"}),
-        "ledger": _real(("fate",), list(fates.values()), SHARE, "share of the emitted power, 1 in sum"),
+        "fate": (("fate",), fates, {"long_name": "where power went"}),
+        "ledger": _real(("fate",), ledger, SHARE, "share of the emitted power, 1 in sum"),
+        "u_ledger": _real(("fate",), u_ledger, SHARE, "uncertainty of that share"),
+        "u_missed": _real((), trace.u_missed, SHARE, "uncertainty of missed"),
+        "u_leaked": _real((), trace.u_leaked, SHARE, "uncertainty of leaked"),
         "missed": _real((), trace.missed, SHARE, "of what escaped, what passed above or below all bodies"),
         "leaked": _real((), trace.leaked, SHARE, "of what escaped, what left bodies through top or bottom"),
         "rays": _count((), trace.rays, "rays traced"),

@@ -72,6 +72,8 @@ class SceneTrace(Trace):
         Units of the readings; detectors and ledger are always in fractions of the emitted power.
     emitted
         Power of all sources, in the file's units.
+    in_space
+        Whether rays were traced in space.
     readings
         Of receivers, monitors and detectors, by name.
     faces
@@ -90,6 +92,7 @@ class SceneTrace(Trace):
     length_unit: str
     power_unit: str
     emitted: float
+    in_space: bool
     readings: dict[str, ScreenReading]
     faces: dict[str, tuple[str, ...]]
     not_understood: tuple[rayoptics.NotUnderstood, ...] = ()
@@ -113,6 +116,62 @@ class SceneFile:
     def length_unit(self) -> str:
         """Unit of lengths."""
         return "mm" if self.imported is None else "unit of the file"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SceneCheck(Result):
+    """What a scene's file holds; that there is one means that it can be traced.
+
+    Attributes
+    ----------
+    name, format
+        Of the scene: ``solen`` or ``ray-optics``.
+    regions, interfaces, sources, rays
+        How many there are.
+    receivers, monitors
+        Their names; of a scene of ray-optics those of its detectors.
+    in_space
+        Whether it is extruded.
+    is_random
+        Whether something in it is drawn by chance, so that it can be sampled but not integrated.
+    not_understood
+        What of a scene of ray-optics was left out.
+    warnings
+        What makes the readings other than they look.
+    """
+
+    name: str
+    format: str
+    regions: int
+    interfaces: int
+    sources: int
+    rays: int
+    receivers: tuple[str, ...]
+    monitors: tuple[str, ...]
+    in_space: bool
+    is_random: bool
+    not_understood: tuple[rayoptics.NotUnderstood, ...]
+    warnings: tuple[str, ...]
+
+
+def scene_check(file: SceneFile) -> SceneCheck:
+    """What a scene's file holds."""
+    scene, imported = file.scene, file.imported
+    screens = imported.detectors if imported else scene.monitors
+    return SceneCheck(
+        name=scene.name,
+        format=file.format,
+        regions=len(scene.regions),
+        interfaces=len(scene.interfaces),
+        sources=len(scene.sources),
+        rays=scene.rays,
+        receivers=scene.receivers,
+        monitors=tuple(screen.name for screen in screens),
+        in_space=scene.extrusion is not None,
+        is_random=scene.is_random,
+        not_understood=tuple(imported.not_understood) if imported else (),
+        warnings=tuple(_brighter(scene)),
+    )
 
 
 def open_scene(path: Path, *, facets: bool) -> SceneFile:
@@ -155,6 +214,7 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
         length_unit=file.length_unit,
         power_unit="fraction of the emitted power" if imported is None else "brightness",
         emitted=scene.emitted,
+        in_space=scene.extrusion is not None,
         readings=_received(scene, trace) | (_of_rayoptics(imported, trace) if imported else _monitored(scene, trace)),
         faces=face_names(scene),
         not_understood=() if imported is None else tuple(imported.not_understood),

@@ -95,6 +95,10 @@ class Ledger:
         return self.detected + self.escaped + self.absorbed + self.truncated
 
 
+UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
+"""Uncertainties of a ledger where nothing tells them."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Detected(Result):
     """Reading of a receiver; powers are fractions of the emitted power.
@@ -164,7 +168,8 @@ class Trace(Result):
     not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
     largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
     extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
-    left them through top or bottom.
+    left them through top or bottom. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their uncertainties, NaN where the
+    rays cannot tell.
     """
 
     mode: Mode
@@ -184,6 +189,9 @@ class Trace(Result):
     single_error: float | None = None
     missed: float = 0.0
     leaked: float = 0.0
+    u_ledger: Ledger = UNKNOWN
+    u_missed: float = math.nan
+    u_leaked: float = math.nan
     legs: NDArray[np.void] | None = field(default=None, metadata=HIDDEN)
 
     @reported

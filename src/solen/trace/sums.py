@@ -88,7 +88,7 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
     total = reduce(add, of_source)
     ends = np.cumsum([monitor.bins for monitor in scene.monitors], dtype=int)[:-1]
     maps = np.split(total.maps / emitted, ends) if scene.monitors else []
-    u_detected, u_crossed = (_uncertainty(job, totals, rays, name) for name in ("detected", "crossed"))
+    u_detected, u_crossed, u_fate = (_uncertainty(job, totals, rays, name) for name in ("detected", "crossed", "fate"))
     undefined_at_mm, truncated_at_mm = (
         tuple((float(x), float(z)) for x, z in at if not math.isnan(x)) for at in total.place
     )
@@ -115,6 +115,7 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
             for i, monitor in enumerate(scene.monitors)
         },
         ledger=Ledger(*(float(total.fate[fate] / emitted) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
+        u_ledger=Ledger(*(float(u_fate[fate]) for fate in (DETECTED, ESCAPED, ABSORBED, TRUNCATED))),
         hits=int(total.counts[loop.HITS]),
         undefined=int(total.counts[loop.UNDEFINED]),
         undefined_at_mm=undefined_at_mm,
@@ -122,6 +123,8 @@ def result(job: Job, totals: list[list[loop.Sums]], rays: Counts, legs: NDArray[
         truncated_at_mm=truncated_at_mm,
         missed=float(total.fate[loop.MISSED] / emitted),
         leaked=float(total.fate[loop.LEAKED] / emitted),
+        u_missed=float(u_fate[loop.MISSED]),
+        u_leaked=float(u_fate[loop.LEAKED]),
         legs=legs,
     )
 

@@ -5,20 +5,25 @@ from pathlib import Path
 from typing import Annotated
 
 from solen.cli.app import FLAT, FigureFile, Set, lines, listing, text
+from solen.cli.design.trace import SCENE_SUFFIX, refuse_for_scene
 from solen.results import Outcome, scalars
 from solen.sensor import Check, Focus, LensCheck, LensOptions
+from solen.trace.described import SceneCheck
 
 
-def check(file: Path, /, *, set_: Set = None) -> Outcome[Check]:
-    """Check that a design can be built at every angle of its motion.
+def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | SceneCheck]:
+    """Check that a design can be built at every angle of its motion, or that a scene can be traced.
 
     Parameters
     ----------
     file
-        The design file.
+        The design file, or a scene's JSON.
     """
     from solen.pipeline.design import check as pipeline
 
+    if file.suffix.lower() == SCENE_SUFFIX:
+        refuse_for_scene({"--set": set_ and set_[0]})
+        return pipeline.check_scene(file)
     return pipeline.check(file, set_)
 
 
@@ -54,6 +59,20 @@ def _(result: Check) -> Iterator[str]:
     yield from listing(_stated(material | lens | dict(focus) | dict(scalars(result.body))))
     yield from _foci(result.foci)
     yield f"faces: {', '.join(result.body.faces)}"
+
+
+@lines.register
+def _(result: SceneCheck) -> Iterator[str]:
+    yield f"{result.name}: a valid scene of {result.format}"
+    names = {"receivers": ", ".join(result.receivers), "monitors": ", ".join(result.monitors)}
+    numbers = {name: getattr(result, name) for name in ("regions", "interfaces", "sources", "rays")}
+    yield from listing(numbers | {name: value for name, value in names.items() if value})
+    if result.in_space:
+        yield "extruded: rays are followed in space"
+    if result.is_random:
+        yield "some light is drawn by chance: it can be sampled, not integrated"
+    for part in result.not_understood:
+        yield f"not understood: {part}"
 
 
 @lines.register

@@ -1,5 +1,6 @@
 """The command that traces a design or a scene."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from pydantic import Field
 
-from solen.cli.app import FLAT, SHOWN, FigureFile, Set, lines
+from solen.cli.app import FLAT, SHOWN, FigureFile, Set, lines, short
 from solen.errors import SpecError
 from solen.results import Outcome
 from solen.sensor.traced import DesignTrace
@@ -62,7 +63,7 @@ def trace(
             "--rays", value=rays, limit="has no meaning with sampling adaptive", remedy="leave one of them out"
         )
     if file.suffix.lower() == SCENE_SUFFIX:
-        _refuse({"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]})
+        refuse_for_scene({"--angle-deg": angle_deg, "--no-lens": no_lens, "--rays": rays, "--set": set_ and set_[0]})
         return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
     chosen = [f"emitter.rays={rays}"] * (rays is not None) + ["lens.shape=none"] * no_lens
     return pipeline.trace(
@@ -70,7 +71,7 @@ def trace(
     )
 
 
-def _refuse(of_designs: Mapping[str, object]) -> None:
+def refuse_for_scene(of_designs: Mapping[str, object]) -> None:
     """`SpecError` for options that only a design has."""
     for name, value in of_designs.items():
         if value is not None and value is not False:
@@ -80,39 +81,45 @@ def _refuse(of_designs: Mapping[str, object]) -> None:
 
 @lines.register
 def _(result: DesignTrace) -> Iterator[str]:
-    method = "" if result.method == "fan" else f", {result.method}"
-    yield f"{result.name} at {result.angle_deg:g} deg, {result.rays} rays, mode {result.mode}{method}"
+    yield f"{result.name} at {result.angle_deg:g} deg, {_how(result)}"
     for name, reading in sorted(result.detectors.items()):
-        u = "" if reading.u_power != reading.u_power else f" ± {reading.u_power:.1e}"
-        yield f"  {name:9} {reading.power:.6f}{u}  ({reading.rays} rays)"
-    yield from _ledger(result)
-    if result.in_space:
-        yield f"  of what escaped, {result.missed:.6f} passed above or below, {result.leaked:.6f} leaked there"
-    if result.single_error is not None:
-        yield f"single precision is off by at most {result.single_error:.1e} where it was compared"
-    if not result.reached:
-        yield f"the tolerance was not reached: {result.why}"
-    yield from _undefined(result)
+        yield f"  {name:9} {_power(reading.power, reading.u_power)}  ({reading.rays} rays)"
+    yield from _whole(result, result.in_space)
 
 
 @lines.register
 def _(result: SceneTrace) -> Iterator[str]:
-    yield f"{result.name} ({result.format}), {result.rays} rays, mode {result.mode}"
+    yield f"{result.name} ({result.format}), {_how(result)}"
     for name, reading in result.readings.items():
         bins = "" if reading.position is None else f", {len(reading.position)} bins"
-        yield f"  {name:9} {reading.power:.6g} ({reading.rays} rays{bins})"
-    yield from _ledger(result)
-    yield from _undefined(result)
+        power = _power(reading.power, reading.u_power, ".6g")
+        yield f"  {name:9} {power}  ({reading.rays} rays{bins})"
+    yield from _whole(result, result.in_space)
     for part in result.not_understood:
         yield f"not understood: {part}"
 
 
-def _ledger(result: Trace) -> Iterator[str]:
+def _how(result: Trace) -> str:
+    method = "" if result.method == "fan" else f", {result.method}"
+    return f"{result.rays} rays, mode {result.mode}{method}"
+
+
+def _power(power: float, u: float | None, digits: str = ".6f") -> str:
+    """A power with its uncertainty, which some rays cannot tell."""
+    return f"{power:{digits}} ± {short(None if u is None or math.isnan(u) else u)}"
+
+
+def _whole(result: Trace, in_space: bool) -> Iterator[str]:
+    """Ledger of a trace, and what must be known of all its powers."""
     for field in fields(result.ledger):
-        yield f"  {field.name:9} {getattr(result.ledger, field.name):.6f}"
-
-
-def _undefined(result: Trace) -> Iterator[str]:
+        yield f"  {field.name:9} {_power(getattr(result.ledger, field.name), getattr(result.u_ledger, field.name))}"
+    if in_space:
+        missed, leaked = _power(result.missed, result.u_missed), _power(result.leaked, result.u_leaked)
+        yield f"  of what escaped, {missed} passed above or below, {leaked} leaked there"
+    if result.single_error is not None:
+        yield f"single precision is off by at most {result.single_error:.1e} where it was compared"
+    if not result.reached:
+        yield f"the tolerance was not reached: {result.why}"
     if result.undefined_at_mm:
         x, z = result.undefined_at_mm[0]
         yield f"  {result.undefined} rays met an inconsistent interface, at [{x}, {z}] mm"

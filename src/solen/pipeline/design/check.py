@@ -8,11 +8,17 @@ from solen.pipeline.outputs import check_figure, write
 from solen.results import Outcome
 from solen.sensor import Check, LensCheck, LensOptions, Sensor, lens_check
 from solen.sensor import check as check_sensor
+from solen.trace.described import SceneCheck, open_scene, scene_check
 
 
 def check(path: Path, assignments: Sequence[str] | None = None) -> Outcome[Check]:
     """Check that a design can be built at every angle of its motion, and what follows from it."""
     return Outcome(check_sensor(Sensor.of(open_design(path, assignments))))
+
+
+def check_scene(path: Path) -> Outcome[SceneCheck]:
+    """Check that a scene's file, solen's own or one of ray-optics, can be traced."""
+    return Outcome(scene_check(open_scene(path, facets=True)))
 
 
 def lens(

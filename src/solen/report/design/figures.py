@@ -25,6 +25,8 @@ from solen.trace import Convergence, Mode, Path, Trace, trace
 from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
+OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Of receivers of other names, one after the other."""
 METHODS = {
     "fan": ("fan", INK, "o"),
     "sobol": ("Sobol' samples", "#CC79A7", "s"),
@@ -259,15 +261,27 @@ def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *
         ring = polyline(other, 1e-3)
         axes.fill(*ring.T, facecolor="white" if area(ring) < 0.0 else "#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     low, high = outline.min(axis=0), outline.max(axis=0)
-    beyond = 0.12 * float(high[1] - low[1])
-    for colour, lines in _coloured(scene, trace, beyond).items():
+    beyond, colours = 0.12 * float(high[1] - low[1]), _colours(scene)
+    for colour, lines in _coloured(scene, trace, beyond, colours).items():
         axes.add_collection(LineCollection(lines, colors=colour, linewidths=0.45, alpha=0.85, zorder=2))
     faces = {face.name for face in body.all_faces}
     for interface in scene.interfaces:
         if interface.name not in faces or interface.surface is not None:  # pads, mirrors, and walls with a finish
             axes.plot(*interface.curve.flattened().T, color=INK, lw=1.4, ls=(0, (3, 1.5)), zorder=3)
         if interface.receiver is not None:
-            axes.plot(*interface.curve.flattened().T, color=COLOURS.get(interface.receiver, INK), lw=3.5, zorder=3)
+            curve, colour = interface.curve, colours[interface.receiver]
+            axes.plot(*curve.flattened().T, color=colour, lw=3.5, zorder=3)
+            if interface.receiver not in COLOURS:  # a name that the colours do not say
+                axes.annotate(
+                    interface.receiver,
+                    curve.middle_point,
+                    xytext=(0, 4),
+                    textcoords="offset points",
+                    ha="center",
+                    color=colour,
+                    fontsize=8,
+                    zorder=5,
+                )
     axes.plot(*body.emitter.point, "o", color=INK, ms=3.5, zorder=4)
     axes.set_aspect("equal")
     axes.grid(visible=False)
@@ -279,18 +293,21 @@ def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *
     axes.set(xlim=(base[0] - zoom, base[0] + zoom), ylim=(body.emitter.point[1] - 0.5, base[1] + zoom))
 
 
-def _coloured(scene: Scene, trace: Trace, beyond_mm: float) -> dict[str, list[NDArray[np.float64]]]:
-    """Ways of the rays by colour, those that escape last and lowest; an escaping one is drawn a little way out."""
-    lines: dict[str, list[NDArray[np.float64]]] = {LOST: [], LEFT: [], RIGHT: []}
+def _colours(scene: Scene) -> dict[str, str]:
+    """Colours of the receivers."""
+    others = [name for name in scene.receivers if name not in COLOURS]
+    return COLOURS | {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(others)}
+
+
+def _coloured(
+    scene: Scene, trace: Trace, beyond_mm: float, colours: dict[str, str]
+) -> dict[str, list[NDArray[np.float64]]]:
+    """Ways of the rays by colour, those that escape first and lowest; an escaping one is drawn a little way out."""
+    lines: dict[str, list[NDArray[np.float64]]] = {colour: [] for colour in (LOST, *reversed(colours.values()))}
     for path in trace.paths():
-        lines[_colour(scene, path)].append(_drawn(path, beyond_mm))
+        receiver = scene.interfaces[path.interfaces[-1]].receiver if path.fate == "detected" else None
+        lines[LOST if receiver is None else colours[receiver]].append(_drawn(path, beyond_mm))
     return lines
-
-
-def _colour(scene: Scene, path: Path) -> str:
-    if path.fate != "detected":
-        return LOST
-    return COLOURS.get(scene.interfaces[path.interfaces[-1]].receiver or "", INK)
 
 
 def _drawn(path: Path, beyond_mm: float) -> NDArray[np.float64]:
