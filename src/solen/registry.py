@@ -8,7 +8,8 @@ adds to it by one file and one line of its ``pyproject.toml``, an entry point of
 
 Nothing of another package is imported until its name is asked for.
 
-The interface: `Registry`, a read-only mapping; the groups, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS` and `PRINTERS`.
+The interface: `Registry`, a read-only mapping; the groups, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS`, `PRINTERS` and
+`FINISHES`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,8 +21,8 @@ from typing import Generic, TypeVar
 from solen.errors import SolenError
 
 INSTRUMENTS, FORMATS = "solen.instruments", "solen.formats"
-BODY_KINDS, PRINTERS = "solen.body_kinds", "solen.printers"
-GROUPS = (INSTRUMENTS, FORMATS, BODY_KINDS, PRINTERS)
+BODY_KINDS, PRINTERS, FINISHES = "solen.body_kinds", "solen.printers", "solen.finishes"
+GROUPS = (INSTRUMENTS, FORMATS, BODY_KINDS, PRINTERS, FINISHES)
 
 T = TypeVar("T")
 

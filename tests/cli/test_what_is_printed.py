@@ -101,7 +101,19 @@ def test_a_trace_has_the_keys_it_is_asked_for(told: Told, design: str, mode: str
 TRACED = {
     *("name", "angle_deg", "lens", "mode", "method", "rays", "detectors", "ledger", "hits", "undefined", "truncated"),
     *("undefined_at_mm", "truncated_at_mm", "single_error", "pieces", "reached", "why", "warnings", "monitors"),
-    *("missed", "leaked", "in_space", "faces", "branches", "simulated", "u_power", "files"),
+    *(
+        "missed",
+        "leaked",
+        "u_ledger",
+        "u_missed",
+        "u_leaked",
+        "in_space",
+        "faces",
+        "branches",
+        "simulated",
+        "u_power",
+        "files",
+    ),
 }
 
 

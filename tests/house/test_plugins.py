@@ -1,4 +1,4 @@
-"""A laboratory's own package adds a printer, a file format, a body and an instrument, each by one file and one line.
+"""A laboratory's own package adds a printer, a format, a body, a finish and an instrument: each one file and one line.
 
 The package of this test is a folder on the path with the metadata that pip would write; solen is run on it as a user
 would, in an interpreter of its own.
@@ -26,6 +26,10 @@ lab-spectrum = mylab.spectrum:SPECTRUM
 
 [solen.body_kinds]
 lab-bar = mylab.bar:BAR
+
+[solen.finishes]
+lab-velvet = mylab.velvet:VELVET
+lab-film = mylab.velvet:FILM
 
 [solen.instruments]
 lab-stage = mylab.stage:STAGE
@@ -116,6 +120,22 @@ STAGE = Driver("stage", lambda rig, clock: Stage(clock, rig.stage.port), needs="
 BOARD = Driver("board", lambda rig, clock: Board(clock, Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz))
 """
 
+VELVET = """
+from solen.scene import AngleTable, Finish, ScatterTable, Surface
+
+VELVET = Finish(
+    "mirror", Surface(table=AngleTable((0.0, 45.0, 90.0), (0.7, 0.7, 0.7))), wavelength_nm=(800.0, 900.0)
+)
+FILM = Finish(
+    "refracting",
+    Surface(
+        table=AngleTable((0.0, 40.0, 90.0), (0.1, 0.3, 0.9), (0.8, 0.5, 0.0)),
+        table_right=AngleTable((0.0, 90.0), (0.1, 0.9), (0.8, 0.0)),
+        scatter=ScatterTable((0.0, 0.1, 0.5), (1.0, 0.2, 0.0), 0.5),
+    ),
+)
+"""
+
 RIG = """
 schema = 1
 name = "lab"
@@ -168,7 +188,7 @@ def lab(tmp_path: Path) -> Path:
     (package / "printers").mkdir(parents=True)
     for folder in (package, package / "printers"):
         (folder / "__init__.py").write_text("", encoding="utf-8")
-    for name, text in (("spectrum", SPECTRUM), ("bar", BAR), ("stage", STAGE)):
+    for name, text in (("spectrum", SPECTRUM), ("bar", BAR), ("velvet", VELVET), ("stage", STAGE)):
         (package / f"{name}.py").write_text(text, encoding="utf-8")
     shipped = (files("solen.parts") / "printers" / "asiga-max-x27.toml").read_text(encoding="utf-8")
     printer = re.sub(r'(?m)^name = ".*"$', 'name = "Lab DLP"', shipped)
@@ -203,6 +223,7 @@ def test_the_doctor_lists_what_was_added(lab: Path) -> None:
         "solen.formats": ["lab-spectrum"],
         "solen.body_kinds": ["lab-bar"],
         "solen.printers": ["lab-dlp"],
+        "solen.finishes": ["lab-film", "lab-velvet"],
     }
 
 
@@ -253,3 +274,47 @@ def test_a_broken_package_is_named_when_it_is_used_and_not_before(lab: Path) -> 
     assert "lab-bar" in line
     assert "no_such_module" in line
     assert "mylab" in line
+
+
+def walled(lab: Path, name: str, finish: str, more: str = "") -> str:
+    """A sensor whose stem has a finish."""
+    text = (lab / "sensor.toml").read_text(encoding="utf-8")
+    (lab / name).write_text(f'{text}\n[[wall]]\nface = "[so]*-*"\nfinish = "{finish}"\n{more}', encoding="utf-8")
+    return name
+
+
+def powers(lab: Path, name: str, *options: str) -> dict[str, float]:
+    found = answer(lab, "trace", name, "--angle-deg", "-1", "--mode", "power", *options)
+    assert abs(sum(found["ledger"].values()) - 1.0) < 1e-9
+    detectors = {side: reading["power"] for side, reading in found["detectors"].items()}
+    return detectors | {"absorbed": found["ledger"]["absorbed"]}
+
+
+@pytest.mark.parametrize("dimension", ["2d", "extruded"])
+def test_a_finish_by_a_table_does_what_the_table_says(lab: Path, dimension: str) -> None:
+    """A table of 0.7 at all angles is a mirror of 0.7, in the plane and in space."""
+    table = walled(lab, "table.toml", "lab-velvet")
+    grey = walled(lab, "grey.toml", "mirror", "reflectance = 0.7")
+    emitter = ("--set", "emitter.pattern=lambertian", "--set", "emitter.rays=512")
+    options = ("--set", f"trace.dimension={dimension}", *emitter)
+    one, other = (powers(lab, name, *options) for name in (table, grey))
+    assert one == pytest.approx(other, abs=1e-12)
+    assert one["absorbed"] > 0.003
+    film = powers(lab, walled(lab, "film.toml", "lab-film"), *options)
+    assert film["absorbed"] > 0.003
+    assert film["right"] != pytest.approx(one["right"], abs=1e-3)
+
+
+def test_a_finish_is_refused_where_it_says_nothing(lab: Path) -> None:
+    unknown = ran(lab, "check", walled(lab, "a.toml", "lab-satin"), code=2).stderr
+    for name in ("lab-satin", "clear", "lab-velvet"):
+        assert name in unknown
+    scattering = ran(lab, "check", walled(lab, "b.toml", "lab-velvet", 'scatter = "lambertian"'), code=2).stderr
+    assert "wall[0].scatter" in scattering
+    assert "lab-velvet" in scattering
+    light = ("--set", "emitter.wavelength_nm=650", "--set", "material.index=1.44")
+    other = ran(lab, "trace", walled(lab, "c.toml", "lab-velvet"), *light, code=2).stderr
+    assert "light of 650 nm" in other
+    assert "800 to 900 nm" in other
+    counted = ran(lab, "trace", walled(lab, "d.toml", "lab-velvet"), "--mode", "count").stdout
+    assert 'wall[0].finish = "lab-velvet" has no effect' in counted

@@ -1,5 +1,6 @@
 """Scenes: regions, interfaces, sources and detectors, built by hand, from a sensor or from JSON."""
 
+from solen.scene.finishes import FINISHES, Finish
 from solen.scene.json import dumps, load, loads, save
 from solen.scene.model import Extrusion, Interface, Monitor, Region, Scene
 from solen.scene.sensor import sensor_scene
@@ -32,6 +33,7 @@ from solen.scene.surface import (
 )
 
 __all__ = [
+    "FINISHES",
     "Ambient",
     "AngleTable",
     "Beam",
@@ -41,6 +43,7 @@ __all__ = [
     "Emitter",
     "Extrusion",
     "Fan",
+    "Finish",
     "Gaussian",
     "Grating",
     "HarveyShack",

@@ -13,6 +13,7 @@ from solen.material import Dispersion, Optical
 from solen.parts import Light, light_of
 from solen.plane import Point
 from solen.scene.contact import pad_edges, pad_regions
+from solen.scene.finishes import FINISHES
 from solen.scene.model import Behaviour, Extrusion, Interface, Region, Scene
 from solen.scene.sources import (
     Ambient,
@@ -36,7 +37,6 @@ BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", 
 """Of faces by the first word of their name; any other refracts."""
 ROOM = 1.1
 """Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
-FINISHES: dict[str, Behaviour] = {"clear": "refracting", "mirror": "mirror", "black": "absorbing"}
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
@@ -59,6 +59,9 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
     ]
     light = light_of(design)
     emitter = _emitter(design, light, body.emitter, rays)
+    for number, wall in enumerate(design.wall):
+        lit_nm = tuple(nm for nm, _ in emitter.spectrum) or (light.wavelength_nm,)
+        FINISHES[wall.finish].check_at(f"wall[{number}].finish", wall.finish, lit_nm)
     index = material.dispersion if emitter.spectrum and material.dispersion is not None else material.index
     used = {name for interface in interfaces for name in (interface.left, interface.right)}
     outside = [region for region in pad_regions(design.wall) if region.name in used]
@@ -133,21 +136,23 @@ def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
     if face.wall is None:
         return Interface(face.name, face.curve, left, AIR.name, behaviour)
     wall = walls[face.wall]
-    return Interface(face.name, face.curve, left, wall.outside, FINISHES[wall.finish], surface=_surface(wall))
+    finish = FINISHES[wall.finish]
+    surface = finish.surface if wall.finish_is_added else _surface(wall)
+    kept = None if surface == Surface() else surface
+    return Interface(face.name, face.curve, left, wall.outside, finish.behaviour, surface=kept)
 
 
-def _surface(wall: Wall) -> Surface | None:
-    """Surface of a stretch; None where it is bare."""
+def _surface(wall: Wall) -> Surface:
+    """Surface of a stretch."""
     layers = [Layer(film.index, film.thickness_nm, film.extinction) for film in wall.coating]
     if wall.gap_um is not None:
         layers.append(Layer(1.0, 1e3 * wall.gap_um))
-    surface = Surface(
+    return Surface(
         reflectance=wall.reflectance,
         coating=Coating(tuple(layers)) if layers else None,
         scatter=_scatter(wall),
         texture=_texture(wall),
     )
-    return None if surface == Surface() else surface
 
 
 def _scatter(wall: Wall) -> Scatter | None:

@@ -6,6 +6,7 @@ power, whatever the design's own dimension and mode.
 
 from collections.abc import Iterator
 
+from solen.scene import FINISHES
 from solen.sensor.sensor import Sensor
 from solen.spec import Wall
 from solen.trace import Mode
@@ -43,6 +44,8 @@ def _counting(sensor: Sensor) -> Iterator[str]:
             yield f"wall[{i}].absorption_per_mm = {wall.absorption_per_mm:g} {remedy}"
         if wall.reflectance < 1.0:
             yield f"wall[{i}].reflectance = {wall.reflectance:g} {remedy}"
+        if FINISHES[wall.finish].surface.table is not None:
+            yield f'wall[{i}].finish = "{wall.finish}" {remedy}: counting sees none of its shares'
         for key, films in _films(wall).items():
             if films and not any(_shuts(sensor, wall, index, nm) for index, nm in films):
                 yield f"wall[{i}].{key} {remedy}: of films it sees those thicker than the wavelength, where they shut"

@@ -6,12 +6,23 @@ a medium of an index of its own, behind a thin film of air where ``gap_um`` says
 
 from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from solen.registry import FINISHES, offered
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
 Share = Annotated[Number, Field(ge=0, le=1)]
 SCATTER_KEYS = {"gaussian": ("sigma",), "harvey-shack": ("shoulder", "slope"), "lambertian": ()}
+
+
+OWN_FINISHES = ("clear", "mirror", "black")
+
+
+def _known_finish(name: str) -> str:
+    known = list(dict.fromkeys([*OWN_FINISHES, *offered(FINISHES)]))
+    if name not in known:
+        raise refused("", f"must be {' or '.join(map(repr, known))}", value=name)
+    return name
 
 
 class Layer(Strict):
@@ -42,7 +53,11 @@ class Wall(Strict):
     gap_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
         None, description="Film of air in µm between the body and what touches it; default: none."
     )
-    finish: Literal["clear", "mirror", "black"] = Field("clear", description="Clear, mirrored or blackened.")
+    finish: Annotated[Text, AfterValidator(_known_finish)] = Field(
+        "clear",
+        description="Clear, mirrored or blackened, or what another package adds.",
+        json_schema_extra=lambda schema: schema.update(enum=[*OWN_FINISHES, *offered(FINISHES)]),
+    )
     reflectance: Share = Field(1.0, description="Share of the power that a mirrored stretch reflects.")
     scatter: Literal["none", "lambertian", "gaussian", "harvey-shack"] = Field(
         "none", description="How the stretch scatters what leaves it."
@@ -75,6 +90,7 @@ class Wall(Strict):
         if self.to_mm is not None and not self.from_mm < self.to_mm:
             raise refused("from_mm", f"must be less than to_mm = {self.to_mm}", value=self.from_mm)
         self._check_outside()
+        self._check_added_finish()
         self._check_finish()
         if (self.texture_pitch_um is None) != (self.texture_amplitude_um is None):
             missing = "texture_pitch_um" if self.texture_pitch_um is None else "texture_amplitude_um"
@@ -95,6 +111,25 @@ class Wall(Strict):
                     f'leave it out, or name what touches the wall: outside = "{"glue" if key != "gap_um" else "skin"}"'
                 )
                 raise refused(key, 'has no meaning where outside = "air"', value=value, remedy=remedy)
+
+    @property
+    def finish_is_added(self) -> bool:
+        """Whether another package states what the finish does."""
+        return self.finish not in OWN_FINISHES
+
+    def _check_added_finish(self) -> None:
+        stated = {
+            "outside": self.outside != "air",
+            "coating": bool(self.coating),
+            "scatter": self.scatter != "none",
+            "texture_pitch_um": self.texture_pitch_um is not None,
+        }
+        for key, has in stated.items():
+            if self.finish_is_added and has:
+                limit = (
+                    f'has no meaning with finish = "{self.finish}", which states the whole surface between body and air'
+                )
+                raise refused(key, limit, remedy="leave it out")
 
     def _check_finish(self) -> None:
         needed = SCATTER_KEYS.get(self.scatter, ())

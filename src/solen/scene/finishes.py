@@ -1,0 +1,65 @@
+"""Finishes of walls, by the name that a design gives them in ``wall.finish``.
+
+Another package adds one by an entry point of ``solen.finishes``, as a table of what its laboratory measured::
+
+    VELVET = Finish(
+        "mirror",
+        Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
+        wavelength_nm=(840.0, 880.0),
+    )
+
+A wall has the body on its left, so that `Surface.table` is of light from inside it and `Surface.table_right` of light
+from the air.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from solen import registry
+from solen.curve import check_range
+from solen.errors import DesignError
+from solen.scene.surface import Surface
+
+BARE = Surface()
+
+
+@dataclass(frozen=True)
+class Finish:
+    """What a stretch of wall does with light.
+
+    Attributes
+    ----------
+    behaviour
+        Whether light goes through, is sent back, or ends there.
+    surface
+        What it is beyond smooth, clean and bare.
+    wavelength_nm
+        Wavelengths from which to which it was measured; None: any.
+    """
+
+    behaviour: Literal["refracting", "mirror", "absorbing"]
+    surface: Surface = BARE
+    wavelength_nm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.wavelength_nm is not None:
+            check_range("finish wavelength_nm", self.wavelength_nm[0], above=0.0)
+            check_range("finish wavelength_nm", self.wavelength_nm[1], self.wavelength_nm[0])
+
+    def check_at(self, what: str, name: str, wavelengths_nm: tuple[float, ...]) -> None:
+        """`DesignError` where it was not measured at one of these wavelengths."""
+        for nm in wavelengths_nm:
+            if self.wavelength_nm is not None and not self.wavelength_nm[0] <= nm <= self.wavelength_nm[1]:
+                low, high = self.wavelength_nm
+                limit = f"{name} was measured from {low:g} to {high:g} nm"
+                raise DesignError(
+                    what, value=f"light of {nm:g} nm", limit=limit, remedy="use another finish or emitter"
+                )
+
+
+FINISHES: registry.Registry[Finish] = registry.Registry(
+    registry.FINISHES,
+    {"clear": Finish("refracting"), "mirror": Finish("mirror"), "black": Finish("absorbing")},
+    Finish,
+)
+"""Finishes by name."""
