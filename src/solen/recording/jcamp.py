@@ -1,0 +1,241 @@
+"""JCAMP-DX: spectra as records of text, points one by one or compressed along an even axis.
+
+The idea: a file is records ``##LABEL=value``, of which one holds the numbers. ``(XY..XY)`` are pairs; ``(X++(Y..Y))``
+are values of an even axis, each line with the place where it begins, plain or compressed: digits joined by
+pseudo-digits (squeezed), differences, repeats. What the file states twice (how many points, where lines begin, the
+first value, the last value before each line of differences) is held against the numbers, so that damage shows.
+
+The interface: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
+Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.recording import dates
+from solen.recording.model import Channel, Provenance, Recording
+from solen.recording.source import Source
+from solen.recording.table import is_simulated
+
+Lines = list[tuple[int, str]]
+"""Lines of a record with their numbers in the file."""
+
+_RECORD = re.compile(r"##([^=]*)=(.*)")
+_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_TOKEN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]\d+)?|[@A-Ia-i%J-Rj-rS-Zs]\d*|\?")
+_SQUEEZED = {letter: digit for digit, letter in enumerate("@ABCDEFGHI")} | {
+    letter: -digit for digit, letter in enumerate("abcdefghi", 1)
+}
+_DIFFERENCE = {letter: digit for digit, letter in enumerate("%JKLMNOPQR")} | {
+    letter: -digit for digit, letter in enumerate("jklmnopqr", 1)
+}
+_REPEAT = {letter: digit for digit, letter in enumerate("STUVWXYZs", 1)}
+_X = {"1/CM": ("wavenumber", "1/cm"), "NANOMETERS": ("wavelength", "nm"), "MICROMETERS": ("wavelength", "um")}
+_Y = {
+    "TRANSMITTANCE": ("transmittance", "1"),
+    "%TRANSMITTANCE": ("transmittance", "%"),
+    "PERCENTTRANSMITTANCE": ("transmittance", "%"),
+    "REFLECTANCE": ("reflectance", "1"),
+    "%REFLECTANCE": ("reflectance", "%"),
+    "PERCENTREFLECTANCE": ("reflectance", "%"),
+    "ABSORBANCE": ("absorbance", "1"),
+}
+_FORMS = {"(XY..XY)": "pairs", "(X++(Y..Y))": "even"}
+_NEAR_Y = 1e-3
+"""Part of the largest value that a stated first value may miss the first one by."""
+
+
+def is_jcamp(source: Source) -> bool:
+    """Whether a file begins as a JCAMP-DX file does."""
+    return re.match(rb"(?:\xef\xbb\xbf)?\s*##\s*TITLE\s*=", source.data[:200], re.IGNORECASE) is not None
+
+
+def read(source: Source) -> Recording:
+    """Recording of a JCAMP-DX file of one spectrum; `DataError` with the line of what is damaged or not read."""
+    records = dict(_records(source))
+    _check_kind(source, records)
+    label = next((one for one in ("XYDATA", "XYPOINTS") if one in records), None)
+    if label is None:
+        raise source.refused("", "has no XYDATA and no XYPOINTS", "export the spectrum as JCAMP-DX 4.24")
+    form = re.sub(r"\s", "", records[label][0][1]).upper()
+    if form not in _FORMS:
+        limit = f"has numbers in the form {form or 'that is not named'}; (XY..XY) and (X++(Y..Y)) are read"
+        raise source.refused(f"line {records[label][0][0]}", limit, "export the spectrum as one of these")
+    body = records[label][1:]
+    points = _pairs(source, body) if _FORMS[form] == "pairs" else _even(source, body, records)
+    factors = [_stated(source, records, name, 1.0) for name in ("XFACTOR", "YFACTOR")]
+    x, y = (column * factor for column, factor in zip(points, factors, strict=True))
+    if _FORMS[form] == "even":
+        x = points[0]
+    _check_points(source, records, x, y)
+    metadata = {key: " ".join(text for _, text in lines).strip() for key, lines in records.items() if key != label}
+    return _recording(source, metadata, x, y)
+
+
+def _records(source: Source) -> Iterator[tuple[str, Lines]]:
+    """Records by their labels in one spelling, with the lines of each; comments and what follows END are left out."""
+    label, held = "", Lines()
+    for number, line in enumerate(source.lines(), 1):
+        text = line.partition("$$")[0].rstrip()
+        record = _RECORD.match(text)
+        if record is None:
+            if text.strip() and not label:
+                raise source.refused(f"line {number}", "stands before any record", "export the file again")
+            held.append((number, text))
+            continue
+        if label:
+            yield label, held
+        label, held = re.sub(r"[\s\-/_]", "", record[1]).upper(), [(number, record[2].strip())]
+        if label == "END":
+            return
+    raise source.refused("", "has no END: it was cut off", "export it again")
+
+
+def _check_kind(source: Source, records: dict[str, Lines]) -> None:
+    """`DataError` for files of several spectra, which are not read."""
+    kind = records.get("DATATYPE", [(0, "")])[0][1].upper()
+    if kind == "LINK" or "BLOCKS" in records or "NTUPLES" in records or "PAGE" in records:
+        limit = "is a JCAMP-DX file of several blocks or of NTUPLES, which are not read"
+        raise source.refused("", limit, "export each spectrum to a file of its own")
+
+
+def _stated(source: Source, records: dict[str, Lines], label: str, default: float = math.nan) -> float:
+    """Number that a record states."""
+    if label not in records:
+        return default
+    number, text = records[label][0]
+    if not _NUMBER.fullmatch(text):
+        raise source.refused(f"line {number}", f"states no number as {label}", "export the file again", text)
+    return float(text)
+
+
+def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
+    """Points of pairs: a comma or spaces in each, a semicolon, spaces or a line's end between two."""
+    x: list[float] = []
+    y: list[float] = []
+    for number, text in body:
+        cells = [cell for cell in re.split(r"[\s,;]+", text) if cell]
+        wrong = next((cell for cell in cells if not _NUMBER.fullmatch(cell)), None)
+        if wrong is not None or len(cells) % 2:
+            limit = "is no number" if wrong is not None else "holds half of a pair"
+            raise source.refused(f"line {number}", limit, "export the file again", wrong)
+        for place, value in zip(cells[::2], cells[1::2], strict=True):
+            if len(x) > 1 and not (float(place) - x[-1]) * (x[1] - x[0]) > 0.0:
+                limit = f"goes back to {place}: the places of a spectrum rise, or fall, from line to line"
+                raise source.refused(f"line {number}", limit, "export the file again: lines are damaged")
+            x.append(float(place))
+            y.append(float(value))
+    return np.array(x), np.array(y)
+
+
+def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[FloatArray, FloatArray]:
+    """Points of an even axis: from FIRSTX to LASTX in NPOINTS steps, each line beginning where it says."""
+    first, last, count = (_stated(source, records, name) for name in ("FIRSTX", "LASTX", "NPOINTS"))
+    if not (math.isfinite(first + last + count) and count >= 2):
+        raise source.refused("", "does not state FIRSTX, LASTX and NPOINTS", "export it again")
+    step, factor = (last - first) / (count - 1), _stated(source, records, "XFACTOR", 1.0)
+    values: list[float] = []
+    differences = False
+    for number, text in body:
+        if not text.strip():
+            continue
+        tokens = _tokens(source, number, text)
+        if not _NUMBER.fullmatch(tokens[0]) or len(tokens) < 2:
+            raise source.refused(f"line {number}", "does not begin with its place", "export the file again", text[:20])
+        own, ends_in_difference = _unpacked(source, number, tokens[1:])
+        place = len(values) - 1 if differences else len(values)
+        if abs(float(tokens[0]) * factor - first - step * place) > abs(factor) * _last_digit(tokens[0]):
+            limit = f"begins at {float(tokens[0]) * factor:g}, where {first + step * place:g} comes next"
+            raise source.refused(f"line {number}", limit, "export the file again: lines are missing or damaged")
+        if differences:
+            if own[0] != values[-1]:
+                limit = f"begins with {own[0]:g}, where the line before ended with {values[-1]:g}"
+                raise source.refused(f"line {number}", limit, "export the file again")
+            own = own[1:]
+        values += own
+        differences = ends_in_difference
+    places = np.arange(len(values), dtype=np.float64)
+    return np.asarray(first + step * places, dtype=np.float64), np.array(values, dtype=np.float64)
+
+
+def _last_digit(text: str) -> float:
+    """One of the last digit that a number is written with, and a little: what its writer may have rounded off."""
+    mantissa, _, power = text.casefold().partition("e")
+    return 1.01 * float(10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
+
+
+def _tokens(source: Source, number: int, text: str) -> list[str]:
+    """Numbers and compressed numbers of a line, which must be all of it."""
+    if _TOKEN.sub("", text).strip(" \t,;"):
+        limit = "holds what is neither a number nor a compressed one"
+        raise source.refused(f"line {number}", limit, "export the file again", text[:40])
+    return _TOKEN.findall(text)
+
+
+def _unpacked(source: Source, number: int, tokens: Sequence[str]) -> tuple[list[float], bool]:
+    """Values of a line's tokens, and whether the last of them was a difference."""
+    values: list[float] = []
+    step, difference = 0.0, False
+    for token in tokens:
+        letter, digits = token[0], token[1:]
+        if letter in _REPEAT and (values or difference):
+            for _ in range(int(f"{_REPEAT[letter]}{digits}") - 1):
+                values.append(values[-1] + (step if difference else 0.0))
+        elif letter in _DIFFERENCE and values:
+            step, difference = float(f"{_DIFFERENCE[letter]}{digits}"), True
+            values.append(values[-1] + step)
+        elif letter == "?":
+            values.append(math.nan)
+            difference = False
+        elif letter not in _REPEAT and letter not in _DIFFERENCE:
+            values.append(float(f"{_SQUEEZED[letter]}{digits}") if letter in _SQUEEZED else float(token))
+            difference = False
+        else:
+            raise source.refused(f"line {number}", "repeats what is not there", "export the file again", token)
+    return values, difference
+
+
+def _check_points(source: Source, records: dict[str, Lines], x: FloatArray, y: FloatArray) -> None:
+    """`DataError` where the numbers are not those that the file states."""
+    count = _stated(source, records, "NPOINTS", float(x.size))
+    if count != x.size or x.size < 2:
+        limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"
+        raise source.refused("", limit, "export it again")
+    top = float(np.nanmax(np.abs(y), initial=0.0))
+    span = abs(float(x[-1] - x[0])) / (x.size - 1)
+    checks = (("FIRSTX", x[0], 0.5 * span), ("LASTX", x[-1], 0.5 * span), ("FIRSTY", y[0], _NEAR_Y * top))
+    for label, value, near in checks:
+        stated = _stated(source, records, label)
+        if math.isfinite(stated) and not abs(stated - value) <= near:
+            raise source.refused("", f"states {stated:g} as {label}, and has {value:g}", "export it again")
+    extremes = (("MAXY", np.nanmax(y)), ("MINY", np.nanmin(y)))
+    for label, value in extremes:
+        stated = _stated(source, records, label)
+        if math.isfinite(stated) and not abs(stated - value) <= _NEAR_Y * top:
+            raise source.refused("", f"states {stated:g} as {label}, and has {value:g}", "export it again")
+
+
+def _recording(source: Source, metadata: dict[str, str], x: FloatArray, y: FloatArray) -> Recording:
+    """Channels of a spectrum: its axis, the wavelength where that is a wavenumber, and its values along the last."""
+    units = [re.sub(r"\s", "", metadata.get(name, "")).upper() for name in ("XUNITS", "YUNITS")]
+    if units[0] not in _X:
+        limit = f"has an axis in {metadata.get('XUNITS') or 'no unit'}; 1/CM, NANOMETERS and MICROMETERS are read"
+        raise source.refused("", limit, "export the spectrum along wavelengths or wavenumbers")
+    name, unit = _X[units[0]]
+    channels = [Channel(name, name, unit, x)]
+    if name == "wavenumber":
+        with np.errstate(divide="ignore"):
+            channels.append(Channel("wavelength", "wavelength", "nm", 1e7 / x, note="computed from the wavenumbers"))
+    quantity, y_unit = _Y.get(units[1], ("", ""))
+    note = "" if quantity else f"its unit {metadata.get('YUNITS') or '(none)'} is not known here"
+    title = metadata.get("TITLE") or quantity or "spectrum"
+    channels.append(Channel(title, quantity, y_unit, y, axis=channels[-1].name, note=note))
+    instrument = metadata.get("SPECTROMETERDATASYSTEM", "")
+    provenance = Provenance(
+        source.name, source.sha256, "jcamp-dx", instrument, dates.among(metadata), metadata, is_simulated(metadata)
+    )
+    return Recording(tuple(channels), provenance)

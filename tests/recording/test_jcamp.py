@@ -1,0 +1,128 @@
+"""JCAMP-DX: pairs, and an even axis plain or compressed, each the numbers of a plain reading."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from solen.errors import DataError
+from solen.recording import read, spectra
+
+COUNTS = [round(5000.0 + 4000.0 * np.sin(0.2 * n)) for n in range(60)] + [900] * 6
+
+
+def squeezed(value: int) -> str:
+    """A number whose first digit is a pseudo-digit with its sign."""
+    letters = "@ABCDEFGHI" if value >= 0 else "@abcdefghi"
+    digits = str(abs(value))
+    return letters[int(digits[0])] + digits[1:]
+
+
+def difference(value: int) -> str:
+    letters = "%JKLMNOPQR" if value >= 0 else "%jklmnopqr"
+    digits = str(abs(value))
+    return letters[int(digits[0])] + digits[1:]
+
+
+def repeated(count: int) -> str:
+    return " STUVWXYZs"[int(str(count)[0])] + str(count)[1:]
+
+
+def even_lines(form: str, first: float, step: float, each: int = 9) -> list[str]:
+    """Lines of COUNTS by the standard: of differences each begins with the last value of the one before."""
+    lines, place = [], 0
+    while place < len(COUNTS):
+        part = COUNTS[place : place + each]
+        begin = place
+        if form == "differences" and place:
+            part, begin = [COUNTS[place - 1], *part], place - 1
+        x = f"{first + step * begin:.3f}"
+        if form == "plain":
+            lines.append(" ".join([x, *map(str, part)]))
+        elif form == "squeezed":
+            lines.append(x + "".join(map(squeezed, part)))
+        else:
+            steps = np.diff(part).tolist()
+            text, number = x + squeezed(part[0]), 0
+            while number < len(steps):
+                same = next((n for n in range(number, len(steps)) if steps[n] != steps[number]), len(steps)) - number
+                text += difference(steps[number]) + (repeated(same) if same > 1 else "")
+                number += same
+            lines.append(text)
+        place += each
+    return lines
+
+
+def jcamp(form: str = "plain", x_units: str = "NANOMETERS", y_units: str = "TRANSMITTANCE", step: float = 2.0) -> str:
+    first, factor = 400.0, 1e-4
+    last = first + step * (len(COUNTS) - 1)
+    head = ["##TITLE=film 1", "##JCAMP-DX=4.24 $$ of a test", "##DATA TYPE=UV/VIS SPECTRUM", "##ORIGIN=nobody"]
+    head += [f"##XUNITS={x_units}", f"##YUNITS={y_units}", f"##FIRSTX={first}", f"##LASTX={last}"]
+    head += [f"##NPOINTS={len(COUNTS)}", f"##FIRSTY={factor * COUNTS[0]:.6f}"]
+    head += [f"##MAXY={factor * max(COUNTS):.6f}", f"##MINY={factor * min(COUNTS):.6f}"]
+    if form == "pairs":
+        body = [f"{first + step * n:.3f}, {factor * count:.4f}" for n, count in enumerate(COUNTS)]
+        return "\r\n".join([*head, "##XYPOINTS=(XY..XY)", *body, "##END=", ""])
+    head += ["##XFACTOR=1.0", f"##YFACTOR={factor}", f"##DELTAX={step}"]
+    return "\r\n".join([*head, "##XYDATA=(X++(Y..Y))", *even_lines(form, first, step), "##END=", ""])
+
+
+def saved(folder: Path, text: str) -> Path:
+    (folder / "file.jdx").write_text(text, encoding="utf-8", newline="")
+    return folder / "file.jdx"
+
+
+@pytest.mark.parametrize("form", ["pairs", "plain", "squeezed", "differences"])
+@pytest.mark.parametrize("step", [2.0, -0.5])
+def test_numbers_are_those_of_a_plain_reading(tmp_path: Path, form: str, step: float) -> None:
+    found = read(saved(tmp_path, jcamp(form, step=step)))
+    assert found.provenance.format == "jcamp-dx"
+    (one,) = spectra(found)
+    assert one.channel.quantity == "transmittance"
+    assert one.wavelength_nm == pytest.approx(400.0 + step * np.arange(len(COUNTS)), abs=1e-9)
+    assert one.ratio() == pytest.approx(1e-4 * np.array(COUNTS), abs=1e-12)
+
+
+def test_pairs_that_go_back_are_refused(tmp_path: Path) -> None:
+    text = jcamp("pairs")
+    for place in ("402.000", "430.000"):
+        with pytest.raises(DataError, match="goes back"):
+            read(saved(tmp_path, text.replace("432.000,", f"{place},", 1)))
+
+
+def test_a_line_of_the_standard_in_all_its_forms() -> None:
+    """Numbers 1 to 3 and again 3: plain, squeezed, as differences, with a repeat."""
+    from solen.recording.jcamp import read as reader
+    from solen.recording.source import Source
+
+    for line in ("1 1 2 3 3", "1+1+2+3+3", "1ABCC", "1AJJ%", "1ABCT"):
+        head = "##TITLE=x\n##XUNITS=NANOMETERS\n##FIRSTX=1\n##LASTX=4\n##NPOINTS=4\n"
+        text = f"{head}##XYDATA=(X++(Y..Y))\n{line}\n##END=\n"
+        assert reader(Source(Path("x"), text.encode())).channels[-1].values.tolist() == [1.0, 2.0, 3.0, 3.0]
+
+
+def test_wavenumbers_become_wavelengths(tmp_path: Path) -> None:
+    found = read(saved(tmp_path, jcamp(x_units="1/CM", y_units="% TRANSMITTANCE", step=10.0)))
+    (one,) = spectra(found)
+    assert one.wavelength_nm[0] == pytest.approx(25_000.0)
+    assert one.channel.unit == "%"
+    assert found.need("wavenumber").unit == "1/cm"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ("##NPOINTS=66", "##NPOINTS=67", "66 points|begins at|comes next"),
+        ("##END=", "", "no END"),
+        ("##DATA TYPE=UV/VIS SPECTRUM", "##DATA TYPE=LINK", "several blocks"),
+        ("##XUNITS=NANOMETERS", "##XUNITS=SECONDS", "SECONDS"),
+        ("(X++(Y..Y))", "(X++(R..R))", r"X\+\+\(R"),
+        ("418.000 ", "436.000 ", "418 comes next"),
+        ("##FIRSTY=0.5", "##FIRSTY=0.7", "FIRSTY"),
+    ],
+)
+def test_what_the_file_states_is_held_against_its_numbers(tmp_path: Path, before: str, after: str, words: str) -> None:
+    text = jcamp()
+    assert before in text
+    with pytest.raises(DataError, match=words):
+        read(saved(tmp_path, text.replace(before, after, 1)))
