@@ -325,7 +325,7 @@ BAD_FEATURES: list[tuple[dict[str, Any], str]] = [
     ({"nominal_mm": -1.0}, r"features\[0\]\.nominal_mm = -1\.0; must be greater than 0"),
     ({"nominal_mm": None}, r"features\[0\]\.nominal_mm"),
     ({"measured_mm": "wide"}, r"features\[0\]\.measured_mm = 'wide'"),
-    ({"measured_mm": 700.0}, r"at most 100"),
+    ({"measured_mm": 9000.0}, r"at most 100"),
     ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; missing: a measured size without its uncertainty"),
     ({"u_measured_mm": 0}, r"features\[0\]\.u_measured_mm = 0; must be greater than 0"),
     ({"resolved": "yes"}, r"features\[0\]\.resolved = 'yes'"),
@@ -339,6 +339,17 @@ def test_bad_features_are_refused(tmp_path: Path, changes: dict[str, Any], match
     with pytest.raises(DataError, match=match):
         calibrate_printer([features_file(tmp_path / "a.json", **changes)], out=out)
     assert not out.exists()
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1e3, "look like µm"), (1e-3, "in mm")])
+def test_sizes_in_another_unit_are_named_first(tmp_path: Path, factor: float, said: str) -> None:
+    path = features_file(tmp_path / "a.json")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    for row in data["features"]:
+        row["measured_mm"] *= factor
+    path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(DataError, match=said):
+        read_features(path)
 
 
 @pytest.mark.parametrize(

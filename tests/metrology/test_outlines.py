@@ -165,6 +165,28 @@ def test_a_scale_that_cannot_be_is_refused() -> None:
             measure_outline(as_image(picture, um_per_px), NOMINAL)
 
 
+@pytest.mark.parametrize(
+    ("stated", "meant"), [(0.005, "mm per pixel"), (200.0, "pixels per mm"), (5000.0, "nm per pixel")]
+)
+def test_a_scale_in_another_unit_is_named_first(stated: float, meant: str) -> None:
+    with pytest.raises(DataError, match=rf"{meant}: give --um-per-px 5"):
+        measure_outline(as_image(np.zeros(SHAPE), stated), NOMINAL)
+
+
+@pytest.mark.parametrize("across_px", [62.0, 80.0, 98.0])
+def test_a_lens_of_few_pixels_is_measured(across_px: float) -> None:
+    um = 4000.0 / across_px
+    placing = Placing(um, (56.0 * 50.0 / um, 74.0 * 50.0 / um), angle_deg=6.0)
+    shape = (round(88.0 * 50.0 / um), round(112.0 * 50.0 / um))
+    found = measure_outline(
+        taken(reflected(OUTLINE, placing, optics=gaussian(0.9)), 2, um, shape=shape), NOMINAL
+    ).chosen
+    assert found.registration.rms_um < 0.1 * um
+    off = np.abs(found.registration.deviation_um) / np.hypot(found.registration.u_um, 0.05 * um)
+    assert np.mean(off < 1.96) > 0.9
+    assert found.size.overgrowth_um == pytest.approx(0.0, abs=3.0 * found.size.u_overgrowth_um)
+
+
 def test_unknown_edge_is_refused() -> None:
     with pytest.raises(SpecError, match="outer"):
         measure_outline(as_image(np.zeros(SHAPE), UM_PER_PX), NOMINAL, "left")  # type: ignore[arg-type]

@@ -42,6 +42,8 @@ EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 SeenFrom = Literal["top", "bottom"]
 REACH = 0.08
 """How far to each side of the design an edge is searched, as a fraction of the lens's width."""
+REACH_PX = 14.0
+"""And in pixels at least: the noise of a picture is seen beside the edge, not on it."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
 """Share of the places in the picture that must have an edge."""
@@ -197,7 +199,8 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
 
 def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
     """The edges along the front, after the strongest one has corrected the pose."""
-    band = Band.of(image.grey, pose, nominal, REACH * nominal.width_mm)
+    reach_mm = max(REACH * nominal.width_mm, REACH_PX * 1e-3 * image.um_per_px)
+    band = Band.of(image.grey, pose, nominal, reach_mm)
     for _ in range(2):
         first = trace_edges(band, most=1)
         if not first:
@@ -205,7 +208,7 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
         points, normals = nominal.at(band.arc_mm)
         places = pose.to_px(points + normals * first[0].offset_mm[:, None])[first[0].shown]
         pose = register(places, np.ones(len(places)), pose, nominal).pose
-        band = Band.of(image.grey, pose, nominal, REACH * nominal.width_mm)
+        band = Band.of(image.grey, pose, nominal, reach_mm)
     return pose, band, trace_edges(band)
 
 

@@ -27,6 +27,8 @@ MOST_RMS = 0.015
 """Rms deviation over the lens's width above which it is not a print of the design."""
 MOST_MISSING = 0.1
 """Share of the front without an edge at an end of it that is warned of, and at both ends refused."""
+MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
+"""Width of a lens over that of the picture, at which a scale in another unit is the likely cause."""
 COARSEST_PX = 60
 """Pixels across the lens, at least."""
 WIDER, LEAST_PLACES = 1.3, 20
@@ -52,7 +54,20 @@ def check_scale(image: Image, nominal: NominalFront) -> None:
     elif across * LEAST_SEEN > np.hypot(*image.shape):
         limit, change = f"{size}, and the picture {image.shape[1]} x {image.shape[0]}", "magnify less"
     if limit:
-        raise DataError(image.provenance.file, limit=limit, remedy=f"check the scale, or {change}")
+        raise DataError(image.provenance.file, limit=limit, remedy=f"{_other_unit(image, nominal)}, or {change}")
+
+
+def _other_unit(image: Image, nominal: NominalFront) -> str:
+    """The likeliest cause: the scale in another unit, in which the lens would be in the picture as a whole."""
+    stated, size = image.um_per_px, nominal.width_mm * 1e3
+    units = {"mm per pixel": 1e3 * stated, "pixels per mm": 1e3 / stated, "nm per pixel": 1e-3 * stated}
+    units |= {"pixels per µm": 1.0 / stated, "dpi": 25.4e3 / stated}
+    likely = [
+        f"{stated:g} looks like {unit}: give --um-per-px {um:.4g}"
+        for unit, um in units.items()
+        if max(COARSEST_PX, LEAST_SHARE * max(image.shape)) <= size / um <= MOST_OF_PICTURE * max(image.shape)
+    ]
+    return likely[0] if likely else "check the scale"
 
 
 def check_seen(image: Image, seen: float) -> None:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from solen.cli.app import FLAT, FigureFile, Set, lines, short
+from solen.cli.app import FLAT, FigureFile, Set, lines
 from solen.metrology.inspection import InspectOptions, LensInspection
 from solen.metrology.print_fit import PrintFit
 from solen.results import Outcome
@@ -66,7 +66,7 @@ def _(inspection: LensInspection) -> Iterator[str]:
         yield f"nearest of {len(inspection.designs)} designs: {inspection.nearest or 'none of these'}"
         for name, design in inspection.designs.items():
             yield (
-                f"  {name}: probability {short(design.probability)} among these; {design.size.form_um:.3g} µm (rms) "
+                f"  {name}: probability {design.probability:.3g} among these; {design.size.form_um:.3g} µm (rms) "
                 f"beside size and overgrowth, {design.rms_um:.3g} with them"
             )
 

@@ -36,6 +36,8 @@ Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
 GAP_PILLAR_MM = 0.3
 """Diameter of the pillars that a gap is between where the file does not say: that of the published group B."""
+APART = 3.0
+"""Factor by which features may come out larger or smaller than drawn, where their unit is in doubt."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
 _NODES = 28
 _EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # of an edge, in µm
@@ -164,6 +166,7 @@ def read_features(path: Path) -> MeasuredCoupon:
     data = parsed(source.text(), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
         raise DataError(str(path), limit='not a file of features: it has no list "features"')
+    _check_units(path, data["features"])
     with told_of(str(path)):
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
     for number, feature in enumerate(file.features):
@@ -179,6 +182,25 @@ def read_features(path: Path) -> MeasuredCoupon:
         file.u_pitch_ratio,
         Provenance(source.name, source.sha256, "solen-features", metadata=about, simulated=file.simulated),
     )
+
+
+def _check_units(path: Path, rows: list[Any]) -> None:
+    """`DataError` where sizes that were drawn and measured are apart by a factor of a thousand, in most of the rows."""
+    ratios = [
+        float(measured) / float(nominal)
+        for row in rows
+        if isinstance(row, dict)
+        for nominal, measured in [(row.get("nominal_mm"), row.get("measured_mm"))]
+        if isinstance(nominal, int | float) and isinstance(measured, int | float) and nominal > 0.0 and measured > 0.0
+    ]
+    ratio = sorted(ratios)[len(ratios) // 2] if ratios else 1.0
+    for factor, limit in (
+        (1e3, "look like µm: measured_mm is in mm"),
+        (1e-3, "look like metres, or nominal_mm like µm"),
+    ):
+        if abs(math.log(ratio / factor)) < math.log(APART):
+            value = f"{ratio:.3g} times as drawn"
+            raise DataError(f"{path}: measured_mm", value=value, limit=limit, remedy="write all sizes in mm")
 
 
 def _sized(row: Any) -> Any:

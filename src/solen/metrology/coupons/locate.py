@@ -42,6 +42,8 @@ MISSING, MARK = 4.0, 4.0
 """Cost of a feature without its blob, and how much more a mark counts."""
 CLEAR = 4.0
 """Cost by which the best guess must be better than another."""
+PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
+"""Of a pose; values of places beyond these from which on their scatter is known; and the least it is taken for."""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
 AREA, SIDES = 0.15, 0.1
@@ -234,9 +236,18 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
     for other in guesses[1:]:
         if other.cost - best.cost >= CLEAR:
             return
-        if np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm:
+        elsewhere = np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm
+        if elsewhere and other.cost - best.cost + _farther(other, best) < CLEAR:
             limit = f"the {name} could lie in two ways: its marks or largest features are not visible"
             raise DataError(what, limit=limit, remedy="take a picture with the marks in it")
+
+
+def _farther(other: _Guess, best: _Guess) -> float:
+    """What the places say beyond the cost, which takes a coupon's places as rougher than this one's may be."""
+    free = 2 * len(best.pairs) - PARAMETERS
+    if free < MANY:
+        return 0.0
+    return free * (other.rms_mm**2 - best.rms_mm**2) / max(best.rms_mm, PLACED_MM) ** 2
 
 
 def _distinct(poses: Sequence[Pose], extent_mm: float) -> list[Pose]:
