@@ -252,8 +252,8 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (lambda: ["--formulation", "a:75,b"], "--formulation = 'b'; is not of the form name:number"),
         (lambda: ["--formulation", "a:50,a:50"], "formulation = 'a'; each component stands once; add its shares up"),
         (lambda: ["--formulation", "a:120,b:-20"], "--formulation: wt_percent = -20.0; must be greater than 0"),
-        (lambda: ["--cure", "cure.json", "--orientation", "flat"], "--orientation = 'flat'; is of --cutback; add that"),
-        (lambda: ["--cure", "cure.json", "--label", "PU"], "--label = 'PU'; is of --stiffness; add that"),
+        (lambda: ["--cure", "cure.json", "--orientation", "flat"], "--orientation = 'flat'; is of --cutback; add it"),
+        (lambda: ["--cure", "cure.json", "--label", "PU"], "--label = 'PU'; is of --stiffness; add it"),
         (
             lambda: ["--cutback", "cutback.json", "--orientation", "flat"],
             "cutback.json: --orientation = 'flat'; not in",

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from solen.material.resin_from_results import IndexResult
 
 from solen.cli.app import lines
 from solen.cli.resin import index as _command  # noqa: F401  registers the lines
 from solen.errors import DataError, SpecError
 from solen.material.cure.exposures import ExposureOptions, exposure_trends
-from solen.material.gather import IndexResult
 from solen.material.index.coherence import Blur, layer, stacked
 from solen.material.index.interference import fringes_of
 from solen.material.index.layer import LayerIndex, index_of_layer

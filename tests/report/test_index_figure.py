@@ -56,7 +56,7 @@ def test_what_is_no_measurement_says_so_on_the_picture() -> None:
 
 
 def test_each_mode_has_a_title_and_simulated_ones_say_so() -> None:
-    assert {"measured", "absorptance", "as-published", "lossless", "fringes"} == TITLES.keys()
+    assert {"measured", "absorptance", "as-published", "lossless", "fringes", "joint"} == TITLES.keys()
     assert told(drawn(NM, T, simulated=True)).startswith("simulated, index from T alone")
 
 

@@ -27,9 +27,9 @@ from solen.units import um_from_nm
 
 Covariance = tuple[tuple[Number, ...], ...]
 
-MODES = ("measured", "absorptance", "lossless", "fringes", "as-published", "refractometer", "literature")
-"""How an index was found: from R and T, from T and absorptance, from T alone, from fringes, from T and absorbance taken
-for absorptance, at a refractometer or ellipsometer, in the literature."""
+MODES = ("measured", "absorptance", "lossless", "fringes", "joint", "as-published", "refractometer", "literature")
+"""How an index was found: from R and T, from T and absorptance, from T alone, from fringes, with the bare sheet, from T
+and absorbance taken for absorptance, at a refractometer or ellipsometer, in the literature."""
 AS_PUBLISHED = "as-published"
 
 _ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances

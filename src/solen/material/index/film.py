@@ -13,7 +13,7 @@ The interface: `Measured` is what was read and what is known, `fit_film` gives a
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from solen.errors import DataError
 from solen.material.index.coherence import Blur, layer, stacked
 from solen.material.index.fringes import Phase
 from solen.material.index.reading import Length, Reading
-from solen.material.index.stack import Setup
+from solen.material.index.stack import Setup, incoherent
 from solen.units import NM_PER_UM
 
 SLIT_SHARE = 0.1
@@ -57,7 +57,9 @@ class Measured:
     slit_nm
         Slit width; None where it is not known.
     setup
-        Sheet that the layer is on; None in air.
+        Sheet that the layer is on; None in air. Of a sheet that was measured too, its index is where the fit begins.
+    bare
+        ``T`` and ``R`` of the bare sheet in air.
     """
 
     wavelength_nm: FloatArray
@@ -65,6 +67,7 @@ class Measured:
     thickness: Length | None = None
     slit_nm: float | None = None
     setup: Setup | None = None
+    bare: dict[str, Reading] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,12 +132,14 @@ class _Model:
         self.k_unit = 1e-4
         names = ["n", "rise", "bend", "ln_optical", "slit", "rough", "wedge", "other"]
         if measured.setup is not None:
-            names.append("sheet")
+            names += ["sheet", "sheet_rise", "sheet_bend"] if measured.bare else ["sheet"]
         names += [f"off_{kind}" for kind in measured.readings]
         self.names = {name: place for place, name in enumerate(names)}
         self.first_k = len(names)
-        self.size = len(names) + self.hats.shape[1]
-        self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in measured.readings}
+        self.last_k = len(names) + self.hats.shape[1]
+        self.size = self.last_k + self.hats.shape[1] * bool(measured.bare)
+        self.blocks = {**measured.readings, **{f"bare_{kind}": one for kind, one in measured.bare.items()}}
+        self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in self.blocks}
 
     def start(self, phase: Phase) -> FloatArray:
         """Where a search begins: the phase that the fringes show, and what leaves their contrast best."""
@@ -200,20 +205,33 @@ class _Model:
         """What the instrument would read, by kind."""
         setup, nm = self.measured.setup, self.measured.wavelength_nm
         n, slope = self.index(p)
-        k = self.k_unit * (self.hats @ p[self.first_k :])
-        sheet = None
+        k = self.k_unit * (self.hats @ p[self.first_k : self.last_k])
+        sheet: tuple[Any, Any, Any] | None = None
         behind: Any = 1.0
         if setup is not None:
-            behind = np.asarray(setup.substrate.n) + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n))
-            sheet = (behind, setup.substrate.k, setup.substrate.thickness_um)
+            behind, dark = self.sheet(p, setup)
+            sheet = (behind, dark, setup.substrate.thickness_um)
         piece = layer(n, slope, k, self.thickness(p), nm, behind, blur or self.blur(p))
         read = stacked(piece, sheet, nm, setup)
-        return {kind: getattr(read, kind) + p[self.names[f"off_{kind}"]] for kind in self.measured.readings}
+        found = {kind: getattr(read, kind) + p[self.names[f"off_{kind}"]] for kind in self.measured.readings}
+        if sheet is not None and self.measured.bare:
+            alone = incoherent([sheet[0]], [sheet[1]], [sheet[2]], nm)
+            found["bare_T"] = alone.through + p[self.names["off_T"]]
+            found["bare_R"] = alone.front + p[self.names["off_R"]]
+        return found
+
+    def sheet(self, p: Any, setup: Setup) -> tuple[Any, Any]:
+        """Index and extinction of the sheet: as known, or as it is fitted."""
+        known = np.asarray(setup.substrate.n)
+        if not self.measured.bare:
+            return known + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n)), setup.substrate.k
+        n, rise, bend = (p[self.names[name]] for name in ("sheet", "sheet_rise", "sheet_bend"))
+        return known + n + rise * self.u + bend * self.u**2, 0.1 * self.k_unit * (self.hats @ p[self.last_k :])
 
     def residuals(self, p: Any) -> Any:
         """Weighted residuals of the readings, then of what is known before."""
         spectra, rows = self.spectra(p), []
-        for kind, reading in self.measured.readings.items():
+        for kind, reading in self.blocks.items():
             rows.append((spectra[kind] - reading.value) / self.scatter[kind])
         return np.concatenate([*rows, self.prior(p)])
 
@@ -227,7 +245,9 @@ class _Model:
             rows.append((self.thickness(p) - thickness.um) / u)
         slit = self.measured.slit_nm
         rows.append(at["slit"] / _MOST_SLIT_NM if slit is None else (at["slit"] / slit - 1.0) / SLIT_SHARE)
-        if "sheet" in at:
+        if "sheet_bend" in at:
+            rows.append(at["sheet_bend"] / _BEND)
+        elif "sheet" in at:
             rows.append(at["sheet"])
         for kind, reading in self.measured.readings.items():
             u = float(np.sqrt(np.mean((reading.u_common**2).sum(axis=0))))
@@ -241,13 +261,18 @@ class _Model:
             moved = p.astype(complex)
             moved[place] += 1j * _STEP
             one_by_one[:, place] = self.residuals(moved).imag / _STEP
+        return np.hstack(
+            [one_by_one, *(self._by_k(p, first) for first in range(self.first_k, p.size, self.hats.shape[1]))]
+        )
+
+    def _by_k(self, p: FloatArray, first: int) -> FloatArray:
+        points, knots = self.hats.shape
         moved = p.astype(complex)
-        moved[self.first_k :] += 1j * _STEP
-        by_k = self.residuals(moved).imag / _STEP
-        rows = np.zeros((by_k.size, self.hats.shape[1]))
-        count = len(self.measured.readings)
-        rows[: count * self.hats.shape[0]] = np.tile(self.hats, (count, 1)) * by_k[: count * self.hats.shape[0], None]
-        return np.hstack([one_by_one, rows])
+        moved[first : first + knots] += 1j * _STEP
+        by_k, count = self.residuals(moved).imag / _STEP, len(self.blocks)
+        rows = np.zeros((by_k.size, knots))
+        rows[: count * points] = np.tile(self.hats, (count, 1)) * by_k[: count * points, None]
+        return rows
 
     def solve(self, p: FloatArray, steps: int = 25) -> tuple[FloatArray, float]:
         """Parameters of the least squares from a start, and their sum of squares.
@@ -292,9 +317,9 @@ class _Model:
     def weigh(self, p: FloatArray) -> None:
         """Take the scatter of the residuals for that of the readings, where repeats do not say more."""
         spectra = self.spectra(p)
-        for kind, reading in self.measured.readings.items():
+        for kind, reading in self.blocks.items():
             off = reading.value - spectra[kind]
-            freedom = max(off.size - self.size / len(self.measured.readings), off.size / 4.0)
+            freedom = max(off.size - self.size / len(self.blocks), off.size / 4.0)
             self.scatter[kind] = np.maximum(max(float(np.sqrt(np.sum(off**2) / freedom)), 1e-9), reading.u_random)
 
 
@@ -370,12 +395,12 @@ def _film(model: _Model, p: FloatArray, cost: float, rivals: Sequence[tuple[Floa
         return np.stack([np.atleast_1d(function(p + 1j * _STEP * row)).imag / _STEP for row in parts])
 
     def k_of(q: Any) -> Any:
-        return model.k_unit * (model.hats @ q[model.first_k :])
+        return model.k_unit * (model.hats @ q[model.first_k : model.last_k])
 
     loose = _parts(model, p, k_is_free=True)
 
     def changes_of_k() -> FloatArray:
-        return loose[:, model.first_k :] @ (model.k_unit * model.hats.T)
+        return loose[:, model.first_k : model.last_k] @ (model.k_unit * model.hats.T)
 
     n, place = model.index(p)[0], model.names["ln_optical"]
     total = 1.0 + sum(np.exp((cost - misfit) / 2.0) for _, misfit in rivals)
@@ -436,7 +461,7 @@ def _parts(model: _Model, p: FloatArray, *, k_is_free: bool = False) -> FloatArr
 def _likeness(model: _Model, p: FloatArray) -> float:
     """What the variance is widened with where neighbours err together."""
     spectra, most = model.spectra(p), 1.0
-    for kind, reading in model.measured.readings.items():
+    for kind, reading in model.blocks.items():
         off = reading.value - spectra[kind]
         rho = float(np.sum(off[1:] * off[:-1]) / max(np.sum(off**2), 1e-300))
         if rho > 2.33 / np.sqrt(off.size):

@@ -27,6 +27,8 @@ from solen.results import HIDDEN, Result
 
 MODE = "fringes"
 """Name of the route."""
+JOINT = "joint"
+"""Name of that of a layer and its bare sheet, where no fringes are seen."""
 _INDICES = (1.25, 1.9)  # of layers whose fringes are looked for, in optical thickness over thickness
 _THICK_UM = (8.0, 150.0)  # n times thickness where the thickness is not stated
 _USUAL = 1.5
@@ -91,19 +93,23 @@ def fringed(
     thickness: Length | None,
     slit_nm: float | None,
     setup: Setup | None = None,
-) -> tuple[IndexSpectrum, Interference]:
-    """Index and extinction of a layer whose fringes were found.
+    bare: Mapping[str, Reading] | None = None,
+) -> tuple[IndexSpectrum, Interference | None]:
+    """Index and extinction of a layer whose fringes were found, or that is fitted together with its bare sheet.
 
     Raises
     ------
     DataError
         Where a reading is missing between others, or the spectra do not determine a film.
     """
-    if not all(np.isfinite(one.value).all() for one in readings.values()):
+    every = [*readings.values(), *(bare or {}).values()]
+    if not all(np.isfinite(one.value).all() for one in every):
         limit = "must have a number at every wavelength where fringes are fitted"
         raise DataError("T and R", limit=limit, remedy="leave the rows without one out")
-    measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup)
-    level = _level(readings)
+    measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup, dict(bare or {}))
+    level = _level(readings) if setup is None else _USUAL
+    if not phases:
+        return _spectrum(measured, fit_levels(measured, level), by_levels=False, mode=JOINT), None
     film = fit_film(measured, level, phases)
     left = {kind: one.value - film.fitted[kind] for kind, one in readings.items()}
     by_levels = bool(fringes_of(wavelength_nm, left, thickness))
@@ -137,7 +143,7 @@ def _facts(film: Film, *, by_levels: bool) -> Interference:
     )
 
 
-def _spectrum(measured: Measured, film: Film, *, by_levels: bool) -> IndexSpectrum:
+def _spectrum(measured: Measured, film: Film, *, by_levels: bool, mode: str = MODE) -> IndexSpectrum:
     nm, nothing_known = measured.wavelength_nm, np.full(film.n.size, np.nan)
     n, k = (_common(parts) for parts in (film.parts_n, film.parts_k))
     fine = np.full(nm.size, int(Why.FINE), dtype=np.int8)
@@ -145,7 +151,7 @@ def _spectrum(measured: Measured, film: Film, *, by_levels: bool) -> IndexSpectr
     no_k = np.where(small, Why.SMALL, fine).astype(np.int8)
     values = {kind: one.value for kind, one in measured.readings.items()}
     return IndexSpectrum(
-        mode=MODE,
+        mode=mode,
         measurement=True,
         wavelength_nm=nm,
         n=estimate(film.n, n, fine),
@@ -157,7 +163,7 @@ def _spectrum(measured: Measured, film: Film, *, by_levels: bool) -> IndexSpectr
         reflectance=values.get("R", nothing_known),
         transmittance=values.get("T", nothing_known),
         thickness=Length(film.thickness_um, film.u_thickness_um),
-        warnings=(*_remarks(measured, by_levels=by_levels), *counted("k", no_k)),
+        warnings=(*_remarks(measured, mode, by_levels=by_levels), *counted("k", no_k)),
     )
 
 
@@ -166,7 +172,7 @@ def _common(parts: FloatArray) -> Combined:
     return Combined(np.zeros(size), parts, np.full(size, np.inf))
 
 
-def _remarks(measured: Measured, *, by_levels: bool) -> list[str]:
+def _remarks(measured: Measured, mode: str, *, by_levels: bool) -> list[str]:
     """What was chosen, and what is missing."""
     found = ["fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted"]
     if by_levels:
@@ -174,11 +180,13 @@ def _remarks(measured: Measured, *, by_levels: bool) -> list[str]:
             "fringes were detected that no film of one slit and one spread of its thickness has: n is from the levels "
             "of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
         ]
-    if measured.slit_nm is None:
+    if mode == JOINT:
+        found = ["layer and bare sheet are fitted together, k at least 0 in each, with one error of the photometer"]
+    elif measured.slit_nm is None:
         found.append(
             "the bandwidth is not stated and was fitted: --bandwidth-nm, as the contrast of fringes depends on it"
         )
-    if (thickness := measured.thickness) is None or thickness.u_um is None:
+    if mode == MODE and ((thickness := measured.thickness) is None or thickness.u_um is None):
         found.append("the uncertainty of the thickness is not stated: 10 % is taken, and the fringes decide")
     unknown = [kind for kind, one in measured.readings.items() if not one.u_common.any()]
     if unknown:

@@ -19,13 +19,15 @@ from solen.material.index.fit import Fit
 from solen.material.index.formula import formula_through, smoothed_scatter
 from solen.material.index.fringes import fringe_warnings
 from solen.material.index.illuminant import Evaluated, formula_in, index_in, lines, named_light
-from solen.material.index.interference import MODE, Interference, fringed, fringes_of
+from solen.material.index.interference import JOINT, MODE, Interference, fringed, fringes_of
+from solen.material.index.inversion import invert
 from solen.material.index.literature import Band, band, check_dispersion, check_index
 from solen.material.index.mixups import refuse_mixups
 from solen.material.index.options import IndexOptions
 from solen.material.index.reading import Reading, reading
 from solen.material.index.routes import BASES, is_absorbance, lossless_index
 from solen.material.index.spectrum import IndexSpectrum
+from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused
 from solen.recording import Recording
 from solen.recording.model import Measured
@@ -144,7 +146,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     spectra = optical_spectra(recording, chosen)
     refuse_mixups(spectra.rows, spectra.names)
     bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
-    spectrum, interference = _interfering(spectra, options, bandwidth_nm)
+    spectrum, interference = _interfering(recording, spectra, options, bandwidth_nm)
     if spectrum is None:
         spectrum = _routed(spectra, options)
     fit, fit_warnings = formula_through(spectrum, options.fit, options.terms)
@@ -211,7 +213,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
 
 
 def _interfering(
-    spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
+    recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
     """Index by the fringes of T and R, where they are detected or asked for; None of both where there are none.
 
@@ -226,6 +228,9 @@ def _interfering(
     kinds = [kind for kind in ("T", "R") if kind in spectra.rows and not (kind == "R" and options.mode == "lossless")]
     nm, readings = spectra.wavelength_nm, {kind: _reading(spectra, options, kind) for kind in kinds}
     phases = fringes_of(nm, {kind: one.value for kind, one in readings.items()}, thickness)
+    if options.bare_transmittance:
+        bare, setup = _bare(recording, spectra, options)
+        return fringed(nm, readings, phases, options.thickness, bandwidth_nm, setup, bare)
     if not phases:
         if options.mode == MODE:
             raise SpecError("--mode fringes", limit="no fringes are detected", remedy="leave --mode out")
@@ -237,6 +242,22 @@ def _interfering(
             f"--mode {options.mode}", limit=limit, remedy="leave --mode out: the route for fringes is taken"
         )
     return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm))
+
+
+def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:
+    """T and R of the bare sheet at the layer's wavelengths, and the sheet as it follows from them alone."""
+    chosen = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
+    sheet, nm = optical_spectra(recording, chosen), spectra.wavelength_nm
+    if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
+        limit = "must be at the wavelengths of the layer's"
+        raise DataError("traces of the bare sheet", limit=limit, remedy="measure both alike")
+    bare = {kind: _reading(sheet, options, kind) for kind in ("T", "R")}
+    thickness_um = options.substrate_thickness_um or 0.0
+    n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
+    if not np.isfinite(n).any():
+        raise DataError("the bare sheet", limit="has no index by its T and R", remedy="check its traces")
+    start = Substrate(np.full(nm.shape, float(np.nanmedian(n))), 0.0, thickness_um)
+    return bare, Setup(start, options.side or "layer", options.baseline or "air", options.r_baseline or "air")
 
 
 def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
@@ -371,12 +392,13 @@ def _about_instrument(
                 f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
                 "layer cannot, that of one measured against its bare substrate can; if so, state --baseline substrate"
             )
-    if options.thickness_um is not None and spectrum.mode != MODE:
+    if options.thickness_um is not None and spectrum.mode not in {MODE, JOINT}:
         n = spectrum.lossless.value
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
             warnings.append("the uncertainty of the thickness is not stated and not in u_k: k goes with 1/thickness")
-    if others := [name for name in spectra.unused if name not in options.ignore]:
+    known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
+    if others := [name for name in spectra.unused if name not in known]:
         more = len(others) - _MOST_UNUSED
         warnings.append(f"not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}")
     return warnings

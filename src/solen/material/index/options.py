@@ -73,11 +73,15 @@ class IndexOptions(RowOptions):
     led: str | None = None
     """An emitter in whose light n is evaluated: a part of the library, a part's .toml, or a file of a spectrum."""
     substrate: str | None = None
-    """Sheet that the layer stays on: a resin of the library (pet), a resin file, or its index."""
+    """Sheet that the layer stays on: a resin of the library (pet-drawn, pet-pressed), a resin file, or its index."""
     substrate_thickness_um: Above0 | None = None
     """Its thickness in µm."""
     u_substrate_n: Above0 | None = None
     """Standard uncertainty of its index; default: what its file states."""
+    bare_transmittance: tuple[str, ...] = ()
+    """Name of a trace of T of the bare sheet in air; repeatable. Layer and sheet are then fitted together."""
+    bare_reflectance: tuple[str, ...] = ()
+    """Name of a trace of R of the bare sheet in air; repeatable."""
     side: Side | None = None
     """What the light meets first; default: layer."""
     r_baseline: Baseline | None = None
@@ -107,12 +111,14 @@ class IndexOptions(RowOptions):
     @model_validator(mode="after")
     def _substrate_is_whole(self) -> Self:
         """Refuse a substrate that is not stated in full, and what describes one beside none."""
+        if self.bare_transmittance or self.bare_reflectance:
+            return self._bare_is_whole()
         if self.substrate is None:
             for name in ("substrate_thickness_um", "u_substrate_n", "side", "r_baseline"):
                 if getattr(self, name) is not None:
                     raise refused(name, "is of a layer on a substrate", remedy="add --substrate, or leave it out")
             if self.baseline == "substrate" and self.mode != "as-published":
-                remedy = "add --substrate pet and --substrate-thickness-um; or measure a layer peeled off, in air"
+                remedy = "add --substrate pet-drawn and --substrate-thickness-um; or measure a layer peeled off, in air"
                 raise refused("substrate", "is missing beside --baseline substrate", remedy=remedy)
         elif self.baseline is None:
             remedy = "substrate where the 100 % was taken on the bare sheet, air where it was taken on nothing"
@@ -122,6 +128,20 @@ class IndexOptions(RowOptions):
         elif self.mode in {"absorptance", "as-published"}:
             limit = "cannot take a substrate into account"
             raise refused("mode", limit, value=self.mode, remedy="take measured or lossless")
+        return self
+
+    def _bare_is_whole(self) -> Self:
+        """Refuse a bare sheet that was not measured in full."""
+        if self.substrate is not None or self.u_substrate_n is not None:
+            raise refused("substrate", "is known and measured", remedy="leave --substrate out, or the bare traces")
+        for name in ("bare_transmittance", "bare_reflectance", "transmittance", "reflectance"):
+            if not getattr(self, name):
+                raise refused(name, "is missing", remedy="a layer and its bare sheet need T and R each, by name")
+        for name in ("baseline", "substrate_thickness_um"):
+            if getattr(self, name) is None:
+                raise refused(name, "is missing beside the traces of a bare sheet", remedy="state it")
+        if self.mode is not None:
+            raise refused("mode", "cannot go with a bare sheet", value=self.mode, remedy="leave it out")
         return self
 
     def setup(self, wavelength_nm: FloatArray) -> Setup | None:
@@ -146,6 +166,9 @@ def _sheet(name: str, wavelength_nm: FloatArray) -> tuple[FloatArray, FloatArray
     try:
         stated = float(name)
     except ValueError:
+        if name.casefold() == "pet":
+            limit = "is two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"
+            raise SpecError("--substrate", value=name, limit=limit, remedy="state pet-drawn or pet-pressed") from None
         resin = load_resin(Path(name)) if name.endswith(".toml") else library_resin(name)
         with told_of(f"substrate {resin.name}"):
             n, u_n = resin.index.along(wavelength_nm)

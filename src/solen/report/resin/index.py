@@ -15,6 +15,7 @@ TITLES = {
     "absorptance": "from T and absorptance, R = 1 − T − A",
     "as-published": "as published: R = 1 − T − A with A = −log10 T",
     "lossless": "from T alone, k = 0 assumed",
+    "joint": "with that of its bare sheet, both measured",
     "fringes": "by levels and fringes of its spectra",
 }
 """What each mode is, as a title states it."""
@@ -54,9 +55,9 @@ def _draw_light(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     against = ", against the bare substrate" if index.baseline == "substrate" else ""
     if np.isfinite(index.T).any():
         axes.plot(nm, index.T, _style(nm), color=RIGHT, ms=3, lw=1.4, label=f"T{against}")
-    if index.mode in {"measured", "fringes"} and np.isfinite(index.R).any():
+    if index.mode in {"measured", "fringes", "joint"} and np.isfinite(index.R).any():
         axes.plot(nm, index.R, _style(nm), color=LEFT, ms=3, lw=1.4, label="R")
-    elif index.mode not in {"lossless", "fringes"}:
+    elif index.mode not in {"lossless", "fringes", "joint"}:
         axes.plot(nm, index.R, "--", color=LEFT, lw=1.2, label="R, by difference")
     low, high = axes.get_ylim()
     axes.set(ylabel="fraction", ylim=(min(low, 0.0), max(high, 1.0)))
@@ -84,7 +85,7 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
     axes.plot(nm, n, _style(nm), color=colour, ms=3, lw=1.4, label="n")
     _draw_literature(axes, nm, index)
     limits = axes.get_ylim()
-    if index.mode not in {"lossless", "fringes"}:
+    if index.mode not in {"lossless", "fringes", "joint"}:
         axes.plot(nm, index.lossless_n, ":", color=LOST, lw=1.4, label="lossless, from T alone")
     _draw_fit(axes, index.fit)
     axes.set_ylim(*_widened(*limits))
