@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solen.material.resin_from_results import IndexResult
 
 from solen.cli.app import lines
 from solen.cli.resin import index as _command  # noqa: F401  registers the lines
@@ -18,6 +17,7 @@ from solen.material.index.interference import fringes_of
 from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
 from solen.material.index.stack import Setup, Substrate, forward, on_substrate
+from solen.material.resin_from_results import IndexResult
 from solen.recording import Provenance, Recording
 from solen.report.resin.index import index_figure
 from tests.material.film_support import Film, coherent, drawn, recorded
