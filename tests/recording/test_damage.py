@@ -21,6 +21,7 @@ from tests.recording.mutate import damaged
 from tests.recording.test_cary import resaved
 from tests.recording.test_jcamp import jcamp
 from tests.recording.test_lvm import lvm
+from tests.recording.test_ocean import ocean
 from tests.recording.test_testxpert import english
 
 MIXED = [("film 1", "%T", 0), ("film 1", "%R", 4), ("dye", "Abs", 0)]
@@ -33,6 +34,8 @@ FILES: dict[str, bytes] = {
     "testxpert, decimal comma": tensile(25).replace(".", ",").replace("\t", ";").encode("utf-8"),
     "testxpert, English": english(tensile(25)).encode("utf-16"),
     "lvm": lvm(20, 2).encode(),
+    "OceanView": ocean().encode(),
+    "SpectraSuite": ocean("SpectraSuite", ",").encode("cp1252"),
     "JCAMP-DX": jcamp("plain").encode(),
     "JCAMP-DX, pairs": jcamp("pairs").encode(),
     "lvm, decimal comma": lvm(30, x_columns="Multi", mark=",").encode("cp1252"),
@@ -179,6 +182,6 @@ def test_no_number_is_silently_wrong(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.evidence
 def test_no_number_is_silently_wrong_in_ten_thousand_files(tmp_path: Path) -> None:
-    """15,730 damaged files of eleven kinds."""
+    """18,590 damaged files of thirteen kinds."""
     for name in FILES:
         print(name, dict(fuzzed(tmp_path, name, range(1000, 2430))))

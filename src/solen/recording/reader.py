@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from solen import registry
-from solen.recording import cary, hdf5, jcamp, layout, lvm, matlab, table, tdms, testxpert, workbook
+from solen.recording import cary, hdf5, jcamp, layout, lvm, matlab, ocean, table, tdms, testxpert, workbook
 from solen.recording.bulk import bulk
 from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
@@ -54,6 +54,7 @@ FORMATS = registry.Registry(
     {
         "matlab": Format(from_arrays=lambda s, names: matlab.read(s, names) if matlab.is_matlab(s) else None),
         "jcamp-dx": Format(from_bytes=lambda source: jcamp.read(source) if jcamp.is_jcamp(source) else None),
+        "ocean": Format(from_bytes=lambda source: ocean.read(source) if ocean.is_ocean(source) else None),
         "lvm": Format(from_bytes=lambda source: lvm.read(source) if lvm.is_lvm(source) else None),
         "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
         "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
