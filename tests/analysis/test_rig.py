@@ -247,6 +247,4 @@ def test_intervals_hold_from_raw_samples_to_a_diagnosis(tmp_path: Path) -> None:
 def test_intervals_hold_from_raw_samples_to_a_diagnosis_over_200_seeds(tmp_path: Path) -> None:
     found = covered(range(200), tmp_path)
     print(found)
-    assert found["emitter_offset_mm"] >= 0.90
-    assert 0.90 <= found["chip_width_mm"] <= 0.99
-    assert min(found["lag"], found["corners"]) >= 0.90
+    assert min(found.values()) >= 0.90

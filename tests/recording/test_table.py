@@ -8,7 +8,7 @@ import openpyxl
 import pytest
 
 from solen.errors import DataError
-from solen.recording import read
+from solen.recording import read, spectra
 from solen.recording.numbers import is_number
 from tests.recording.exports import cary, tensile
 
@@ -117,6 +117,25 @@ def test_columns_named_by_the_caller(tmp_path: Path) -> None:
         read(path, columns=("stress_MPa",))
     with pytest.raises(DataError, match="named twice"):
         read(saved(tmp_path, "t_s,F_N\n1,2\n"), columns=("t_s", "F_N"))
+
+
+@pytest.mark.parametrize(
+    ("header", "mark"),
+    [("Wavenumber (cm-1),Transmittance (%)", "."), ("Wellenzahl [1/cm];T (%)", ","), ("cm-1,%Transmittance", ".")],
+)
+def test_a_spectrum_along_wavenumbers_has_wavelengths(tmp_path: Path, header: str, mark: str) -> None:
+    rows = ["10000,90.5", "8000,91.25", "5000,89.75"]
+    text = "\n".join(rows) if mark == "." else "\n".join(rows).replace(",", ";").replace(".", ",")
+    (one,) = spectra(read(saved(tmp_path, f"{header}\n{text}\n")))
+    assert one.wavelength_nm == pytest.approx([1000.0, 1250.0, 2000.0])
+    assert (one.channel.quantity, one.channel.unit) == ("transmittance", "%")
+    assert one.channel.values.tolist() == [90.5, 91.25, 89.75]
+
+
+def test_a_header_may_be_the_axis_unit_alone(tmp_path: Path) -> None:
+    (one,) = spectra(read(saved(tmp_path, "nm,%T\n400,90.1\n401,90.2\n402,90.3\n")))
+    assert one.wavelength_nm.tolist() == [400.0, 401.0, 402.0]
+    assert one.ratio() == pytest.approx([0.901, 0.902, 0.903])
 
 
 def test_a_header_that_lacks_names_is_replaced_by_the_callers(tmp_path: Path) -> None:

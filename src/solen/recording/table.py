@@ -115,7 +115,7 @@ def _is_time(head: Heading) -> bool:
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
     """What the headers say, by what stands beside them: T is a transmittance where there are wavelengths."""
     texts = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
-    optical = any(heading(name, unit).quantity == "wavelength" for name, unit in texts)
+    optical = any(heading(name, unit).quantity in {"wavelength", "wavenumber"} for name, unit in texts)
     return [heading(name, unit, optical=optical) for name, unit in texts]
 
 
@@ -209,6 +209,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
     """Channels with the axis that each runs along: the wavelength to its left, or else the time; labels along none."""
+    channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
         return _along_waves(channels, labels)
@@ -219,6 +220,18 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
     return [replace(one, axis="" if one.name in free else times[0].name) for one in channels]
 
 
+def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
+    """Channels with the wavelengths of the wavenumbers that they run along, where no wavelengths are stated."""
+    numbers = [channel for channel in channels if channel.quantity == "wavenumber" and channel.unit]
+    if len(numbers) != 1 or any(channel.quantity == "wavelength" for channel in channels):
+        return channels
+    with np.errstate(divide="ignore"):
+        waves_nm = 1e7 / numbers[0].to("1/cm")
+    place = channels.index(numbers[0]) + 1
+    made = Channel("wavelength", "wavelength", "nm", waves_nm, note="computed from the wavenumbers")
+    return [*channels[:place], made, *channels[place:]]
+
+
 def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
     axis = next(channel.name for channel in channels if channel.quantity == "wavelength")
     along_waves = []
@@ -226,7 +239,7 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
         if channel.quantity == "wavelength":
             axis = channel.name
             along_waves.append(_in_nm(channel).noted(disorder(channel.values)))
-        elif channel.name in labels:
+        elif channel.name in labels or channel.quantity == "wavenumber":
             along_waves.append(channel)
         else:
             waves = next(one for one in channels if one.name == axis).values

@@ -120,6 +120,9 @@ _SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
 _IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
 _LAST = re.compile(r"(.+?)\s+(\S+)")
 _PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])")
+_PERCENT_OF = re.compile(r"%\s*(\w{2,})")
+_AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
+"""Headers that are the unit of a spectrum's axis alone."""
 _PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
 
 
@@ -149,6 +152,11 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
         return Heading(text, unit, "")
     if unit:
         return _made(text, _unit_text(unit), optical)
+    if text in _AXES:
+        return Heading(_AXES[text], text, _AXES[text])
+    before = _PERCENT_OF.fullmatch(text)
+    if before and _meanings(before[1]):
+        return _made(before[1], "%", optical)
     percent = _PERCENT.fullmatch(text)
     if percent:
         letter = percent[2] or percent[3]
