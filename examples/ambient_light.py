@@ -15,7 +15,7 @@ from solen.spec import loads, template
 READINGS, RATE_HZ, SHARE, LEVEL_MW_CM2 = 4000, 200.0, 0.2, 0.5
 TIME_S = np.arange(2 * READINGS) / (2.0 * RATE_HZ)
 STATE = np.tile([1, 0], READINGS)
-CIRCUIT = circuit_of(loads(template()), {"right": 12.0})
+CIRCUIT = circuit_of(loads(template("paper-860")), {"right": 12.0})
 FLICKER_HZ = {"1 Hz": 1.0, "50 Hz": 50.05, "100 Hz": 100.1, "120 Hz": 120.12}
 
 

@@ -37,7 +37,7 @@ def printed_lens(oval: OvalLens) -> MeasuredLens:
 
 def main() -> Found:
     """Focus and contrast of the printed lens beside those of the designed one, with a chip 0.2 mm wide."""
-    sensor = Sensor.of(with_values(loads(template("solen-860")), {"emitter.width_mm": 0.2}))
+    sensor = Sensor.of(with_values(loads(template("paper-860")), {"emitter.width_mm": 0.2}))
     if not isinstance(sensor.lens, OvalLens):
         raise TypeError("this design has no oval")
     lens, index = printed_lens(sensor.lens), sensor.material.index

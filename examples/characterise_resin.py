@@ -46,7 +46,7 @@ def main() -> dict[str, float]:
         out, options = Path(name) / "resin.toml", BuildOptions(name="simulated resin")
         made = library.build(out, results(Path(name)), options).result.to_dict()
         changes = {"material.resin": made["resin"], "emitter.width_mm": 0.2, "motion.step_deg": 0.5}
-        sensor = Sensor.of(with_values(loads(template()), changes))
+        sensor = Sensor.of(with_values(loads(template("paper-860")), changes))
     moved = max(one.shift.contrast for one in index_offsets(sensor, sensor.power()) if one.shift)
     found = {"n": sensor.material.index, "u_n": sensor.material.u_index or 0.0, "moved": moved}
     found |= {"loss": made["loss"]["absorption_per_mm"], "Dp": made["cure"]["Dp_um"], **made["stiffness"]["parameters"]}

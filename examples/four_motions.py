@@ -21,7 +21,7 @@ RAYS = 50_000
 
 def main() -> dict[str, tuple[float, ...]]:
     """Contrast in power by motion, at each of the angles."""
-    chip = with_values(loads(template("solen-860")), {"emitter.width_mm": 0.2, "emitter.rays": RAYS})
+    chip = with_values(loads(template("paper-860")), {"emitter.width_mm": 0.2, "emitter.rays": RAYS})
     found: dict[str, tuple[float, ...]] = {}
     for name, values in MOTIONS.items():
         sensor = Sensor.of(with_values(chip, values))

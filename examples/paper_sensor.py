@@ -12,7 +12,7 @@ RAYS = 200_000
 
 def main() -> dict[float, tuple[float, float]]:
     """Shares at the right and the left receiver, by angle."""
-    sensor = Sensor.of(loads(template("solen-860")))
+    sensor = Sensor.of(loads(template("paper-860")))
     shares = {}
     print(f"{sensor.design.name}: the lens accepts ±{sensor.lens.acceptance_deg:.2f}° of the emitter's ±60°")
     for angle_deg in ANGLES_DEG:

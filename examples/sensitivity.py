@@ -13,7 +13,7 @@ ANGLE_DEG, ERROR_MM = 0.2, 0.01
 
 def main() -> dict[str, float]:
     """Change of the contrast per mm of each dimension."""
-    sensor = Sensor.of(loads(template("solen-860")))
+    sensor = Sensor.of(loads(template("paper-860")))
     per_deg = sensor.slope_per_deg(ANGLE_DEG)
     if per_deg is None:
         raise ValueError(f"no light at {ANGLE_DEG}°")

@@ -16,7 +16,7 @@ TOLERANCES_MM = (1e-2, 1e-3, 1e-4)
 
 def main() -> tuple[float, float, dict[float, float]]:
     """Volumes in mm³: of the bare sensor, of the one with pockets, and of its meshes by their tolerance."""
-    design = loads(template("solen-860"))
+    design = loads(template("paper-860"))
     seated = with_values(design, {"fabricate.pockets": True})
     bare, part = (sensor_part(one, Sensor.of(one).body()) for one in (design, seated))
     print(f"{bare.name}: {bare.volume_mm3:.4f} mm³, with pockets {part.volume_mm3:.4f} mm³")

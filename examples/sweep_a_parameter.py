@@ -15,7 +15,7 @@ RAYS = 10_000
 
 def main() -> dict[float, float]:
     """Balance point in degrees by offset in mm; a design's own number of rays is what `Sensor.count` traces."""
-    design, balance = loads(template("solen-860")), {}
+    design, balance = loads(template("paper-860")), {}
     for offset_mm in OFFSETS_MM:
         sensor = Sensor.of(with_values(design, {"emitter.offset_mm": offset_mm, "emitter.rays": RAYS}))
         null_deg = sensor.count(ANGLES_DEG).null_deg()

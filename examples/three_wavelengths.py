@@ -23,7 +23,7 @@ def main() -> list[Row]:
     """One row for each wavelength, the longest first."""
     rows = []
     print("wavelength   index   depth    accepts   received at rest")
-    for name in ("solen-860", "solen-500", "solen-450"):
+    for name in ("paper-860", "paper-500", "paper-450"):
         sensor = Sensor.of(loads(template(name)))
         received = sensor.integrate(0.0).ledger.detected
         row = Row(sensor.material.index, sensor.lens.depth_mm, sensor.lens.acceptance_deg, received)

@@ -32,7 +32,7 @@ def contrast(sensor: Sensor, angle_deg: float) -> float:
 
 def main() -> dict[float, Found]:
     """What the lens does in the material it was cut for and in the other one, by index."""
-    design, found = loads(template("solen-860")), {}
+    design, found = loads(template("paper-860")), {}
     for index in (CUT_FOR, PRINTED):
         sensor = Sensor.of(with_values(design, {"material.index": index, "lens.design_index": CUT_FOR}))
         if not isinstance(sensor.lens, OvalLens):

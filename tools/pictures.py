@@ -37,7 +37,7 @@ def four_motions() -> Figure:
     """Contrast over angle of the four motions, under a point emitter and under a chip."""
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
-    design = loads(template("solen-860"))
+    design = loads(template("paper-860"))
     for axes, (title, width_mm) in zip(panels, CHIPS.items(), strict=True):
         for name, values in MOTIONS.items():
             sensor = Sensor.of(with_values(design, {"emitter.width_mm": width_mm, **values}))
@@ -124,14 +124,14 @@ READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readou
 
 def readout_picture() -> Figure:
     """What ``solen readout --figure`` draws of the paper's sensor with a chip."""
-    design = with_values(loads(template("solen-860")), READ_WITH)
+    design = with_values(loads(template("paper-860")), READ_WITH)
     return readout_figure(design_readings(Sensor.of(design)))
 
 
 def ambient_light() -> Figure:
     """The figure of ``solen bench demodulate`` of a simulated waveform, in a room that flickers and is lit at once."""
     rng = np.random.default_rng(4)
-    circuit = circuit_of(with_values(loads(template()), READ_WITH), {"right": 12.0, "left": 12.0})
+    circuit = circuit_of(with_values(loads(template("paper-860")), READ_WITH), {"right": 12.0, "left": 12.0})
     time = np.arange(40_000) / 10_000.0
     swing = np.tanh(2.0 * np.sin(np.pi * time))[:, None] * np.array([1.0, -1.0])
     on = (time * 200.0 * (1.0 + 50e-6) - 0.3) % 1.0 < 0.5

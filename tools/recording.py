@@ -44,7 +44,7 @@ def angle_of(time_s: FloatArray) -> FloatArray:
 def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Volts of the left and the right receiver of a print, (n, 2)."""
     index, offset_mm = PRINTS[name]
-    design = loads(template("solen-860"))
+    design = loads(template("paper-860"))
     end = 1.02 * REACH_DEG
     values = {"emitter.width_mm": CHIP_MM, "emitter.offset_mm": offset_mm, "material.index": 1.44 + index}
     sweep = {"motion.from_deg": -end, "motion.to_deg": end, "motion.step_deg": 2.0 * end / (ANGLES - 1)}

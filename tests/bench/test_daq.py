@@ -70,7 +70,7 @@ class Bench:
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     folder = tmp_path_factory.mktemp("bench")
-    for name, text in (("sensor", template()), ("rig", RIG), ("protocol", PROTOCOL)):
+    for name, text in (("sensor", template("paper-860")), ("rig", RIG), ("protocol", PROTOCOL)):
         (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     # a chip with a width: a point's response is over within a degree
     wide = with_values(load(folder / "sensor.toml"), {"emitter.width_mm": 0.2})

@@ -191,7 +191,7 @@ def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
 def test_a_resin_without_an_index_is_told_where_it_is_used(shell: Shell) -> None:
     shell.lines("resin", "build", "r.toml", "--name", "dose only", "--cure", "cure.json")
     assert shell.json("resin", "show", "./r.toml")["at"][0]["n"] is None
-    Path("sensor.toml").write_text(template(), encoding="utf-8")
+    Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     line = shell.refused("check", "sensor.toml", "--set", "material.resin=r.toml")
     assert line.startswith("resin dose only: index at 860 nm; the resin has none; add [index]")
     assert "no index to draw" in shell.refused("resin", "show", "./r.toml", "--figure", "r.png")
@@ -378,7 +378,7 @@ def test_from_spectra_to_a_design_the_uncertainty_goes_along(shell: Shell) -> No
     assert [(one.of, one.file, one.sha256) for one in resin.sources] == [("index", "layer.csv", checksum)]
     assert any(text.startswith("k is masked") for text in json.loads(Path("layer.json").read_bytes())["warnings"])
     assert not [text for text in resin.warnings if "k is masked" in text or "u_k" in text]  # a resin keeps no k
-    Path("sensor.toml").write_text(template(), encoding="utf-8")
+    Path("sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     found = shell.json("check", "sensor.toml", "--set", "material.resin=r.toml")
     material = found["material"]
     assert material["mode"] == "measured"

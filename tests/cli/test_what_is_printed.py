@@ -26,7 +26,7 @@ HELPED = ("trace", "convergence", "sensitivity", "run")
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> str:
     target = tmp_path_factory.mktemp("my design") / "sensor.toml"
-    target.write_text(template(), encoding="utf-8")
+    target.write_text(template("paper-860"), encoding="utf-8")
     return str(target)
 
 
@@ -140,7 +140,7 @@ def test_every_way_to_trace_has_the_same_keys(told: Told, design: str, arguments
     assert (found["pieces"] > 0) == ("adaptive" in arguments)
     assert (found["why"] == "") == found["reached"]
     lines = told.lines("trace", design, "--angle-deg", "0.2", *arguments)
-    assert lines[0].startswith(f"SOLen 860 nm at 0.2 deg, {found['rays']} rays, mode {found['mode']}")
+    assert lines[0].startswith(f"Paper 860 nm at 0.2 deg, {found['rays']} rays, mode {found['mode']}")
     assert any("single precision" in line for line in lines) == ("single" in arguments)
     assert any("tolerance was not reached" in line for line in lines) == (not found["reached"])
 
@@ -190,7 +190,7 @@ def test_a_netcdf_file_holds_what_was_traced_and_the_design(told: Told, design: 
     found = told.json("trace", design, *how, "--json")
     assert found["files"] == {"netcdf": str(target)}
     held = xr.load_dataset(target, engine="h5netcdf")
-    assert (held.attrs["name"], held.attrs["angle_deg"], held.attrs["simulated"]) == ("SOLen 860 nm", 0.2, 1)
+    assert (held.attrs["name"], held.attrs["angle_deg"], held.attrs["simulated"]) == ("Paper 860 nm", 0.2, 1)
     assert loads(held.attrs["design"]).trace.mode == "power"
     for side, detector in found["detectors"].items():
         assert float(held["power"].sel(receiver=side)) == detector["power"]
@@ -334,7 +334,7 @@ def test_an_option_of_its_own_is_stronger_than_set(told: Told, design: str) -> N
 def test_lines_say_what_json_says(told: Told, design: str) -> None:
     arguments = ["trace", design, "--angle-deg", "-3", "--rays", "1000"]
     found, lines = told.json(*arguments, "--json"), told.lines(*arguments)
-    assert lines[0] == "SOLen 860 nm at -3 deg, 1000 rays, mode count"
+    assert lines[0] == "Paper 860 nm at -3 deg, 1000 rays, mode count"
     shown = {line.split()[0]: float(line.split()[1]) for line in lines[1:]}
     assert shown["right"] == pytest.approx(found["detectors"]["right"]["power"], abs=1e-6)
     for key, value in found["ledger"].items():
@@ -351,7 +351,7 @@ def test_a_run_ends_with_where_its_report_is(
 ) -> None:
     monkeypatch.setattr(html, "figures", lambda *_: dict.fromkeys(("response", "rays", "rays-at-the-lens"), "<svg/>"))
     lines = told.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
-    assert lines[0].startswith("SOLen 860 nm: index 1.44 at 860 nm")
+    assert lines[0].startswith("Paper 860 nm: index 1.44 at 860 nm")
     assert lines[-1] == f"report: {tmp_path / 'o u t' / 'report.html'}"
     assert len(lines) == 6
     assert lines[2].split()[:2] == ["chip", "contrast"]
@@ -389,7 +389,7 @@ def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
     foci = [line for line in told.lines("lens", design, *resin) if line.startswith("  index ")]
     assert [line.split()[1] for line in foci] == ["1.44", "1.48"]
     run = told.lines("run", design, "--out", str(tmp_path / "out"), *STEP, *resin)
-    assert run[0] == "SOLen 860 nm: index 1.46 ± 0.02 at 860 nm"
+    assert run[0] == "Paper 860 nm: index 1.46 ± 0.02 at 860 nm"
     assert run[-3] == warning
     assert run[-2].startswith("warning: the index is known to ± 0.02 only: within that the response moves by up to")
 
@@ -408,7 +408,7 @@ def test_keys_without_effect_are_told(told: Told, design: str) -> None:
 
 def test_check_says_that_all_angles_work(told: Told, design: str) -> None:
     lines = told.lines("check", design)
-    assert lines[0] == "SOLen 860 nm: a valid sensor at all 25 angles"
+    assert lines[0] == "Paper 860 nm: a valid sensor at all 25 angles"
     assert any(line.split() == ["arm_angle_deg", "7.38437"] for line in lines)
 
 

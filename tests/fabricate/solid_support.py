@@ -16,7 +16,7 @@ SEATED = {"fabricate.pockets": True, "fabricate.slots": ["receivers", "emitter"]
 
 def design(**values: Any) -> Design:
     """The shipped 860 nm design with other values, given by keys in which ``__`` stands for the dot."""
-    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    return with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
 
 
 def seated(**values: Any) -> Design:

@@ -32,7 +32,7 @@ BOW: Sides = [("wall", [0, 0], [4, 4]), ("wall", [4, 4], [4, 0]), ("wall", [4, 0
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     home = tmp_path / "a folder of one's own"
     home.mkdir()
-    (home / "my sensor.toml").write_text(template(), encoding="utf-8")
+    (home / "my sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     monkeypatch.chdir(home)
     return home
 
@@ -69,7 +69,7 @@ def outline(sides: Sides, last: float = 0.0) -> str:
 
 def test_all_formats_and_the_figure_at_once(told: Run) -> None:
     found = told("my sensor.toml", "--out", "out", *ALL, "--pockets", "--slots", "--figure", "solid.png")
-    assert found["name"] == "SOLen 860 nm"
+    assert found["name"] == "Paper 860 nm"
     assert set(found["files"]) == {option.removeprefix("--") for option in ALL} | {"figure"}
     for path in found["files"].values():
         assert Path(path).stat().st_size > 1000
@@ -129,7 +129,7 @@ def test_several_pieces_are_told(told: Run) -> None:
 def test_lines_for_a_reader(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["export", "my sensor.toml", "--out", "out", "--stl", "--pockets", "--figure", "a.svg"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "SOLen 860 nm"
+    assert lines[0] == "Paper 860 nm"
     assert any(line.startswith("stl: ") and line.endswith("my-sensor.stl") for line in lines)
     assert any("triangles within 0.001 mm" in line for line in lines)
     assert any("pocket-left takes 2.41 mm3" in line for line in lines)

@@ -41,7 +41,7 @@ def small_printer() -> str:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     home = tmp_path / "a folder of one's own"
     home.mkdir()
-    (home / "my sensor.toml").write_text(template(), encoding="utf-8")
+    (home / "my sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     (home / "small.toml").write_text(small_printer(), encoding="utf-8")
     trimesh.creation.box((10.0, 10.0, 2.0)).export(home / "box.stl")
     monkeypatch.chdir(home)

@@ -45,7 +45,7 @@ sigma_um = 14.0
 @pytest.fixture
 def sensor(tmp_path: Path) -> Path:
     path = tmp_path / "sensor.toml"
-    path.write_text(template(), encoding="utf-8")
+    path.write_text(template("paper-860"), encoding="utf-8")
     return path
 
 
@@ -66,7 +66,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, PrintedDesign]
     """One print with all of its files, and what it told."""
     folder = tmp_path_factory.mktemp("print")
     sensor = folder / "sensor.toml"
-    sensor.write_text(template(), encoding="utf-8")
+    sensor.write_text(template("paper-860"), encoding="utf-8")
     outcome = predict(
         sensor,
         PrintOptions(process=sure(folder)),

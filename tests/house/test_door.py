@@ -24,7 +24,7 @@ NAMES = [name for name in solen.__all__ if not name.startswith("_")]
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "sensor.toml"
-    path.write_text(template(), encoding="utf-8")
+    path.write_text(template("paper-860"), encoding="utf-8")
     return path
 
 

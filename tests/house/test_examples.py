@@ -185,7 +185,7 @@ def test_wrong_index_focuses_where_snell_says() -> None:
 @pytest.mark.parametrize("index", [1.44, 1.484])
 def test_wrong_index_responds_as_the_readable_tracer_says(index: float) -> None:
     values = {"material.index": index, "lens.design_index": 1.44, "emitter.rays": 1000}
-    sensor = Sensor.of(with_values(loads(template("solen-860")), values))
+    sensor = Sensor.of(with_values(loads(template("paper-860")), values))
     for angle_deg, contrast in zip((-0.25, -1.0, -3.0), result("wrong_index")[index].contrast, strict=True):
         detectors = trace_reference(sensor.scene(angle_deg)).detectors
         right, left = detectors["right"].rays, detectors["left"].rays
@@ -392,7 +392,7 @@ def test_a_characterised_resin_is_what_it_was_made_of_and_moves_the_response_as_
     for index in (n - u, n, n + u):
         values = {"material.index": index, "lens.design_index": n, "emitter.width_mm": 0.2}
         values["material.absorption_per_mm"] = found["loss"]
-        curves[index] = Sensor.of(with_values(loads(template()), values)).power(angles).contrast
+        curves[index] = Sensor.of(with_values(loads(template("paper-860")), values)).power(angles).contrast
     largest = max(float(np.abs(curves[index] - curves[n]).max()) for index in (n - u, n + u))
     assert 0.85 * largest < found["moved"] < largest + 1e-3
 

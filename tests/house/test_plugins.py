@@ -193,7 +193,7 @@ def lab(tmp_path: Path) -> Path:
     shipped = (files("solen.parts") / "printers" / "asiga-max-x27.toml").read_text(encoding="utf-8")
     printer = re.sub(r'(?m)^name = ".*"$', 'name = "Lab DLP"', shipped)
     (package / "printers" / "lab-dlp.toml").write_text(printer, encoding="utf-8")
-    (tmp_path / "sensor.toml").write_text(template(), encoding="utf-8")
+    (tmp_path / "sensor.toml").write_text(template("paper-860"), encoding="utf-8")
     return tmp_path
 
 

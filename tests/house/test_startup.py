@@ -51,7 +51,7 @@ SAMPLED = """
 import sys
 from solen.sensor import Sensor
 from solen.spec import loads, template
-Sensor.of(loads(template())).trace(0.5, "power", 64, sampling="sobol")
+Sensor.of(loads(template("paper-860"))).trace(0.5, "power", 64, sampling="sobol")
 print("heavy:", *(name for name in ("scipy.stats", "pandas", "matplotlib") if name in sys.modules), file=sys.stderr)
 """
 

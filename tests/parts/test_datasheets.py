@@ -44,7 +44,8 @@ def design(**emitter: object) -> Design:
 
 def test_every_shipped_part_is_read_and_says_where_its_numbers_come_from() -> None:
     own = {"TEMT7000X01", "TEMT7100X01", "VSMY1850"}
-    assert set(library()) == own | {"ATmega328P", "TC33X-2-202E", "USB-6218", "mcu-12bit"}
+    emitters = {"SFH4250", "generic-500", "generic-450"}
+    assert set(library()) == own | emitters | {"ATmega328P", "TC33X-2-202E", "USB-6218", "mcu-12bit"}
     for name in library():
         part = library_part(name)
         assert part.name == name
@@ -61,7 +62,7 @@ def test_the_emitter_has_side_light() -> None:
     assert part.intensity_mw_per_sr is not None
     asked = part.power_mw.usual / part.intensity_mw_per_sr.usual
     assert pattern.solid_angle_sr(math.pi) == pytest.approx(asked, abs=0.01)
-    assert (part.peak_nm.usual, part.pattern.basis, part.width_mm) == (850.0, "estimate", None)
+    assert (part.peak_nm.usual, part.pattern.basis) == (850.0, "estimate")
 
 
 def test_the_receiver_spreads_by_three() -> None:
@@ -226,3 +227,23 @@ def test_what_does_not_go_together_is_refused(emitter: dict[str, object], words:
 def test_ambient_light_is_stated_once() -> None:
     with pytest.raises(SpecError, match=r"irradiance_per_mm = 0\.1; has no meaning beside power"):
         Design(name="one", material={"index": 1.44}, ambient={"power": 1.0, "irradiance_per_mm": 0.1})
+
+
+@pytest.mark.parametrize(
+    ("name", "chip_mm", "basis", "peak_nm"),
+    [
+        ("VSMY1850", 0.2, "estimate", 850.0),
+        ("SFH4250", 0.3, "sibling", 860.0),
+        ("generic-500", 0.25, "estimate", 500.0),
+        ("generic-450", 0.25, "estimate", 450.0),
+    ],
+)
+def test_every_emitter_states_its_chip_and_what_that_rests_on(
+    name: str, chip_mm: float, basis: str, peak_nm: float
+) -> None:
+    part = library_part(name)
+    assert isinstance(part, EmitterPart)
+    for side in (part.width_mm, part.height_mm):
+        assert side is not None
+        assert (side.usual, side.basis) == (chip_mm, basis)
+    assert part.peak_nm.usual == peak_nm

@@ -22,7 +22,7 @@ S, F, N, HALF = 1.0, 20.0, 1.44, 2.0
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("design") / "sensor.toml"
-    target.write_text(template(), encoding="utf-8")
+    target.write_text(template("paper-860"), encoding="utf-8")
     return target
 
 

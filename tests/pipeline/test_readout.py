@@ -20,7 +20,7 @@ FAST = ("motion.step_deg=1.5", "emitter.width_mm=0.2")
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("readout") / "sensor.toml"
-    path.write_text(template(), encoding="utf-8")
+    path.write_text(template("paper-860"), encoding="utf-8")
     return path
 
 
@@ -147,7 +147,7 @@ def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
         readout(design, FAST, out=tmp_path / "a.csv", figure=tmp_path / "a.png")
     found = readout(design, ("motion.step_deg=3",), out=tmp_path / "a.json", figure=tmp_path / "a.svg")
     drawn = (tmp_path / "a.svg").read_text(encoding="utf-8")
-    assert "simulated: SOLen 860 nm" in drawn
+    assert "simulated: Paper 860 nm" in drawn
     assert "brighter is lower" in drawn
     data = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
     assert data["kind"] == "readout"

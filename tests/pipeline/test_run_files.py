@@ -33,7 +33,7 @@ def stop_at_once(share: float) -> None:
 @pytest.fixture(scope="module")
 def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("a design") / "sensor.toml"
-    target.write_text(template(), encoding="utf-8")
+    target.write_text(template("paper-860"), encoding="utf-8")
     return target
 
 

@@ -27,7 +27,7 @@ def plain_circuit(**changes: object) -> Circuit:
 
 
 def paper_design(**values: object) -> Design:
-    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    return with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
 
 
 def paper_circuit(**values: object) -> Circuit:

@@ -63,7 +63,7 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Studies:
 
     def get(name: str) -> DesignStudy:
         if name not in kept:
-            design = with_values(loads(template()), {"motion.step_deg": 3.0, **DESIGNS[name]})
+            design = with_values(loads(template("paper-860")), {"motion.step_deg": 3.0, **DESIGNS[name]})
             design = design.in_folder(folder)
             kept[name] = study(design, practical=name in PRACTICAL)
         return kept[name]

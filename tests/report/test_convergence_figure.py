@@ -17,7 +17,7 @@ MOST = 256
 
 
 def found(mode: Mode = "power", **values: object) -> Convergence:
-    design = with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    design = with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
     return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MOST)
 
 

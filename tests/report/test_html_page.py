@@ -60,7 +60,7 @@ def test_all_figures_are_inside_with_a_caption_each(text: str) -> None:
     assert page.tags["svg"] == page.tags["figure"] == page.tags["figcaption"] == len(PAPER_FIGURES)
     headings = ["What this means if you want to print it", "Response", "Before you print", "Rays", "Lens and body"]
     assert page.texts["h2"] == headings
-    assert page.texts["h1"] == ["SOLen 860 nm"]
+    assert page.texts["h1"] == ["Paper 860 nm"]
 
 
 def test_nothing_is_loaded_from_anywhere(text: str) -> None:

@@ -59,7 +59,7 @@ def test_the_report_renders_with_all_figures_and_headings(
     texts = drawn("paper")
     found = laid_out(html(studied("paper"), texts), tmp_path, width)
     assert found["headings"] == [
-        *("SOLen 860 nm", "What this means if you want to print it", "Response", "Before you print", "Rays"),
+        *("Paper 860 nm", "What this means if you want to print it", "Response", "Before you print", "Rays"),
         "Lens and body",
     ]
     assert len(found["figures"]) == len(found["captions"]) == len(texts) == 7

@@ -64,6 +64,6 @@ def test_the_figure_is_drawn_with_seats_and_without() -> None:
         part = part_of(chosen)
         figure = export_figure(Export(chosen, Sensor.of(chosen).body(), 1e-2))
         texts = [text.get_text() for text in figure.findobj(Text)]
-        assert any("SOLen 860 nm" in text for text in texts)
+        assert any("Paper 860 nm" in text for text in texts)
         assert any("slots" in text for text in texts) == bool(part.cuts)
         assert canvas.encoded(figure, ".png", "solid").startswith(b"\x89PNG")

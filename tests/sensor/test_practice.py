@@ -21,7 +21,7 @@ COARSE: dict[str, Any] = {"motion.step_deg": 3.0}
 
 def design(**values: Any) -> Design:
     """The 860 nm example over few angles; ``__`` stands for the dot of a key."""
-    return with_values(loads(template()), COARSE | {key.replace("__", "."): value for key, value in values.items()})
+    return with_values(loads(template("paper-860")), COARSE | {key.replace("__", "."): value for key, value in values.items()})
 
 
 def found(**values: Any) -> Practice:

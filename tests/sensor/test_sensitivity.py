@@ -28,7 +28,7 @@ NOISE = 3e-10
 
 def design(**values: object) -> Design:
     """The 860 nm example with some values set; ``__`` stands for the dot of a key."""
-    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    return with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
 
 
 @pytest.fixture(scope="module")
@@ -207,6 +207,6 @@ def test_options_of_a_trace_are_passed_on(paper: Sensor) -> None:
 
 
 def test_rays_in_space_have_no_derivative_and_it_is_said_in_the_user_s_words() -> None:
-    sensor = Sensor.of(with_values(loads(template()), {"trace.dimension": "extruded", "emitter.pattern": "lambertian"}))
+    sensor = Sensor.of(with_values(loads(template("paper-860")), {"trace.dimension": "extruded", "emitter.pattern": "lambertian"}))
     with pytest.raises(DesignError, match="sensitivity = 'rays in space'; derivatives are known in the plane"):
         sensor.sensitivity()

@@ -15,7 +15,7 @@ MANY_RAYS = 2**20 + 3
 
 def design(**values: object) -> Design:
     """The 860 nm example with some values set; ``__`` stands for the dot of a key."""
-    return with_values(loads(template()), {key.replace("__", "."): value for key, value in values.items()})
+    return with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
 
 
 @pytest.fixture(scope="module")

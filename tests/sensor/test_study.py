@@ -12,7 +12,7 @@ from solen.spec import Design, loads, template, with_values
 def design(**values: object) -> Design:
     """The 860 nm example over three angles, with some values set; ``__`` stands for the dot of a key."""
     wanted = {key.replace("__", "."): value for key, value in values.items()}
-    return with_values(loads(template()), {"motion.step_deg": 3.0, **wanted})
+    return with_values(loads(template("paper-860")), {"motion.step_deg": 3.0, **wanted})
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from solen.errors import SpecError
+from solen.parts import light_of
 from solen.spec import Design, Material, json_schema, loads, template, template_names
 from solen.spec.strict import Strict
 from solen.spec.toml import DEFERRED
@@ -48,8 +49,21 @@ def accepts(schema: dict[str, Any], value: Any, root: dict[str, Any]) -> bool:
     )
 
 
-def test_the_template_is_the_papers_sensor() -> None:
-    assert loads(template()) == Design(name="SOLen 860 nm", material=Material(index=1.44))
+def test_without_what_is_starred_the_template_is_the_papers_sensor() -> None:
+    plain = "\n".join(line for line in template().splitlines() if "(*)" not in line)
+    paper = Design(name="SOLen 860 nm", material=Material(index=1.44))
+    assert loads(plain) == paper
+    assert loads(template("paper-860")) == paper.set(name="Paper 860 nm")
+
+
+@pytest.mark.parametrize("name", [name for name in template_names() if not name.startswith("paper")])
+def test_what_is_shipped_is_an_led_with_its_chip_in_space(name: str) -> None:
+    design = loads(template(name))
+    light = light_of(design)
+    assert design.trace.dimension == "extruded"
+    assert (light.pattern, light.cone_deg) == ("lambertian", 180.0)
+    assert 0.2 <= light.width_mm == light.height_mm <= 0.3
+    assert light.wavelength_nm == float(name[-3:])
 
 
 @pytest.mark.parametrize("table", [key for key in Design.model_fields if key not in ("name", "wall")])
@@ -62,8 +76,11 @@ def test_the_template_shows_every_key_with_its_default(table: str) -> None:
     for key, field in model.model_fields.items():
         line = re.search(rf"(?m)^(# )?{key} = (.+)$", section)
         assert line, key
-        if (table == "emitter" and key in DEFERRED) or key == "absorption_per_mm":  # a resin or a part says otherwise
-            assert line[1], key
+        if "(*)" in line[2]:
+            default = "none" if field.default is None else str(field.default)
+            assert re.search(rf'default: "?{re.escape(default)}', line[2]), key
+        elif (table == "emitter" and key in DEFERRED) or key == "absorption_per_mm":  # a resin or a part says otherwise
+            assert line[1] or key == "wavelength_nm", key
             assert tomllib.loads(f"x = {line[2]}")["x"] == field.default, key
         elif field.default is None:
             assert line[1] or key == "index", key
@@ -74,16 +91,16 @@ def test_the_template_shows_every_key_with_its_default(table: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "index", "wavelength_nm"),
-    [("solen-860", 1.44, 860), ("solen-500", 1.49, 500), ("solen-450", 1.54, 450), ("pmma-860", None, 860)],
+    [("paper-860", 1.44, 860), ("paper-500", 1.49, 500), ("solen-450", 1.54, 450), ("pmma-860", None, 860)],
 )
 def test_the_examples_load(name: str, index: float | None, wavelength_nm: float) -> None:
     design = loads(template(name))
-    assert (design.material.index, design.emitter.wavelength_nm) == (index, wavelength_nm)
+    assert (design.material.index, light_of(design).wavelength_nm) == (index, wavelength_nm)
     assert design.material.resin == (None if index else "pmma")
 
 
 def test_the_examples_are_listed() -> None:
-    assert template_names() == ("pmma-860", "solen-450", "solen-500", "solen-860")
+    assert template_names() == ("paper-450", "paper-500", "paper-860", "pmma-860", "solen-450", "solen-500", "solen-860")
 
 
 def test_an_unknown_example_is_told_with_the_nearest() -> None:
@@ -102,7 +119,7 @@ def test_the_json_schema_accepts_the_examples(name: str) -> None:
     [
         ("focus_mm = 20.0", "focus_mm = 0"),
         ("focus_mm", "focus"),
-        ('mode = "count"', 'mode = "counts"'),
+        ('mode = "power"', 'mode = "powers"'),
         ("schema = 1", "schema = 2"),
         ("index = 1.44 ", "index = 5.0 "),
         ("# resin", "resin"),

@@ -151,7 +151,7 @@ def test_a_file_that_cannot_be_read_is_named(content: bytes | None, tmp_path: Pa
 
 
 def test_defaults_are_omitted_on_writing() -> None:
-    assert dumps(loads(template())) == 'schema = 1\nname = "SOLen 860 nm"\n\n[material]\nindex = 1.44\n'
+    assert dumps(loads(template("paper-860"))) == 'schema = 1\nname = "Paper 860 nm"\n\n[material]\nindex = 1.44\n'
 
 
 def positive(highest: float) -> st.SearchStrategy[float]:

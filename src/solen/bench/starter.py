@@ -27,5 +27,5 @@ def starter_files() -> dict[str, str]:
     """Protocols, rigs and designs to start from, by the name of the file without its ending."""
     folder = resources("solen.bench") / "examples"
     texts = {name: (folder / f"{shipped}.toml").read_text(encoding="utf-8") for name, shipped in SHIPPED.items()}
-    designs = {name: dumps(with_values(loads(template()), values)) for name, values in DESIGNS.items()}
+    designs = {name: dumps(with_values(loads(template("paper-860")), values)) for name, values in DESIGNS.items()}
     return texts | designs
