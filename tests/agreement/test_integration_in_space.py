@@ -28,7 +28,9 @@ CHIP = {
 
 def sensor(**values: Any) -> Sensor:
     """The shipped design with a square chip, in space."""
-    return Sensor.of(with_values(loads(template("paper-860")), CHIP | {key.replace("__", "."): v for key, v in values.items()}))
+    return Sensor.of(
+        with_values(loads(template("paper-860")), CHIP | {key.replace("__", "."): v for key, v in values.items()})
+    )
 
 
 def bar(source: Emitter, index: float = 1.5, height_mm: tuple[float, float] | None = None) -> Scene:

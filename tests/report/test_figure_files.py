@@ -6,7 +6,8 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.canvas import encoded, svg
-from solen.report.design.figures import rays_figure, response_figure, sensor_view
+from solen.report.design.answer import matters
+from solen.report.design.figures import rays_figure, sensor_view, study_figure
 from solen.report.design.html import figures
 from solen.report.design.lens import profile_figure
 from tests.report.conftest import Drawn, Studies
@@ -21,14 +22,14 @@ def words(text: str) -> list[str]:
 def test_figures_are_the_same_byte_for_byte(studied: Studies, drawn: Drawn) -> None:
     assert figures(studied("paper")) == drawn("paper")
     dark = studied("dark")
-    one, other = (svg(response_figure(dark.with_lens, dark.no_lens), "response") for _ in range(2))
+    one, other = (svg(study_figure(dark), "response") for _ in range(2))
     assert one == other
 
 
 @pytest.mark.parametrize(("suffix", "start"), [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")])
 def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix: str, start: bytes) -> None:
-    case = studied("paper").case
-    first, second = (encoded(response_figure(case, None), suffix, "response") for _ in range(2))
+    study = studied("paper")
+    first, second = (encoded(study_figure(study), suffix, "response") for _ in range(2))
     assert first.startswith(start)
     assert first == second
     assert b"CreationDate" not in first
@@ -36,8 +37,8 @@ def test_each_kind_of_file_is_itself_and_the_same_again(studied: Studies, suffix
 
 
 def test_the_salt_keeps_the_names_of_two_figures_apart(studied: Studies) -> None:
-    case = studied("no lens").no_lens
-    one, other = (svg(response_figure(None, case), salt) for salt in ("one", "other"))
+    study = studied("no lens")
+    one, other = (svg(study_figure(study), salt) for salt in ("one", "other"))
     assert one != other
     assert words(one) == words(other)
 
@@ -68,7 +69,7 @@ def test_the_response_shows_both_receivers_of_both_cases(studied: Studies, drawn
     alone = words(drawn("no lens")["response"])
     assert "right, no lens" in alone
     assert "right, with lens" not in alone
-    alone = words(svg(response_figure(studied("no comparison").with_lens, None), "response"))
+    alone = words(svg(study_figure(studied("no comparison")), "response"))
     assert "right, with lens" in alone
     assert "right, no lens" not in alone
 
@@ -91,3 +92,17 @@ def test_a_view_draws_every_ray_in_the_colour_of_its_receiver(studied: Studies) 
     assert detected > 20
     assert trace.detectors["left"].rays == 0
     assert sorted(drawn) == sorted([0, detected, 50 - detected])
+
+
+def test_in_space_no_rays_are_counted_and_the_paper_s_point_is_drawn(drawn: Drawn) -> None:
+    told = words(drawn("in space")["response"])
+    assert "as in the paper (point, plane)" in told
+    assert "dots: counted rays" not in told
+    assert "with a chip, in space" in words(drawn("paper")["response"])
+
+
+def test_what_matters_is_drawn_by_its_names(studied: Studies, drawn: Drawn) -> None:
+    told = words(drawn("paper")["matters"])
+    for row in matters(studied("paper").practice)[1]:
+        assert row.name in told
+        assert row.by in told

@@ -59,7 +59,7 @@ def test_the_report_renders_with_all_figures_and_headings(
     texts = drawn("paper")
     found = laid_out(html(studied("paper"), texts), tmp_path, width)
     assert found["headings"] == [
-        *("Paper 860 nm", "What this means if you want to print it", "Response", "Before you print", "Rays"),
+        *("Paper 860 nm", "What to expect", "What matters", "What to do", "Response", "Behind the numbers", "Rays"),
         "Lens and body",
     ]
     assert len(found["figures"]) == len(found["captions"]) == len(texts) == 7
@@ -69,7 +69,7 @@ def test_the_report_renders_with_all_figures_and_headings(
         assert left >= 0
         assert left + wide <= found["width"] + 1
         assert caption[1] >= top + high - 1
-    assert found["findings"] == 8
+    assert found["findings"] == 10
     assert found["rows"] == 3
     assert found["loaded"] == []
     assert found["wide"] <= found["width"], "the page scrolls sideways"

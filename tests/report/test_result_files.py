@@ -116,7 +116,7 @@ def test_the_summary_is_of_the_converged_power(studied: Studies, name: str) -> N
             study.cases[case].null_deg,
             study.cases[case].slope_per_deg,
         )
-        assert found["saturation_deg"] == study.cases[case].power.saturation_deg()
+        assert found["saturation_deg"] == study.cases[case].curve.saturation_deg()
         assert found["rays_traced"] == sum(power["rays"]) + sum(data["response"][case]["count"]["rays"])
 
 
@@ -132,7 +132,8 @@ def test_the_table_has_a_header_and_one_row_an_angle(studied: Studies, name: str
     study = studied(name)
     rows = table(study)
     cases = list(study.cases)
-    columns = [f"{c}_{k}_{w}" for c in cases for k in ("count", "power") for w in ("right", "left", "contrast")]
+    kinds = {"count": ("right", "left", "contrast"), "power": ("right", "left", "contrast", "u_power")}
+    columns = [f"{c}_{k}_{w}" for c in cases for k, whats in kinds.items() for w in whats]
     assert list(rows[0]) == ["angle_deg", *columns]
     assert [float(row["angle_deg"]) for row in rows] == list(study.design.motion.angles_deg())
 
@@ -163,15 +164,18 @@ def test_the_focus_is_told_for_the_index_and_its_uncertainty(studied: Studies) -
     assert [one["step"] for one in studied("paper").to_dict()["foci"]] == [-0.01, 0.0, 0.01]
 
 
-def test_how_far_the_response_moves_is_the_largest_of_the_changes(studied: Studies) -> None:
-    practice = studied("uncertain").to_dict()["practice"]
-    largest = max(abs(change) for one in practice["index"] for change in one["change"])
-    assert practice["index_shift"]["contrast"] == largest
-    for one in practice["index"]:
-        place = one["response"]["angle_deg"].index(one["shift"]["angle_deg"])
-        assert abs(one["change"][place]) == one["shift"]["contrast"] == max(map(abs, one["change"]))
-    assert len(practice["warnings"]) == 1
-    assert studied("paper").to_dict()["practice"]["warnings"] == []
+def test_rays_in_space_are_not_counted(studied: Studies) -> None:
+    found = studied("in space").to_dict()["response"]["lens"]
+    assert found["count"] is None
+    assert all(0.0 < u < 2e-4 for u in found["power"]["u_power"])
+    assert not any("count" in column for column in table(studied("in space"))[0])
+
+
+def test_what_is_symmetric_is_printed_so(studied: Studies) -> None:
+    rows = table(studied("in space"))
+    for row, mirrored in zip(rows, rows[::-1], strict=True):
+        assert row["lens_power_right"] == mirrored["lens_power_left"]
+    assert [float(row["lens_power_contrast"]) for row in rows][1] == 0.0
 
 
 def test_what_must_be_known_of_a_material_stands_with_its_numbers(studied: Studies) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from solen.errors import DesignError, SpecError
 from solen.geometry import arm_angle_deg
 from solen.sensor import OPTICAL_KEYS, Sensor
-from solen.spec import Design, loads, template, value_at, with_values
+from solen.spec import Design, dumps, loads, template, value_at, with_values
 
 ANGLE_DEG = 0.2
 KEYS = (
@@ -107,15 +107,22 @@ def test_the_search_for_pieces_has_a_bound(paper: Sensor, monkeypatch: pytest.Mo
     assert not paper.derivative("body.arm_width_mm", ANGLE_DEG).reached
 
 
-def test_rows_are_of_the_design_s_own_numbers_and_the_steepest_comes_first(paper: Sensor) -> None:
+def test_rows_are_of_the_design_s_own_numbers_and_what_matters_most_comes_first(paper: Sensor) -> None:
     rows = paper.sensitivity(angle_deg=ANGLE_DEG)
     left_out = {"emitter.wavelength_nm", "emitter.width_mm", "lens.design_index", "receivers.gap_mm"}
+    left_out |= {"emitter.height_mm", "body.thickness_mm"}
     assert {row.key for row in rows} == set(OPTICAL_KEYS) - left_out
     for row in rows:
         stated = value_at(paper.design, row.key)
         assert row.value == (arm_angle_deg(paper.design) if row.key == "body.arm_angle_deg" else stated)
-    steepness = [abs(row.contrast.value) for row in rows if row.reached]
-    assert steepness == sorted(steepness, reverse=True)
+    effects = [abs(row.contrast.value) * row.tolerance for row in rows if row.reached]
+    assert effects == sorted(effects, reverse=True)
+    steepest = max((row for row in rows if row.reached), key=lambda row: abs(row.contrast.value))
+    assert (steepest.key, rows[0].key) == (
+        "body.stem_curve_per_mm",
+        "emitter.offset_mm",
+    )  # by raw unit, and by what matters
+    assert rows[0].tolerance == paper.design.tolerance.emitter_offset_mm
     assert rows[-1].key == "material.absorption_per_mm"
     assert not rows[-1].reached
     assert math.isnan(rows[-1].contrast.value)
@@ -206,7 +213,20 @@ def test_options_of_a_trace_are_passed_on(paper: Sensor) -> None:
     assert paper.trace(ANGLE_DEG, "power", 64, precision="single").single_error is not None
 
 
-def test_rays_in_space_have_no_derivative_and_it_is_said_in_the_user_s_words() -> None:
-    sensor = Sensor.of(with_values(loads(template("paper-860")), {"trace.dimension": "extruded", "emitter.pattern": "lambertian"}))
-    with pytest.raises(DesignError, match="sensitivity = 'rays in space'; derivatives are known in the plane"):
-        sensor.sensitivity()
+@pytest.mark.parametrize("key", ["emitter.offset_mm", "emitter.width_mm", "body.thickness_mm"])
+def test_in_space_they_are_differences_of_integrals_with_their_uncertainty(key: str) -> None:
+    """Held to differences over other steps of integrals to a twentieth of the tolerance."""
+    sensor = Sensor.of(loads(template()))
+    (row,) = sensor.sensitivity([key], -1.0)
+    half = 0.7 * row.tolerance
+    ends = [Sensor.of(with_values(sensor.design, {key: row.value + sign * half})) for sign in (-1, 1)]
+    low, high = (end.power([-1.0], tolerance=5e-6).contrast[0] for end in ends)
+    assert row.reached
+    assert row.contrast.value == pytest.approx((high - low) / (2.0 * half), abs=row.contrast.u_value)
+    assert row.contrast.u_value * row.tolerance < 2e-3
+
+
+def test_light_in_space_that_is_not_integrated_has_no_derivative() -> None:
+    rough = loads(dumps(loads(template())) + '\n[[wall]]\nface = "stem-*"\nscatter = "lambertian"\n')
+    with pytest.raises(DesignError, match="sensitivity = 'a scene that scatters'"):
+        Sensor.of(rough).sensitivity()

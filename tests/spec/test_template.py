@@ -100,7 +100,15 @@ def test_the_examples_load(name: str, index: float | None, wavelength_nm: float)
 
 
 def test_the_examples_are_listed() -> None:
-    assert template_names() == ("paper-450", "paper-500", "paper-860", "pmma-860", "solen-450", "solen-500", "solen-860")
+    assert template_names() == (
+        "paper-450",
+        "paper-500",
+        "paper-860",
+        "pmma-860",
+        "solen-450",
+        "solen-500",
+        "solen-860",
+    )
 
 
 def test_an_unknown_example_is_told_with_the_nearest() -> None:

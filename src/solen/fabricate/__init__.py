@@ -11,13 +11,13 @@ from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf
 from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, exported_solid
 from solen.fabricate.label import Label, label_of
-from solen.fabricate.measures import area_mm2, perimeter_mm
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS, as_glb, as_stl, as_threemf
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step
 from solen.fabricate.svg import as_svg
+from solen.geometry.measures import area_mm2, perimeter_mm
 
 __all__ = [
     "FORMATS",

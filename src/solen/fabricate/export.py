@@ -12,7 +12,6 @@ from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf, check_writer
 from solen.fabricate.label import Label, label_of
 from solen.fabricate.layers import LayeredPrint
-from solen.fabricate.measures import area_mm2
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS
 from solen.fabricate.part import Part
@@ -20,6 +19,7 @@ from solen.fabricate.seats import sensor_part
 from solen.fabricate.step import as_step, check_kernel
 from solen.fabricate.svg import as_svg
 from solen.geometry import Body
+from solen.geometry.measures import area_mm2
 from solen.results import HIDDEN, Result
 from solen.spec import Design
 

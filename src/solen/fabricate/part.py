@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solen.errors import DesignError
-from solen.fabricate.measures import area_mm2, perimeter_mm
 from solen.geometry import Body, Face
 from solen.geometry.body import filled, polyline
+from solen.geometry.measures import area_mm2, perimeter_mm
 
 FLAT_MM = 1e-5
 """How closely outlines are followed where it is checked what lies in what."""

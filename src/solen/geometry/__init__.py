@@ -3,6 +3,7 @@
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import Body, Face, Pose, material
 from solen.geometry.kinds import BODY_KINDS, BodyKind, body_of, drawn_kind
+from solen.geometry.mirror import are_mirrored
 from solen.geometry.outline import outline_body
 from solen.geometry.y import arm_angle_deg, y_body
 
@@ -12,6 +13,7 @@ __all__ = [
     "BodyKind",
     "Face",
     "Pose",
+    "are_mirrored",
     "arm_angle_deg",
     "bend_of",
     "bent",

@@ -102,8 +102,10 @@ class Body:
         return polyline(self.faces, tolerance_mm)
 
     def area_mm2(self) -> float:
-        """Enclosed area, of polylines within 1 µm of the outlines; positive for counter-clockwise ones."""
-        return sum(area(polyline(outline, 1e-3)) for outline in self.outlines)
+        """Enclosed area, exact to rounding; positive for counter-clockwise outlines."""
+        from solen.geometry.measures import area_mm2
+
+        return area_mm2(self.outlines)
 
     def check(self) -> "Body":
         """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""

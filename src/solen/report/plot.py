@@ -34,7 +34,7 @@ FIGURES = {
     "MeasuredCurve": "resin.cure:cure_figure",
     "MeasuredStiffness": "resin.stiffness:stiffness_figure",
     "Penetration": "resin.penetration:penetration_figure",
-    "Practice": "design.figures:practice_figure",
+    "Practice": "design.figures:matters_figure",
     "PrintedDesign": "print.predict:printed_figure",
     "PrinterCalibration": "print.calibrate:calibration_figure",
     "RefractometerIndex": "resin.refractometer:refractometer_figure",

@@ -1,17 +1,17 @@
 """One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
 
 A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers get over the
-angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, counted and in power, with the lens
-and without. A :class:`Sensitivity` is the derivative by one number of the design; a :class:`Practice` compares the
-response with those of a real chip, in space, decentred and in another index; an :class:`AsPrinted` with that of the
-lens as printed.
+angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, counted and in power, with the lens and
+without. A :class:`Sensitivity` is the derivative by one number of the design; an :class:`Effect` is what a number does
+that is off by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares it with that of
+the lens as printed.
 """
 
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
 from solen.sensor.budget import Budget, budget
 from solen.sensor.check import BodySizes, Check, Focus, LensCheck, LensOptions, check, lens_check
-from solen.sensor.index_offset import IndexOffset, index_offsets
-from solen.sensor.practice import Extent, InSpace, NullShift, Practice, practice
+from solen.sensor.effects import Effect
+from solen.sensor.practice import Built, Extent, Practice, practice
 from solen.sensor.readings import Acceptance, readings, received
 from solen.sensor.response import SATURATED, Response, Sensitivity, Shift
 from solen.sensor.sensor import OPTICAL_KEYS, SLOPE_DEG, Sensor, TraceKeywords
@@ -26,28 +26,26 @@ __all__ = [
     "AsPrinted",
     "BodySizes",
     "Budget",
+    "Built",
     "Case",
     "Check",
     "Comparison",
-    "DesignStudy",
+    "Effect",
     "Extent",
     "Focus",
-    "InSpace",
-    "IndexOffset",
     "LensCheck",
     "LensOptions",
-    "NullShift",
     "Practice",
     "Response",
     "Sensitivity",
     "Sensor",
     "Shift",
+    "DesignStudy",
     "Summary",
     "TraceKeywords",
     "as_printed",
     "budget",
     "check",
-    "index_offsets",
     "keys_without_effect",
     "lens_check",
     "practice",

@@ -18,19 +18,19 @@ from solen.arrays import FloatArray, Progress
 from solen.errors import DesignError
 from solen.lens import MeasuredLens
 from solen.results import HIDDEN, Result, reported
-from solen.sensor.index_offset import STANDARD_ERROR, swept
+from solen.sensor.effects import STANDARD_ERROR, swept
 from solen.sensor.practice import CHIP_MM, slope_per_deg, spread
 from solen.sensor.response import Response, contrast, powers
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
-MOST_ANGLES, MOST_SAMPLED_ANGLES = 13, 5
-"""Angles at most at which the two are compared: integrated, and sampled as in space."""
+MOST_ANGLES, MOST_ANGLES_IN_SPACE = 13, 5
+"""Angles at most at which the two are compared, in the plane and in space."""
 DRAWS = 8
 """Outlines drawn within the uncertainty; a standard uncertainty is known to a quarter by so many."""
-DRAWN_TOLERANCE = 1e-4
-"""Within what fraction of the emitted power light of a point through a drawn outline is integrated."""
+DRAWN_TOLERANCE = 1e-3
+"""Within what fraction of the emitted power light through a drawn outline is integrated."""
 DRAWN_RAYS = 2**14
 """Rays of a chip through a drawn outline: a contrast is known to some 5e-4 by them."""
 
@@ -158,7 +158,7 @@ def as_printed(
     draws = draws if sensor.cut.fit.profile.u_mm.any() else 0
     scene = sensor.scene(float(own.angle_deg[0]))
     sampled = scene.is_random or scene.extrusion is not None
-    angles = spread(own.angle_deg.tolist(), MOST_SAMPLED_ANGLES if sampled else MOST_ANGLES)
+    angles = spread(own.angle_deg.tolist(), MOST_ANGLES_IN_SPACE if sampled else MOST_ANGLES)
     is_point = sensor.light.width_mm == 0.0 and sensor.light.ray_file is None
     parts = 2 if is_point else 1
 

@@ -11,8 +11,9 @@ import numpy as np
 from solen.scene import Scene
 from solen.sensor.sensor import Sensor
 from solen.trace import Trace, integrate, trace
-from solen.trace.adaptive import EXTENDED_TOLERANCE, why_not
+from solen.trace.adaptive import why_not
 
+TOLERANCE = 1e-3
 BUDGET_RAYS = 2**17
 """Rays of the budget where it cannot be integrated."""
 OPAQUE_PER_MM = 1e6
@@ -107,9 +108,9 @@ def _opaque(scene: Scene) -> Scene:
 def _settled(scene: Scene) -> tuple[Trace, float]:
     """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
     if not why_not(scene):
-        settled = integrate(scene, "power", EXTENDED_TOLERANCE)
-        if settled.reached:
-            return settled, EXTENDED_TOLERANCE
+        found = integrate(scene, "power", TOLERANCE)
+        if found.reached:
+            return found, found.u_power
     made_of_points = all(source.emission() is not None for source in scene.sources)
     many = scene
     if made_of_points:  # a file has the rays that it has

@@ -12,7 +12,7 @@ from solen.geometry import arm_angle_deg
 from solen.lens import Lens, MeasuredLens, OvalLens
 from solen.material import Optical
 from solen.results import Result
-from solen.sensor.index_offset import steps
+from solen.sensor.effects import index_steps
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec.strict import Finite, Options
@@ -188,7 +188,10 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
         return ()
     return tuple(
         Focus(n, step, stated, lens.paraxial_focus_mm(n), lens.marginal_focus_mm(n), lens.best_focus_mm(n))
-        for n, step, stated in ((index + step, step, stated) for step, stated in steps(sensor.material))
+        for n, step, stated in (
+            (index + step, step, stated)
+            for step, stated in index_steps(sensor.material, sensor.tolerance("material.index")[0])
+        )
     )
 
 

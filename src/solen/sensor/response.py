@@ -138,7 +138,7 @@ class Sensitivity:
 
     ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
     (R − L)/(R + L), each per unit that the key ends in. They are NaN where there is no derivative, and the contrast's
-    where no light arrives; ``why`` then says why.
+    where no light arrives; ``why`` then says why. ``tolerance`` is how far off the number may be.
     """
 
     key: str
@@ -147,6 +147,13 @@ class Sensitivity:
     left: Slope
     contrast: Slope
     why: str | None = None
+    tolerance: float = 0.0
+
+    @reported
+    def effect(self) -> float:
+        """How far the contrast moves for a number off by its tolerance, in size; 0 where that is not known."""
+        effect = abs(self.contrast.value) * self.tolerance
+        return effect if math.isfinite(effect) else 0.0
 
     @property
     def reached(self) -> bool:
@@ -175,11 +182,6 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
     u = 2.0 * (found["left"] * right.u_value + found["right"] * left.u_value) / total**2
     u_of_powers = base.u_power * (2.0 * (abs(right.value) + abs(left.value)) / total**2 + 4.0 * abs(value) / total)
     return Slope(value, u + u_of_powers)
-
-
-def steepness(sensitivity: Sensitivity) -> float:
-    """How much the contrast changes; 0 where that is not known."""
-    return abs(sensitivity.contrast.value) if math.isfinite(sensitivity.contrast.value) else 0.0
 
 
 def contrast(right: float, left: float) -> float | None:

@@ -14,17 +14,20 @@ import numpy as np
 
 from solen.arrays import Progress
 from solen.errors import DesignError, SolenError, SpecError
-from solen.geometry import BODY_KINDS, Body, arm_angle_deg, body_of
+from solen.geometry import BODY_KINDS, Body, are_mirrored, arm_angle_deg, body_of
+from solen.geometry.mirror import OTHER
 from solen.lens import FlatFace, Lens, MeasuredLens, lens_of
 from solen.material import Optical, optical
 from solen.parts import Light, light_of
 from solen.scene import Scene, sensor_scene
-from solen.sensor.response import Response, Sensitivity, contrast, contrast_slope, powers, steepness
+from solen.sensor.differences import difference
+from solen.sensor.response import Response, Sensitivity, contrast_slope, powers
 from solen.spec import Design, load, value_at, with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate, trace
 from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS
 from solen.trace.derivative import TOLERANCE as DERIVATIVE_TOLERANCE
+from solen.trace.result import Detected
 
 FAILURES = 2
 """After so many angles of a sweep at which integration failed, it is not tried at the others."""
@@ -35,23 +38,34 @@ RECENT_SCENES = 64
 """Scenes that a sensor remembers."""
 FIRST_RAYS, MOST_RAYS = 2**13, 2**18
 """What ever denser fans are driven to where integration fails, and their least and largest number of rays."""
-SLOPE_DEG = 0.04
-"""Angle over which the slope at the null is taken: well inside the range where a contrast is straight."""
+SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
+"""Angle over which a slope is taken: of a point in the plane, whose response is steep, and of any other light."""
+FEW_ANGLES, MOST_ANGLES = 5, 129
+"""Angles that a drawn curve has at least, where there are two ends, and at most."""
+BEND = 0.02
+"""How far a contrast may lie from the straight line between its neighbours before angles are added between them."""
 
 OPTICAL_KEYS = (
-    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm")),
+    *(f"emitter.{name}" for name in ("wavelength_nm", "distance_mm", "offset_mm", "cone_deg", "width_mm", "height_mm")),
     *(f"material.{name}" for name in ("index", "absorption_per_mm")),
     *(f"lens.{name}" for name in ("focus_mm", "half_width_mm", "design_index")),
     *(f"body.{name}" for name in ("stem_length_mm", "stem_curve_per_mm", "arm_length_mm", "arm_width_mm")),
-    *("body.arm_angle_deg", "receivers.gap_mm"),
+    *("body.arm_angle_deg", "body.thickness_mm", "receivers.gap_mm"),
 )
 """Numbers of a design that its light depends on, at a given angle of the motion."""
 
 MATCHED = (
     "something of the same index touches a wall, where there is no derivative: either way light is reflected there"
 )
+OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
+USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
+"""Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may state where the design does not."""
+
+
+Reading = tuple[Trace, dict[str, float], float]
+"""A trace, the power at each receiver, and its uncertainty."""
 
 
 class TraceKeywords(TypedDict, total=False):
@@ -207,18 +221,20 @@ class Sensor:
         SpecError
             Where the key is not one of a real number that the design states.
         """
-        value = self._number(key)
+        value = self.number(key)
 
         def scene_at(value: float) -> Scene:
             other = Sensor.of(with_values(self.design, {key: value}))
             return (replace(other, cut=self.cut) if self.is_measured else other).scene(angle_deg)  # it is as it is
 
+        if self.design.trace.dimension == "extruded":
+            return difference(scene_at, value, self.tolerance(key)[0], mode)
         return derivative(scene_at, value, mode=mode)
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
     ) -> tuple[Sensitivity, ...]:
-        """Derivatives of the powers and of the contrast at an angle, the steepest contrast first.
+        """Derivatives of the powers and of the contrast at an angle, ranked by what a tolerance of each number does.
 
         Parameters
         ----------
@@ -241,31 +257,33 @@ class Sensor:
         for key in chosen:
             if why := self.inert(key):
                 raise SpecError(key, limit=why, remedy="leave it out")
-        values = {key: self._number(key) for key in chosen}
+        values = {key: self.number(key) for key in chosen}
         scene = self.scene(angle_deg)
-        if scene.is_random or scene.extrusion is not None:
-            found_in = "rays in space" if scene.extrusion is not None else "scattered light"
-            limit = "derivatives are known in the plane, of light that nothing scatters by chance"
-            raise DesignError("sensitivity", value=found_in, limit=limit, remedy="compare two designs by solen trace")
+        if why := why_not(scene):
+            limit = "derivatives are known of light that is integrated"
+            raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
         tolerance = EXTENDED_TOLERANCE if is_extended(scene) else DERIVATIVE_TOLERANCE
+        if scene.extrusion is not None:
+            tolerance = usual_tolerance(scene)
         base = integrate(scene, "power", tolerance, most_legs=MOST_LEGS)
         if not base.reached:
             limit = f"the integral must reach {tolerance:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")
         found = []
         for done, (key, value) in enumerate(values.items(), start=1):
-            found.append(self._sensitivity(key, value, angle_deg, base))
+            found.append(replace(self._sensitivity(key, value, angle_deg, base), tolerance=self.tolerance(key)[0]))
             if progress is not None:
                 progress(done / len(values))
-        return tuple(sorted(found, key=steepness, reverse=True))
+        return tuple(sorted(found, key=lambda one: one.effect, reverse=True))
 
     def inert(self, key: str) -> str:
         """Why a number of the design has no part of its own in the light; empty where it has one."""
         design = self.design
         resin = design.material.resin is not None
+        flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"
         if self.is_measured and key.startswith("lens."):
             return "the lens is measured"
-        if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")):
+        if self.is_drawn and key.startswith(("lens.", "body.", "emitter.distance_mm")) and key != "body.thickness_mm":
             return "the body is drawn"
         cases = {
             "emitter.wavelength_nm": (
@@ -273,6 +291,8 @@ class Sensor:
                 "the index is stated, whatever the wavelength",
             ),
             "emitter.width_mm": (self.light.width_mm == 0.0, "the emitter is a point"),
+            "emitter.height_mm": (flat or self.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
+            "body.thickness_mm": (flat, in_plane),
             "material.index": (
                 resin or self._is_matched,
                 "follows from the resin and the wavelength" if resin else MATCHED,
@@ -325,18 +345,42 @@ class Sensor:
                 return found, found.u_power
             rays *= 4
 
-    def slope_per_deg(self, angle_deg: float) -> float | None:
-        """Change of the contrast per degree at an angle, in power, over `SLOPE_DEG`; None where no light arrives."""
-        self.check_pair()
-        ends = (angle_deg - SLOPE_DEG / 2, angle_deg + SLOPE_DEG / 2)
-        readings = [self._reading(end, tolerance=POINT_TOLERANCE)[1] for end in ends]
-        low, high = (contrast(reading["right"], reading["left"]) for reading in readings)
-        return None if low is None or high is None else (high - low) / SLOPE_DEG
+    @cached_property
+    def is_symmetric(self) -> bool:
+        """Whether it is, at every angle of its motion, the mirror image of itself at the opposite one."""
+        motion = self.design.motion
+        last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
+        if self.light.ray_file is not None:
+            return False
+        return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
+
+    def slope_per_deg(self, angle_deg: float) -> Slope | None:
+        """Change of the contrast per degree at an angle, in power, with its uncertainty; None where no light arrives.
+
+        From two spans about the angle, one twice the other: what bends within them counts as uncertainty.
+        """
+        point = usual_tolerance(self.scene(angle_deg)) == POINT_TOLERANCE
+        half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
+        found = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)])
+        value, u = found.contrast, found.u_contrast
+        if not np.isfinite(value).all():
+            return None
+        close, wide = (value[2] - value[1]) / (2 * half), (value[3] - value[0]) / (4 * half)
+        return Slope(float(close), float(abs(wide - close) / 3 + (u[1] + u[2]) / (2 * half)))
+
+    def smooth(self, response: Response) -> Response:
+        """A response with angles added where its contrast bends, so that straight lines between them look smooth."""
+        while len(response.angle_deg) < MOST_ANGLES:
+            added = _between(response)
+            if not added:
+                break
+            response = response.joined(self.power(added))
+        return response
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
         """Response by counting the design's own number of rays, as the paper does."""
 
-        def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
+        def at(angle_deg: float) -> Reading:
             found = self.trace(angle_deg, "count")
             return found, powers(found), math.nan
 
@@ -352,11 +396,19 @@ class Sensor:
     ) -> Response:
         """Response in power, integrated at every angle; by ever denser fans where that does not reach its tolerance.
 
-        The tolerance is that of `integrate`. Rays in space and scattered light are sampled to the standard error.
+        The tolerance is that of `integrate`. Where light in space cannot be integrated, and where it is scattered, it
+        is sampled to the standard error. Of a symmetric sensor one of two opposite angles is traced.
         """
         failed: list[float] = []
+        done: dict[float, Reading] = {}
 
-        def at(angle_deg: float) -> tuple[Trace, dict[str, float], float]:
+        def at(angle_deg: float) -> Reading:
+            if -angle_deg in done and self.is_symmetric:
+                return _mirrored(done[-angle_deg])
+            found = done[angle_deg] = traced(angle_deg)
+            return _balanced(found) if angle_deg == 0.0 and self.is_symmetric else found
+
+        def traced(angle_deg: float) -> Reading:
             integrates = len(failed) < FAILURES
             reading = self._reading(
                 angle_deg, integrates=integrates, tolerance=tolerance, standard_error=standard_error
@@ -367,14 +419,27 @@ class Sensor:
 
         return self._sweep("power", at, angles_deg, progress)
 
-    def _number(self, key: str) -> float:
-        """Value of a key, `SpecError` where it is not a real number."""
+    def tolerance(self, key: str) -> tuple[float, bool]:
+        """How far off a number may be, and whether that is its standard uncertainty; else a hundredth of it."""
+        stated = self.design.tolerance.of(key)
+        u = {
+            "material.index": self.material.u_index,
+            "material.absorption_per_mm": self.material.u_absorption_per_mm,
+        }.get(key)
+        if stated is None and u:
+            return u, True
+        return stated or USUAL.get(key) or 0.01 * abs(self.number(key)) or 0.01, False
+
+    def number(self, key: str) -> float:
+        """Value of a number of the design; `SpecError` where it is not a real number that the design states."""
         value = value_at(self.design, key)
         table, _, name = key.partition(".")
         if table == "emitter" and name in OF_THE_LIGHT:
             value = getattr(self.light, name)
         if value is None and key == "body.arm_angle_deg":
             value = arm_angle_deg(self.design)
+        if key in OF_THE_MATERIAL and value is None:
+            value = getattr(self.material, name)
         if isinstance(value, bool | int) or not isinstance(value, float):
             raise SpecError(
                 key, value=value, limit="must be a real number that the design states", remedy="set it in the design"
@@ -400,7 +465,7 @@ class Sensor:
         integrates: bool = True,
         tolerance: float | None = None,
         standard_error: float = SAMPLED_TOLERANCE,
-    ) -> tuple[Trace, dict[str, float], float]:
+    ) -> Reading:
         """Powers at an angle with their uncertainty: integrated, or by ever denser fans where that does not reach.
 
         What is drawn by chance is sampled, and what flies in space where its integration does not reach.
@@ -419,7 +484,7 @@ class Sensor:
     def _sweep(
         self,
         mode: Mode,
-        at: Callable[[float], tuple[Trace, dict[str, float], float]],
+        at: Callable[[float], Reading],
         angles_deg: Sequence[float] | None,
         progress: Progress | None,
     ) -> Response:
@@ -438,3 +503,36 @@ class Sensor:
             u_power=np.array([u for _, _, u in results]),
             traces=tuple(sweep for sweep, _, _ in results),
         )
+
+
+def _mirrored(reading: Reading) -> Reading:
+    """What a symmetric sensor reads at the opposite angle."""
+    trace, _, u = reading
+    found = replace(trace, detectors={name: trace.detectors[OTHER[name]] for name in trace.detectors})
+    return found, powers(found), u
+
+
+def _balanced(reading: Reading) -> Reading:
+    """What a symmetric sensor reads at rest: the same at both receivers."""
+    trace, _, u = reading
+    found = replace(trace, detectors={name: _mean(trace.detectors) for name in trace.detectors})
+    return found, powers(found), u
+
+
+def _mean(detectors: Mapping[str, Detected]) -> Detected:
+    """Mean of two receivers."""
+    right, left = (detectors[name] for name in OTHER)
+    sources = zip(right.power_by_source, left.power_by_source, strict=True)
+    return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
+
+
+def _between(response: Response) -> list[float]:
+    """Angles halfway between those of a response beside which its contrast bends."""
+    angle, contrast = response.angle_deg, response.contrast
+    middles = (angle[1:] + angle[:-1]) / 2
+    if len(angle) < FEW_ANGLES:
+        return [float(middle) for middle in middles]
+    share = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
+    bends = np.abs(contrast[1:-1] - (1.0 - share) * contrast[:-2] - share * contrast[2:]) > BEND
+    wide = np.diff(angle) > (angle[-1] - angle[0]) / MOST_ANGLES
+    return [float(middle) for middle in middles[(np.append(bends, False) | np.append(False, bends)) & wide]]

@@ -1,6 +1,9 @@
 """A design over the angles of its motion: counted and in power, with its lens and without, and beside neighbours."""
 
+import math
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 import solen
 from solen.arrays import Progress
@@ -15,9 +18,12 @@ from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
+from solen.trace import Slope
 
 SCHEMA = 1
 """Of the files of results."""
+FLAT_TOLERANCE = 5e-4
+"""To what the comparison without a lens is integrated in space."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +34,10 @@ class Summary:
     ----------
     from_deg, to_deg
         First and last angle.
-    contrast_from, contrast_to
-        Contrast there; None where no light arrives.
-    null_deg, slope_per_deg
-        Null nearest to 0 and the slope of the contrast there.
+    contrast_from, contrast_to, u_contrast
+        Contrast there, None where no light arrives, and its uncertainty, the larger of the two.
+    null_deg, u_null_deg, slope_per_deg, u_slope_per_deg
+        Null nearest to 0 and the slope of the contrast there, with their uncertainties.
     saturation_deg
         Distance from the null at which the contrast saturates.
     received_share
@@ -52,8 +58,11 @@ class Summary:
     to_deg: float
     contrast_from: float | None
     contrast_to: float | None
+    u_contrast: float | None
     null_deg: float | None
+    u_null_deg: float | None
     slope_per_deg: float | None
+    u_slope_per_deg: float | None
     saturation_deg: float | None
     received_share: float
     u_power: float
@@ -65,16 +74,20 @@ class Summary:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Case(Result):
-    """A sensor's response twice: by counting the design's rays, and in power, integrated.
+    """A sensor's response in power, integrated, and in the plane by counting the design's rays, as the paper does.
 
-    ``null_deg`` is the null nearest to 0, from the power; ``slope_per_deg`` the contrast's slope there.
+    ``curve`` is the power with angles added where it bends. ``null_deg`` is the null nearest to 0, from the power;
+    ``slope_per_deg`` the contrast's slope there.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
-    count: Response
+    count: Response | None
     power: Response
+    curve: Response = field(metadata=HIDDEN)
     null_deg: float | None
+    u_null_deg: float | None
     slope_per_deg: float | None
+    u_slope_per_deg: float | None
 
     @property
     def summary(self) -> Summary:
@@ -86,15 +99,18 @@ class Case(Result):
             to_deg=last,
             contrast_from=power.contrast_at(first),
             contrast_to=power.contrast_at(last),
+            u_contrast=_finite(float(np.max(power.u_contrast[[0, -1]]))),
             null_deg=self.null_deg,
+            u_null_deg=self.u_null_deg,
             slope_per_deg=self.slope_per_deg,
-            saturation_deg=power.saturation_deg(),
+            u_slope_per_deg=self.u_slope_per_deg,
+            saturation_deg=self.curve.saturation_deg(),
             received_share=power.received_share,
             u_power=float(power.u_power.max()),
             ledger_error=max(abs(trace.ledger.total - 1.0) for trace in power.traces),
             truncated=max(trace.ledger.truncated for trace in power.traces),
             undefined_rays=sum(trace.undefined for trace in power.traces),
-            rays_traced=int(power.rays.sum() + self.count.rays.sum()),
+            rays_traced=int(power.rays.sum() + (0 if self.count is None else self.count.rays.sum())),
         )
 
 
@@ -219,10 +235,8 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
     found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
-    case, beside = found.case, found.as_printed
-    chip = None if beside is None or beside.chip is None else beside.chip.printed
     rest = _part(progress, parts - 2, parts, 2)
-    return replace(found, practice=practice(case.sensor, case.power, rest, chip=chip))
+    return replace(found, practice=practice(found.case.sensor, found.case.power, rest))
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
@@ -244,7 +258,11 @@ def _study(design: Design, progress: Progress | None) -> DesignStudy:
     flat, refused = _comparison(sensor)
     if flat is None:
         return DesignStudy(design, _case(sensor, progress), None, refused)
-    return DesignStudy(design, _case(sensor, _part(progress, 0, 2)), _case(flat, _part(progress, 1, 2)))
+    return DesignStudy(
+        design,
+        _case(sensor, _part(progress, 0, 2)),
+        _case(flat, _part(progress, 1, 2), FLAT_TOLERANCE if _in_space(design) else None),
+    )
 
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
@@ -258,14 +276,37 @@ def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
     return sensor.without_lens, None
 
 
-def _case(sensor: Sensor, progress: Progress | None) -> Case:
-    counted = sensor.count(progress=_part(progress, 0, 10))
-    power = sensor.power(progress=_part(progress, 1, 10, 8))
-    null = power.null_deg()
+def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = None) -> Case:
+    counted = None if _in_space(sensor.design) else sensor.count(progress=_part(progress, 0, 10))
+    power = sensor.power(progress=_part(progress, 1, 10, 8), tolerance=tolerance)
+    curve = sensor.smooth(power)
+    null = curve.null_deg()
     slope = None if null is None else sensor.slope_per_deg(null)
+    if null is not None and slope is not None:
+        null, u_null = _null(sensor, null, slope)
     if progress is not None:
         progress(1.0)
-    return Case(sensor, counted, power, null, slope)
+    found = Case(sensor, counted, power, curve, null, None, None, None)
+    if slope is None:
+        return found
+    return replace(found, u_null_deg=u_null, slope_per_deg=slope.value, u_slope_per_deg=slope.u_value)
+
+
+def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:
+    """Null by a step of Newton's method from where straight lines put it, and its uncertainty."""
+    there = sensor.power([null_deg])
+    step = -float(there.contrast[0]) / slope.value
+    if sensor.is_symmetric and null_deg == 0.0:
+        return 0.0, 0.0
+    return null_deg + step, abs(float(there.u_contrast[0]) / slope.value) + abs(step * slope.u_value / slope.value)
+
+
+def _in_space(design: Design) -> bool:
+    return design.trace.dimension == "extruded"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _part(progress: Progress | None, first: int, parts: int, length: int = 1) -> Progress | None:

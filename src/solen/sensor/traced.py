@@ -56,7 +56,7 @@ class DesignConvergence(Convergence):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities(Result):
-    """Derivatives of a design's readings at an angle, the steepest contrast first.
+    """Derivatives of a design's readings at an angle, ranked by what a tolerance of each number does.
 
     Attributes
     ----------

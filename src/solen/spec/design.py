@@ -5,9 +5,9 @@ names carry units, and the defaults are the paper's sensor at 860 nm, so that a 
 Whether what a design describes can be built (an oval beyond tangency, a body crossing itself) is for later stages.
 
 The interface: `Design` and its tables: `Material`, `Lens`, `Body`, `Receivers` of `solen.spec.body`, `Emitter` and
-`Ambient` of `solen.spec.light`, `Motion`, `Wall`, `Fabricate` and `Readout` of the modules of their names, and `Trace`;
-`Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a design names. What several
-tables say together is checked by `solen.spec.combinations`.
+`Ambient` of `solen.spec.light`, `Motion`, `Wall`, `Tolerance`, `Fabricate` and `Readout` of the modules of their
+names, and `Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` is where the files lie that a
+design names. What several tables say together is checked by `solen.spec.combinations`.
 """
 
 from collections.abc import Mapping
@@ -24,6 +24,7 @@ from solen.spec.light import Ambient, Emitter
 from solen.spec.motion import Motion
 from solen.spec.readout import Readout
 from solen.spec.strict import Strict, Text, nearest
+from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
 
 READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
@@ -69,6 +70,7 @@ class Design(Strict):
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
     trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="How far off its numbers may be.")
     fabricate: Fabricate = Field(default_factory=Fabricate, description="Seats for the electronics in what is printed.")
     readout: Readout = Field(default_factory=Readout, description="How the receivers' light becomes volts.")
 

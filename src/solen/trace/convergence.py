@@ -1,8 +1,9 @@
 """How fast each way to choose rays comes to the power at the receivers, and how true its stated uncertainty is.
 
 One scene is traced by fans and by Sobol' samples of ever more rays, and integrated to ever smaller tolerances. The
-error of each is its distance from a reference value: adaptive integration to `TIGHT`, or, for a scene that it does not
-know or does not reach that in, a fan of four times the rays of the densest.
+error of each is its distance from a reference value: adaptive integration to `TIGHT`. For a scene that it does not
+know or does not reach that in, it is the best of the last integral, a fan and a sample of four times the rays of the
+densest, by the uncertainty that each states.
 """
 
 import math
@@ -90,14 +91,23 @@ def convergence(
         raise DesignError("convergence", value="a list of rays", limit="needs sources of any number of rays")
     whole: Mode = "power" if mode == "roulette" else mode
     found = list(_integrals(scene, whole, limits))
-    tight = bool(found) and found[-1].u_power <= TIGHT
-    reference = found.pop() if tight else trace(_with_rays(scene, DENSER * most_rays), whole, limits)
+    reference = _reference(scene, whole, limits, most_rays, found)
+    found = [one for one in found if one is not reference]
     numbers = [most_rays >> k for k in range(int(math.log2(most_rays / LEAST_RAYS)), -1, -1)]
     scenes = [_with_rays(scene, rays) for rays in numbers]
     fans = [trace(variant, mode, limits, seed=seed) for variant in scenes]
     samples = [trace(variant, mode, limits, sampling="sobol", seed=seed) for variant in scenes]
     series = tuple(_series(reference, traces) for traces in (fans, samples, found) if traces)
     return Convergence(mode, reference, series)
+
+
+def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, found: list[Trace]) -> Trace:
+    """The value that is known best: the last integral, or a denser fan or sample."""
+    if found and found[-1].u_power <= TIGHT:
+        return found[-1]
+    dense = _with_rays(scene, DENSER * most_rays)
+    others = [trace(dense, mode, limits), trace(dense, mode, limits, sampling="sobol")]
+    return min([*found[-1:], *others], key=lambda one: one.u_power)
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:

@@ -1,11 +1,17 @@
 """The command that does the whole chain of a design."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from solen.cli.app import Set, lines, progress_bar, short, text
+from solen.cli.app import Set, lines, progress_bar, short
 from solen.results import Outcome
-from solen.sensor import AsPrinted, DesignStudy, Practice
+from solen.sensor import AsPrinted, DesignStudy
+
+if TYPE_CHECKING:
+    from solen.report.design.answer import Matter
+
+NAME = 16
 
 
 def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[DesignStudy]:
@@ -26,16 +32,33 @@ def run(file: Path, /, *, out: Path, set_: Set = None) -> Outcome[DesignStudy]:
 
 @lines.register
 def _(study: DesignStudy) -> Iterator[str]:
-    material = study.material
+    from solen.report.design.answer import advice, emitter_words, expected, matters
+
+    material, space = study.material, study.design.trace.dimension == "extruded"
     u = "" if material.u_index is None else f" ± {material.u_index:.2g}"
-    yield f"{study.name}: index {material.index:.6g}{u} at {study.wavelength_nm:g} nm"
-    for name, case in study.summary.items():
-        ends = f"{text(case.contrast_from)} at {case.from_deg:g} deg to {text(case.contrast_to)}"
-        yield f"  {name:8} contrast {ends} at {case.to_deg:g} deg, received {case.received_share:.4f}"
+    where = emitter_words(study) if space else "in the plane"
+    yield f"{study.name}: index {material.index:.6g}{u} at {study.wavelength_nm:g} nm; {where}"
+    told = expected(study)
+    yield "what to expect"
+    for name, words in told:
+        yield f"  {name:16}  {words}" if len(name) <= NAME else f"  {name}: {words}"
     if study.as_printed is not None:
         yield from _as_printed(study.as_printed)
-    if study.practice is not None:
-        yield from _practice(study.practice)
+    yield from _matters(*matters(study.practice))
+    for place, text in enumerate(advice(study)):
+        yield f"{'what to do' if place == 0 else '':10}  {text}"
+
+
+def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
+    """What numbers do that are off by their tolerances."""
+    if not rows:
+        return
+    heads = ("what matters", "off by", *(f"contrast at {angle:+.3g}°" for angle in angles), "null", "light")
+    table = [heads, *((row.name, row.by, *row.contrast, row.null, row.light) for row in rows)]
+    widths = [max(len(row[i]) for row in table) for i in range(len(heads))]
+    for n, row in enumerate(table):
+        cells = [f"{text:{width}}" for text, width in zip(row, widths, strict=True)]
+        yield ("  " if n else "") + "  ".join(cells).rstrip()
 
 
 def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
@@ -52,22 +75,3 @@ def _as_printed(as_printed: AsPrinted) -> Iterator[str]:
         if comparison.null_shift_deg is not None:
             moved = f"{comparison.null_shift_deg:+.4f} ± {short(comparison.u_null_shift_deg)}"
             yield f"  {'null':8} moves by {moved} deg"
-
-
-def _practice(practice: Practice) -> Iterator[str]:
-    """A real chip, its decentre, and another index."""
-    chip, null, emitter = practice.chip, practice.null_shift, practice.emitter
-    if chip is not None and emitter.kind != "file":
-        first, last = float(chip.angle_deg[0]), float(chip.angle_deg[-1])
-        ends = f"{text(chip.contrast_at(first))} at {first:g} deg to {text(chip.contrast_at(last))}"
-        width = f"{emitter.width_mm:g} mm wide" + (", for comparison" if emitter.kind == "comparison" else "")
-        yield f"  {'chip':8} contrast {ends} at {last:g} deg, {width}"
-    if null is not None:
-        moved = f"{null.shift_deg:+.3f} ± {null.u_shift_deg:.1g} deg"
-        yield f"  {'null':8} moves by {moved} for {null.step_mm:g} mm of the emitter towards +x"
-    if practice.index and practice.index_shift is not None:
-        step = practice.index[0]
-        what = "its uncertainty" if step.by_uncertainty else f"{abs(step.step):g} of index"
-        alone = "" if practice.chip_shift is None else f"; the chip alone by {practice.chip_shift.contrast:.3f}"
-        moved = f"{practice.index_shift.contrast:.3f} at {practice.index_shift.angle_deg:g} deg"
-        yield f"  {'index':8} {what} moves the contrast by up to {moved}{alone}"

@@ -37,7 +37,7 @@ def convergence(
 def sensitivity(
     file: Path, /, *keys: str, angle_deg: float = 0.0, set_: Set = None, figure: FigureFile = None
 ) -> Outcome[Sensitivities]:
-    """Show how the readings change with the numbers of the design, per unit of each, the steepest contrast first.
+    """Show how the readings change with the numbers of the design, ranked by what a tolerance of each does.
 
     Parameters
     ----------
@@ -65,18 +65,20 @@ def _(result: DesignConvergence) -> Iterator[str]:
 
 
 @lines.register
-def _(sensitivities: Sensitivities) -> Iterator[str]:
-    width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
-    yield f"{sensitivities.name} at {sensitivities.angle_deg:g} deg: change per unit of each number"
-    yield f"  {'':{width}}  {'value':>9}  {'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}"
-    for row in sensitivities.sensitivities:
+def _(found: Sensitivities) -> Iterator[str]:
+    width = max((len(row.key) for row in found.sensitivities), default=0)
+    yield f"{found.name} at {found.angle_deg:g} deg: change per unit of each number, and by its tolerance"
+    heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
+    yield f"  {'':{width}}  {'value':>9}  {heads}"
+    for row in found.sensitivities:
         start = f"  {row.key:{width}}  {row.value:9.6g}"
         if row.why:
             yield f"{start}  {row.why}"
             continue
         slopes = "".join(f"  {_slope(slope.value)}" for slope in (row.right, row.left, row.contrast))
-        yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}"
-    for key, why in sensitivities.skipped.items():
+        effect = f"{row.contrast.value * row.tolerance:+9.2g}"
+        yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
+    for key, why in found.skipped.items():
         yield f"left out: {key}: {why}"
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from solen.arrays import FloatArray, Progress
 from solen.errors import SolenError, SpecError
 from solen.fabricate.label import Label, label_of
-from solen.fabricate.measures import area_mm2
 from solen.fabricate.mesh import Mesh
 from solen.fabricate.process.compensate import Compensation, compensated
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
@@ -25,6 +24,7 @@ from solen.fabricate.process.settings import Process, Settings
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, process_of, with_resin
 from solen.fabricate.process.target import Deviation, Target
+from solen.geometry.measures import area_mm2
 from solen.lens.profile import MeasuredProfile, profile_of
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported

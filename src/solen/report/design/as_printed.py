@@ -1,9 +1,8 @@
 """Sentences on a lens as printed, beside the designed one; every number in them is computed."""
 
-import math
-
 import numpy as np
 
+from solen.report.design.answer import measured
 from solen.sensor import AsPrinted, Comparison
 
 RESOLVED = 2.0
@@ -31,17 +30,10 @@ def _compared(comparison: Comparison) -> str:
         return f"{emitter} no light reaches the receivers."
     resolved = np.any(np.abs(comparison.difference) > RESOLVED * comparison.u_difference)
     text = (
-        f"{emitter} the contrast differs by up to {_signed(largest.contrast, largest.u_contrast)}, at "
+        f"{emitter} the contrast differs by up to {measured(largest.contrast, largest.u_contrast)}, at "
         f"{largest.angle_deg:+g}°{'' if resolved else ', which is not resolved'}."
     )
     if comparison.null_shift_deg is not None and comparison.u_null_shift_deg is not None:
-        text += f" The null moves by {_signed(comparison.null_shift_deg, comparison.u_null_shift_deg)}°."
+        text += f" The null moves by {measured(comparison.null_shift_deg, comparison.u_null_shift_deg)}°."
     after, before = comparison.printed.received_share, comparison.designed.received_share
     return f"{text} The receivers get {after:.2%} of the light, as designed {before:.2%}."
-
-
-def _signed(value: float, u: float) -> str:
-    """A value and its uncertainty to two digits of that, no zero with a sign."""
-    digits = int(np.clip(1 - math.floor(math.log10(u)), 0, 9)) if u > 0.0 else 4
-    rounded = round(value, digits)
-    return f"{rounded:{'+' if rounded else ''}.{digits}f} ± {u:.{digits}f}"

@@ -17,7 +17,8 @@ from solen.errors import OutputError
 from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.plane import along
-from solen.report.canvas import HIGHER, INK, LEFT, LOST, LOWER, RIGHT, SPACE, STYLE
+from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, STYLE
+from solen.report.design.answer import matters
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
 from solen.sensor.traced import DesignTrace
@@ -37,27 +38,31 @@ SHOWN_RAYS = 100
 """Rays drawn in a picture at most: more make it a blot."""
 
 
-def response_figure(lens: Case | None, flat: Case | None, designed: Case | None = None) -> Figure:
-    """Receivers against angle, with lens and without: integrated power as lines, the counted rays as dots.
+def study_figure(study: DesignStudy) -> Figure:
+    """Receivers against angle, with lens and without: integrated power as lines, counted rays as dots.
 
-    Where the lens was measured, the one that was ``designed`` is drawn as well.
+    Where the lens was measured, the one that was designed is drawn as well; beside the contrast, that of the sensor as
+    built and of the point in the plane, as in the paper.
     """
+    lens, flat, designed, practice = study.with_lens, study.no_lens, study.designed, study.practice
     with mpl.rc_context(STYLE):
         figure, power_axes, contrast_axes = _response_axes()
         with_lens = "with lens" if designed is None else "lens as printed"
         for case, name, style in ((lens, with_lens, "-"), (designed, "as designed", "-."), (flat, "no lens", "--")):
             if case is not None:
                 _draw_response(power_axes, contrast_axes, case, name, style)
+        if practice is not None and practice.built is not None and not practice.built.is_design:
+            built = practice.built.response
+            contrast_axes.plot(built.angle_deg, built.contrast, color=SPACE, lw=1.6, label="with a chip, in space")
+        if practice is not None and practice.paper is not None:
+            angle, contrast = practice.paper.angle_deg, practice.paper.contrast
+            contrast_axes.plot(angle, contrast, ":", color=LOST, lw=1.4, label="as in the paper (point, plane)")
         power_axes.set_ylim(0, None)
-        power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
+        if study.case.count is not None:
+            power_axes.plot([], [], ".", color=LOST, ms=5, label="dots: counted rays")
         power_axes.legend(fontsize=8)
         contrast_axes.legend(fontsize=8)
     return figure
-
-
-def study_figure(study: DesignStudy) -> Figure:
-    """The response of a design with its lens and without; of a measured lens also as it was designed."""
-    return response_figure(study.with_lens, study.no_lens, study.designed)
 
 
 def sweep_figure(response: Response) -> Figure:
@@ -77,22 +82,34 @@ def sweep_figure(response: Response) -> Figure:
     return figure
 
 
-def practice_figure(practice: Practice) -> Figure:
-    """Contrast over angle with a point, a chip and the chip in space; how another index changes it."""
+def matters_figure(found: Practice) -> Figure:
+    """Change of the contrast, at each angle where it was found, by numbers that are off by their tolerances."""
+    effects = found.effects
+    names = [f"{row.name}\n{row.by}" for row in matters(found)[1]]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.2, 3.5), layout="constrained")
-        chip_axes, index_axes = figure.subplots(1, 2)
-        _draw_chip(chip_axes, practice)
-        _contrast_axes(chip_axes)
-        chip_axes.legend(fontsize=8, loc="upper right")
-        _draw_indices(index_axes, practice)
-        index_axes.axhline(0.0, color=INK, lw=0.8)
-        index_axes.set(xlabel="angle (deg)", ylabel="change of the contrast by another index")
-        if practice.index:
-            index_axes.legend(fontsize=8)
-        if practice.chip_shift is not None:
-            beside = f"beside it, a chip {practice.emitter.width_mm:g} mm wide changes that of a point by up to"
-            index_axes.set_title(f"{beside} {practice.chip_shift.contrast:.2f}", fontsize=8)
+        figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)), layout="constrained")
+        axes = figure.add_subplot()
+        angles = sorted({float(angle) for effect in effects for angle in effect.angle_deg})
+        high = 0.8 / len(angles)
+        for n, angle in enumerate(angles):
+            there = [(place, effect, effect.angle_deg.tolist()) for place, effect in enumerate(effects)]
+            rows = [(place, effect, at.index(angle)) for place, effect, at in there if angle in at]
+            axes.barh(
+                [place + (n - (len(angles) - 1) / 2) * high for place, _, _ in rows],
+                [float(effect.contrast[i]) for _, effect, i in rows],
+                high,
+                xerr=[float(effect.u_contrast[i]) for _, effect, i in rows],
+                color=SERIES[n % len(SERIES)],
+                error_kw={"lw": 0.8, "ecolor": INK},
+                label=f"at {angle:+.3g}°" if angle else "at 0°",
+            )
+        axes.axvline(0.0, color=INK, lw=0.8)
+        axes.set_yticks(range(len(effects)), names, fontsize=8)
+        axes.invert_yaxis()
+        axes.set_axisbelow(True)
+        axes.grid(visible=False, axis="y")
+        axes.set(xlabel="change of the contrast, for a number that is higher by its tolerance")
+        axes.legend(fontsize=8, loc="lower left")
     return figure
 
 
@@ -222,36 +239,17 @@ def _contrast_axes(axes: Axes) -> None:
 
 
 def _draw_response(power_axes: Axes, contrast_axes: Axes, case: Case, name: str, style: str) -> None:
-    counted, power = case.count, case.power
+    counted, power = case.count, case.curve
     thin = 2.0 if style == "-" else 1.2
     for side in ("right", "left"):
         power_axes.plot(
             power.angle_deg, getattr(power, side), style, color=COLOURS[side], lw=thin, label=f"{side}, {name}"
         )
-        power_axes.plot(counted.angle_deg, getattr(counted, side), ".", color=COLOURS[side], ms=3, alpha=0.6)
+        if counted is not None:
+            power_axes.plot(counted.angle_deg, getattr(counted, side), ".", color=COLOURS[side], ms=3, alpha=0.6)
     contrast_axes.plot(power.angle_deg, power.contrast, style, color=INK, lw=thin, label=name)
-    contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
-
-
-def _draw_chip(axes: Axes, practice: Practice) -> None:
-    extent = practice.emitter
-    name = "the design's file of rays" if extent.kind == "file" else f"chip {extent.width_mm:g} mm wide"
-    if practice.point is not None:
-        axes.plot(practice.point.angle_deg, practice.point.contrast, color=LOST, lw=1.4, label="point")
-    if practice.chip is not None:
-        axes.plot(practice.chip.angle_deg, practice.chip.contrast, color=INK, lw=2.0, label=name)
-    if practice.in_space is not None:
-        size, plane, space = practice.in_space.emitter, practice.in_space.plane, practice.in_space.space
-        name = "in space" if extent.kind == "file" else f"{size.width_mm:g} × {size.height_mm:g} mm, in space"
-        axes.plot(space.angle_deg, space.contrast, color=SPACE, lw=2.0, ls="--", label=name)
-        axes.plot(plane.angle_deg, plane.contrast, "o", color=SPACE, mfc="none", ms=6, label="the same in the plane")
-
-
-def _draw_indices(axes: Axes, practice: Practice) -> None:
-    for one in practice.index or ():
-        colour, style = LOWER if one.step < 0.0 else HIGHER, "s-" if one.by_uncertainty else "o-"
-        name = f"n = {one.index:.4g}" + (" (its uncertainty)" if one.by_uncertainty else "")
-        axes.plot(one.response.angle_deg, one.change, style, color=colour, ms=3.5, lw=1.6, label=name)
+    if counted is not None:
+        contrast_axes.plot(counted.angle_deg, counted.contrast, ".", color=INK, ms=3, alpha=0.6)
 
 
 def _draw_rays(axes: Axes, title: str, body: Body, scene: Scene, trace: Trace, *, zoom: float | None) -> None:

@@ -12,17 +12,17 @@ from markupsafe import Markup
 import solen
 from solen.lens import OvalLens
 from solen.report.canvas import svg
+from solen.report.design.answer import advice, emitter_words, expected, matters
 from solen.report.design.as_printed import printed_sentences
 from solen.report.design.figures import (
     SHOWN_RAYS,
-    practice_figure,
+    matters_figure,
     rays_figure,
-    sensor_view,
     study_figure,
+    sensor_view,
 )
 from solen.report.design.lens import focus_figure, profile_figure
-from solen.report.design.practical import budget_rows, index_rows
-from solen.report.design.words import findings, headline, warnings
+from solen.report.design.words import budget_rows, findings, warnings
 from solen.report.print.predict_figure import printed_figure
 from solen.results import scalars
 from solen.sensor import Case, DesignStudy
@@ -31,8 +31,8 @@ from solen.spec import dumps
 FIGURES = (
     "lens-profile",
     "response",
+    "matters",
     "as-printed",
-    "practice",
     "focus",
     "rays",
     "rays-at-the-lens",
@@ -50,8 +50,8 @@ def figures(study: DesignStudy) -> dict[str, str]:
     drawn = {"response": study_figure(study)}
     if study.as_printed is not None:
         drawn["as-printed"] = printed_figure(study.as_printed)
-    if study.practice is not None and study.practice.chip is not None:
-        drawn["practice"] = practice_figure(study.practice)
+    if study.practice is not None and study.practice.effects:
+        drawn["matters"] = matters_figure(study.practice)
     if study.practice is not None and isinstance(case.sensor.cut, OvalLens):
         drawn["focus"] = focus_figure(case.sensor)
     if isinstance(case.sensor.cut, OvalLens):
@@ -73,7 +73,10 @@ def html(study: DesignStudy, drawn: dict[str, str]) -> str:
     case = study.case
     return template.render(
         study=study,
-        headline=headline(study),
+        expected=expected(study),
+        matters=matters(study.practice),
+        advice=advice(study),
+        emitter=emitter_words(study),
         findings=findings(study),
         figures={name: _inline(text, name) for name, text in drawn.items()},
         parts=_parts(study),
@@ -82,10 +85,9 @@ def html(study: DesignStudy, drawn: dict[str, str]) -> str:
         cases=_cases(study),
         design=dumps(study.design),
         budget=budget_rows(study),
-        off=index_rows(study),
         warnings=warnings(study),
         printed=[] if study.as_printed is None else printed_sentences(study.as_printed),
-        rays=study.design.emitter.rays,
+        rays=None if case.count is None else study.design.emitter.rays,
         version=solen.__version__,
         python=platform.python_version(),
     )

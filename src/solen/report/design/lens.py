@@ -11,7 +11,7 @@ from solen.errors import DesignError
 from solen.lens import Lens, MeasuredLens, OvalLens
 from solen.report.canvas import HIGHER, INK, LOST, LOWER, SOFT, STYLE
 from solen.sensor import LensCheck, Sensor
-from solen.sensor.index_offset import steps
+from solen.sensor.effects import index_steps
 
 PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
@@ -54,7 +54,8 @@ def focus_figure(sensor: Sensor) -> Figure:
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(5.2, 3.2), layout="constrained")
         axes = figure.add_subplot()
-        half, stated = max(abs(step) for step, _ in steps(material)), bool(material.u_index)
+        steps = index_steps(material, sensor.tolerance("material.index")[0])
+        half, stated = max(abs(step) for step, _ in steps), bool(material.u_index)
         indices = np.linspace(max(material.index - SHOWN_STEPS * half, 1.0), material.index + SHOWN_STEPS * half, 61)
         band = f"{material.index:.6g} ± {half:.2g}" + (" (standard)" if stated else ", for comparison")
         axes.axvspan(material.index - half, material.index + half, color=SOFT, alpha=0.6, lw=0, label=band)

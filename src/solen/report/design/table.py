@@ -4,21 +4,33 @@ import csv
 import io
 import math
 
-from solen.sensor import DesignStudy, Response
+from solen.sensor import Response, DesignStudy
+
+PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """One row an angle: right, left and contrast of every case, in the order of the header."""
+    """One row an angle: right, left and contrast of every case, of powers with their uncertainty, in the order of the header."""
     columns: dict[str, Response] = {}
     for name, case in study.cases.items():
-        columns |= {f"{name}_count": case.count, f"{name}_power": case.power}
+        columns |= {f"{name}_count": case.count} if case.count is not None else {}
+        columns[f"{name}_power"] = case.power
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["angle_deg"] + [f"{name}_{what}" for name in columns for what in ("right", "left", "contrast")])
+    writer.writerow(
+        ["angle_deg"]
+        + [
+            f"{name}_{what}"
+            for name in columns
+            for what in (*PLAIN, *(("u_power",) if name.endswith("_power") else ()))
+        ]
+    )
     for i, angle in enumerate(study.case.power.angle_deg):
         row = [repr(float(angle))]
         for response in columns.values():
-            values = (response.right[i], response.left[i], response.contrast[i])
+            values = [
+                getattr(response, what)[i] for what in (*PLAIN, *(("u_power",) if response.mode == "power" else ()))
+            ]
             row += ["" if math.isnan(value) else repr(float(value)) for value in values]
         writer.writerow(row)
     return text.getvalue()

@@ -1,39 +1,42 @@
-"""What the numbers mean for someone who wants to print this sensor, in plain words.
+"""What stands behind the answer, in plain words: the lens, where the light goes, what is not in the numbers.
 
 Every sentence is computed from the study; none is printed when the study does not support it.
 """
 
 from solen.lens import OvalLens
 from solen.material import Optical
+from solen.report.design.answer import measured
 from solen.report.design.as_printed import printed_sentences
-from solen.report.design.practical import (
-    budget_words,
-    chip_words,
-    index_words,
-    null_words,
-    signed,
-    space_words,
-    without_sign,
-)
-from solen.sensor import SATURATED, Case, DesignStudy
-from solen.sensor.index_offset import steps
+from solen.sensor import DesignStudy
+from solen.sensor.effects import index_steps
 from solen.sensor.practice import CHIP_MM
+
+SHOWN_SHARE = 5e-4
+"""Share of the light from which on it is told of in a sentence."""
+PARTS = {
+    "right": "right receiver",
+    "left": "left receiver",
+    "beside": "passes beside lens and body",
+    "above_below": "passes above or below them",
+    "reflected": "is reflected and never enters",
+    "leaked": "leaves through top or bottom",
+    "escaped": "leaves elsewhere",
+    "absorbed": "is absorbed",
+    "truncated": "was followed no further",
+}
+"""Parts of the budget in words."""
 
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
     """Headings and sentences, the most important first."""
-    sentences = [
-        ("The signal", _signal(study)),
+    told = [
         ("As printed", " ".join(printed_sentences(study.as_printed)) if study.as_printed else ""),
-        ("Range", _range(study.case)),
-        ("A real chip", chip_words(study.practice) if study.practice else ""),
-        ("Alignment", _alignment(study)),
-        ("Index", _index(study)),
-        ("In space", space_words(study)),
         ("Light", _light(study)),
+        ("Alignment", _alignment(study)),
+        ("Focus", _focus_words(study)),
         ("Not in these numbers", _limits(study)),
     ]
-    return [(heading, text) for heading, text in sentences if text]
+    return [(heading, text) for heading, text in told if text]
 
 
 def warnings(study: DesignStudy) -> list[str]:
@@ -41,73 +44,49 @@ def warnings(study: DesignStudy) -> list[str]:
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
 
-def headline(study: DesignStudy) -> str:
-    """One sentence."""
-    summary = study.case.summary
-    start = f"{signed(summary.contrast_from)} at {summary.from_deg:+g}°"
-    if summary.from_deg == summary.to_deg:
-        return f"The contrast between the two receivers is {start}."
-    end = f"{signed(summary.contrast_to)} at {summary.to_deg:+g}°"
-    return f"The contrast between the two receivers runs from {start} to {end}."
-
-
-def _signal(study: DesignStudy) -> str:
-    summary, sentences = study.case.summary, [headline(study)]
-    if study.with_lens is None:
-        sentences.append("This design has no lens.")
-    elif study.no_lens is not None:
-        flat = study.no_lens.summary
-        ends = f"{signed(flat.contrast_from)} to {signed(flat.contrast_to)}"
-        sentences.append(f"Without the lens it runs from {ends}.")
-    first, last = summary.contrast_from, summary.contrast_to
-    if first is not None and last is not None and first != last:
-        side = "right" if first > last else "left"
-        sentences.append(f"Turning to the right (a negative angle) brightens the {side} receiver.")
-    return " ".join(sentences)
-
-
-def _range(case: Case) -> str:
-    summary = case.summary
-    if not summary.received_share > 0.0:
-        return "No light reaches the receivers at any angle."
-    if summary.null_deg is None:
-        return "Both receivers never see the same in this range: there is no null to measure from."
-    balance = f"Both receivers see the same at {without_sign(summary.null_deg):.2f}°"
-    if summary.slope_per_deg is not None:
-        balance += f"; there the contrast changes by {abs(summary.slope_per_deg):.2g} per degree"
-    if summary.saturation_deg is None:
-        return f"{balance}. It stays below {SATURATED} in this range."
-    return (
-        f"{balance}. About {summary.saturation_deg:.2f}° away it first exceeds {SATURATED}: where it does, the two "
-        "signals tell the direction of the motion, but hardly its amplitude."
-    )
+def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
+    """Where the light goes at rest, by parts, with their uncertainty; empty where that is not known."""
+    budget = None if study.practice is None else study.practice.budget
+    if budget is None:
+        return []
+    in_space = study.design.trace.dimension == "extruded"
+    parts = [name for name in PARTS if in_space or name not in ("above_below", "leaked")]
+    return [*((PARTS[name], getattr(budget, name)) for name in parts), ("uncertainty of a share", budget.u)]
 
 
 def _light(study: DesignStudy) -> str:
-    summary, sensor = study.case.summary, study.case.sensor
+    sensor = study.case.sensor
     emitter, lens = sensor.design.emitter, sensor.cut
     half_cone_deg = sensor.light.cone_deg / 2
-    budget = budget_words(study)
-    text = f"On average {summary.received_share:.1%} of the emitted light reaches the receivers."
-    text += f" {budget}" if budget else ""
-    if lens is None:
+    text = _budget_words(study)
+    if lens is None or emitter.offset_mm != 0.0:
         return text
-    if emitter.offset_mm == 0.0 and lens.acceptance_deg < half_cone_deg:
+    if lens.acceptance_deg < half_cone_deg:
         text += (
-            f" The face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
+            f" In the plane the face accepts ±{lens.acceptance_deg:.1f}° of the emitter's ±{half_cone_deg:g}°; "
             "the rest passes beside it."
         )
-    if emitter.offset_mm == 0.0 and isinstance(lens, OvalLens) and lens.acceptance_deg <= half_cone_deg:
+    if isinstance(lens, OvalLens) and lens.acceptance_deg <= half_cone_deg:
         text += (
             f" At the lens's edge light arrives at {lens.edge_incidence_deg:.1f}° to the normal: "
             "a rounded or rough edge costs light there first."
         )
-    return text
+    return text.strip()
+
+
+def _budget_words(study: DesignStudy) -> str:
+    """Where the light goes at rest; empty where that is not known."""
+    rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
+    if not rows:
+        return ""
+    words = {PARTS["right"]: "reaches the right receiver", PARTS["left"]: "reaches the left one"}
+    told = [f"{share:.1%} {words.get(text, text)}" for text, share in rows]
+    return f"Of the emitter's light, at rest: {_listed(told)}."
 
 
 def _alignment(study: DesignStudy) -> str:
-    """What the lens makes of a decentre and of a chip, and what a decentre does to the null."""
-    lens, practice, sentences = study.case.sensor.cut, study.practice, []
+    """What the lens makes of a decentre and of a chip."""
+    lens, sentences = study.case.sensor.cut, []
     if isinstance(lens, OvalLens):
         own_mm = study.case.sensor.light.width_mm
         width_mm = own_mm or CHIP_MM
@@ -116,23 +95,24 @@ def _alignment(study: DesignStudy) -> str:
             f"the focal spot by {0.01 * lens.magnification:.2f} mm, and {'the' if own_mm else 'a'} chip "
             f"{width_mm:g} mm wide makes a spot about {width_mm * lens.magnification:.1f} mm wide."
         )
-    if practice is not None and (words := null_words(practice)):
-        sentences.append(words)
-    if sentences and (offset_mm := study.design.emitter.offset_mm):
+    if offset_mm := study.design.emitter.offset_mm:
         sentences.append(f"The design's emitter is {offset_mm:g} mm off its place.")
     return " ".join(sentences)
 
 
-def _index(study: DesignStudy) -> str:
-    """Where another index puts the focus, and what it does to the response."""
-    lens, material = study.case.sensor.cut, study.case.sensor.material
-    known = f"The index is {material.index:.6g} ± {material.u_index:.2g} (standard)." if material.u_index else ""
-    focus = _focuses(lens, material) if isinstance(lens, OvalLens) else ""
-    return " ".join(filter(None, (known, focus, index_words(study))))
-
-
-def _focuses(lens: OvalLens, material: Optical) -> str:
+def _focus_words(study: DesignStudy) -> str:
     """Where the lens focuses in the material it is made of, and in one whose index is off."""
+    sensor = study.case.sensor
+    lens, material = sensor.cut, sensor.material
+    known = (
+        f"The index is {measured(material.index, material.u_index, sign=False)} (standard)." if material.u_index else ""
+    )
+    if not isinstance(lens, OvalLens):
+        return known
+    return f"{known} {_focuses(lens, material, sensor.tolerance('material.index')[0])}".strip()
+
+
+def _focuses(lens: OvalLens, material: Optical, off: float) -> str:
     index = material.index
     if abs(index - lens.design_index) > 1e-9:
         paraxial, marginal = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
@@ -140,13 +120,13 @@ def _focuses(lens: OvalLens, material: Optical) -> str:
             f"The lens is cut for {lens.design_index:.6g} but the material has {index:.6g}: rays near the axis cross "
             f"it {_focus(paraxial)}, edge rays {_focus(marginal)}, where {lens.focus_mm:g} mm was asked for."
         )
-    sentences = []
-    for step, _ in steps(material):
+    told = []
+    for step, _ in index_steps(material, off):
         if step != 0.0:
             near, best = _focus(lens.paraxial_focus_mm(index + step)), _focus(lens.best_focus_mm(index + step))
-            off = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
-            sentences.append(f"{off}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
-    return f"If the print's index were {'; '.join(sentences)}."
+            which = f"{abs(step):.2g} {'lower' if step < 0.0 else 'higher'}"
+            told.append(f"{which}, rays near the axis would cross it {near}, and the smallest spot would lie {best}")
+    return f"If the print's index were {'; '.join(told)}. The focus moves much, the response little."
 
 
 def _limits(study: DesignStudy) -> str:
@@ -159,16 +139,10 @@ def _limits(study: DesignStudy) -> str:
     )
     rough = study.case.sensor.scene().is_random
     faces = "faces scatter only where the design says so" if rough else "perfectly smooth faces, no scatter"
-    return f"{_rays(study)}; {faces}, no diffraction; {loss}. " + _arms(study)
-
-
-def _rays(study: DesignStudy) -> str:
-    """In what dimension the numbers are."""
-    if study.design.trace.dimension == "extruded":
-        return "Rays in space, in a body of the same outline at every height"
-    if study.practice is not None and study.practice.in_space is not None:
-        return "Rays in the plane only, but for what is said to be in space"
-    return "Rays in the plane only, whatever the thickness"
+    rays = "Rays in space, in a body of the same outline at every height"
+    if study.design.trace.dimension == "2d":
+        rays = "Rays in the plane only, but for what is said to be in space"
+    return f"{rays}; {faces}, no diffraction; {loss}. {_arms(study)}"
 
 
 def _arms(study: DesignStudy) -> str:
@@ -180,3 +154,7 @@ def _arms(study: DesignStudy) -> str:
 
 def _focus(focus_mm: float | None) -> str:
     return "nowhere behind the lens" if focus_mm is None else f"at {focus_mm:.1f} mm"
+
+
+def _listed(parts: list[str]) -> str:
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

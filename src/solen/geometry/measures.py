@@ -6,7 +6,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.curve import CubicChain, Curve, Measure, Segment
-from solen.geometry import Face
+from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13

@@ -1,0 +1,44 @@
+"""Whether two bodies are mirror images of one another about the axis x = 0.
+
+A sensor whose body at every angle is the mirror image of its body at the opposite one gives mirrored readings: it need
+be traced on one side only, and its numbers are as symmetric as it is.
+"""
+
+import re
+
+import numpy as np
+
+from solen.geometry.body import Body, Face
+from solen.plane import Point
+
+SAME_MM, SAME_DEG = 1e-9, 1e-9
+"""How far places and directions of mirror images may differ."""
+PLACES = np.linspace(0.0, 1.0, 9)
+OTHER = {"right": "left", "left": "right"}
+
+
+def are_mirrored(one: Body, other: Body) -> bool:
+    """Whether one body is the mirror image of another, with faces, walls and emitter; right for left in their names."""
+    there = {face.name: face for face in (*other.all_faces, *other.apart)}
+    faces = (*one.all_faces, *one.apart)
+    return (
+        len(faces) == len(there)
+        and _opposite(one.emitter.point, other.emitter.point)
+        and abs(one.emitter.axis_deg + other.emitter.axis_deg) < SAME_DEG
+        and one.emitter.width_mm == other.emitter.width_mm
+        and all(
+            _reflects(face, there.get(re.sub("right|left", lambda side: OTHER[side[0]], face.name))) for face in faces
+        )
+    )
+
+
+def _opposite(one: Point, other: Point) -> bool:
+    return abs(one[0] + other[0]) < SAME_MM and abs(one[1] - other[1]) < SAME_MM
+
+
+def _reflects(face: Face, image: Face | None) -> bool:
+    """Whether a face lies where the mirror puts another, which runs the other way."""
+    if image is None or face.wall != image.wall:
+        return False
+    apart = face.curve.points(PLACES) * (-1.0, 1.0) - image.curve.points(PLACES[::-1])
+    return bool(np.abs(apart).max() < SAME_MM)

@@ -1,0 +1,203 @@
+"""The answer to the question of a design: what to expect of it, what matters, and what to do.
+
+The command prints these lines and the report begins with them. Every number in them is computed, with as many digits as
+its uncertainty leaves.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from solen.sensor import SATURATED, DesignStudy, Effect, Practice, Response, Summary
+from solen.sensor.effects import JOIN
+
+NAMES = {
+    "emitter.offset_mm": "decentre of the emitter",
+    "emitter.width_mm": "width of the chip",
+    "emitter.distance_mm": "distance of the emitter",
+    "material.index": "index of the print, the lens as cut",
+    "material.absorption_per_mm": "absorption",
+    "body.arm_width_mm": "width of the arms",
+    "receivers.gap_mm": "air gap before the receivers",
+}
+ADVICE = {
+    "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: {by} move it by {null}.",
+    "emitter.width_mm": "Measure the chip of the LED: {by} of its width change the contrast by {change}.",
+    "emitter.distance_mm": "Hold the emitter at its distance: {by} change the contrast by {change}.",
+    "material.index": "Measure the index of what is printed: {by} change the contrast by {change}.",
+    "material.absorption_per_mm": "Measure the loss of the print, on guides: {by} cost {light} of the light.",
+    "body.arm_width_mm": "Print the arms to width: {by} change the contrast by {change}.",
+    "receivers.gap_mm": "Hold the gap before the receivers: {by} change the contrast by {change}.",
+    JOIN: "Find out how the turned lens meets the stem, or make the joins black (a [[wall]] on them): {by} changes the "
+    "contrast by {change}.",
+}
+WORTH = 0.005
+"""Change of the contrast, or ten times that share of the light, from which on there is something to do."""
+MOST_ADVICE, MOST_DIGITS = 4, 4
+
+
+class Matter(NamedTuple):
+    """One number that is off: what it is, by how much, and what it does to null, contrast and light."""
+
+    name: str
+    by: str
+    null: str
+    contrast: tuple[str, ...]
+    light: str
+
+
+def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
+    """A value and its uncertainty to one or two digits of that; no sign before a zero."""
+    if value is None or not math.isfinite(value):
+        return "none"
+    if u is None or not u > 0.0 or not math.isfinite(u):
+        return f"{_unsigned(value, 5e-5):{'+' if sign and abs(value) > 5e-5 else ''}.4g}"
+    power = math.floor(math.log10(u))
+    digits = min(max(-power + (u / 10.0**power < 2.95), 0), MOST_DIGITS)
+    rounded = _unsigned(round(value, digits), 0.0)
+    shown = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"{10.0**-digits:.{digits}f} or less"
+    return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} ± {shown}"
+
+
+def expected(study: DesignStudy) -> list[tuple[str, str]]:
+    """What to expect, by headings; beside it without the lens, as in the paper, and as built."""
+    case, found = study.case, study.case.summary
+    light = measured(100 * found.received_share, 200 * found.u_power, sign=False)
+    told = [
+        ("contrast", f"{_ends(case.power)}{_side(found)}"),
+        ("slope", _slope(found)),
+        ("range", _range(found)),
+        ("light", f"{light} % of the emitted power is received"),
+    ]
+    if study.with_lens is not None and study.no_lens is not None:
+        told.append(("without the lens", _ends(study.no_lens.power)))
+    practice = study.practice
+    if practice is not None and practice.built is not None and not practice.built.is_design:
+        built = practice.built
+        slope = measured(built.slope_per_deg, built.u_slope_per_deg)
+        told.append((f"as built ({emitter_words(study)})", f"{_ends(built.response)}; {slope} per degree at the null"))
+    if practice is not None and practice.paper is not None:
+        saturated = practice.paper.saturation_deg()
+        beyond = "" if saturated is None else f"; {SATURATED:g} in size from {saturated:.2f}° on"
+        told.append(("as in the paper (point, plane)", f"{_ends(practice.paper)}{beyond}"))
+    return told
+
+
+def matters(found: Practice | None) -> tuple[list[float], list[Matter]]:
+    """Angles, and what each number does there that is off by its tolerance, the largest first."""
+    if found is None or not found.effects:
+        return [], []
+    angles = [float(angle) for angle in found.effects[0].angle_deg]
+    angles = [angle for angle in angles if angle != 0.0 or len(angles) == 1]
+    return angles, [_matter(effect, angles) for effect in found.effects]
+
+
+def advice(study: DesignStudy) -> list[str]:
+    """What to do, the most important first."""
+    told = []
+    found = study.case.summary
+    if study.practice is not None:
+        for effect in study.practice.effects:
+            light = abs(effect.received) > 10.0 * WORTH
+            if (effect.resolved and effect.largest >= WORTH) or (light and effect.key == "material.absorption_per_mm"):
+                told.append(_advised(effect))
+    if found.saturation_deg is not None:
+        text = (
+            f"Use it within {found.saturation_deg:.2g}° of the null: beyond, it tells the direction, hardly the angle"
+        )
+        told.insert(0, f"{text}; a larger chip widens that.")
+    return list(dict.fromkeys(told))[:MOST_ADVICE]
+
+
+def emitter_words(study: DesignStudy) -> str:
+    """The emitter of the sensor as built."""
+    built = None if study.practice is None else study.practice.built
+    if built is None:
+        return "in the plane" if study.design.trace.dimension == "2d" else "in space"
+    if built.emitter.kind == "file":
+        return "the design's file of rays, in space"
+    size = f"chip {built.emitter.width_mm:g} × {built.emitter.height_mm:g} mm"
+    pattern = "its pattern in a table" if built.pattern == "table" else built.pattern
+    return f"{size}, {pattern} within ±{built.cone_deg / 2:g}°, in space"
+
+
+def _ends(response: Response) -> str:
+    """Contrast at both ends."""
+    ends = sorted({0, len(response.angle_deg) - 1})
+    values = [
+        (measured(float(response.contrast[i]), float(response.u_contrast[i])), response.angle_deg[i]) for i in ends
+    ]
+    return ", ".join(f"{value if value != 'none' else 'no light'} at {angle:+g}°" for value, angle in values)
+
+
+def _side(found: Summary) -> str:
+    first, last = found.contrast_from, found.contrast_to
+    if first is None or last is None or first == last:
+        return ""
+    return f"; a turn to the right (negative) brightens the {'right' if first > last else 'left'} receiver"
+
+
+def _slope(found: Summary) -> str:
+    if not found.received_share > 0.0:
+        return "no light reaches the receivers"
+    if found.null_deg is None or found.slope_per_deg is None:
+        return "there is no null in this range to measure from"
+    null = "0° by symmetry" if found.u_null_deg == 0.0 else f"{measured(found.null_deg, found.u_null_deg)}°"
+    return f"{measured(found.slope_per_deg, found.u_slope_per_deg)} per degree at the null, {null}"
+
+
+def _range(found: Summary) -> str:
+    if found.null_deg is None:
+        return "none without a null"
+    if found.saturation_deg is None:
+        return f"all of {found.from_deg:+g}° to {found.to_deg:+g}°: the contrast stays below {SATURATED:g} in size"
+    return f"{found.saturation_deg:.2f}° to each side of the null; beyond, the contrast exceeds {SATURATED:g} in size"
+
+
+def _matter(effect: Effect, angles: list[float]) -> Matter:
+    there = effect.angle_deg.tolist()
+    changes = [
+        measured(float(effect.contrast[there.index(angle)]), float(effect.u_contrast[there.index(angle)]))
+        if angle in there
+        else "–"
+        for angle in angles
+    ]
+    moved = effect.null_deg is not None and abs(effect.null_deg) > (effect.u_null_deg or 0.0)
+    null = f"{measured(effect.null_deg, effect.u_null_deg)}°" if moved else "–"
+    light = f"{measured(100 * effect.received, 100 * effect.u_received)} %"
+    return Matter(_name(effect), _by(effect), null, tuple(changes), light)
+
+
+def _name(effect: Effect) -> str:
+    return (
+        f"turned lens joined by a {effect.value}".replace("a smooth", "smooth sides")
+        if effect.key == JOIN
+        else NAMES.get(effect.key, effect.key)
+    )
+
+
+def _by(effect: Effect) -> str:
+    """By how much a number is off, in words."""
+    if effect.tolerance is None:
+        return "instead"
+    unit, value = effect.key.rpartition(".")[2].rpartition("_")[2], effect.tolerance
+    if effect.key.endswith("_per_mm"):
+        return f"{value:g} per mm"
+    if unit == "mm":
+        return f"{1e3 * value:g} µm" if value < 0.1 else f"{value:g} mm"
+    return f"{value:.2g}" + {"deg": "°", "nm": " nm"}.get(unit, "")
+
+
+def _advised(effect: Effect) -> str:
+    place = int(np.nanargmax(np.abs(effect.contrast)))
+    change = f"{abs(effect.contrast[place]):.2g} at {effect.angle_deg[place]:+.3g}°"
+    null = "nothing" if effect.null_deg is None else f"{abs(effect.null_deg):.2g}°"
+    by = f"a {effect.value} join" if effect.key == JOIN else _by(effect)
+    text = ADVICE.get(effect.key, f"{effect.key}: {{by}} change the contrast by {{change}}.")
+    return text.format(by=by, change=change, null=null, light=f"{abs(effect.received):.0%}")
+
+
+def _unsigned(value: float, small: float) -> float:
+    """The value, without the sign of a zero."""
+    return 0.0 if abs(value) <= small else value

@@ -1,0 +1,232 @@
+"""What matters: how far each number of a design moves the response when it is off by its tolerance.
+
+The idea: a derivative alone ranks by its unit. Times the tolerance of its number it says what a print and an LED
+make of the sensor. Every number is set off to both sides, the lens as it is cut for what was designed, and
+the contrast is integrated near the null, at a third of the motion and at its ends; of a symmetric sensor on one side.
+How a turned lens joins the stem is a choice of the model that no tolerance states: there the other joins are compared.
+
+The interface: `effects` of a sensor and its response, which returns an `Effect` for each number, the largest first.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import get_args
+
+import numpy as np
+
+from solen.arrays import FloatArray, Progress
+from solen.errors import SolenError
+from solen.material import Optical, Tabulated
+from solen.parts import Light
+from solen.results import Result, reported
+from solen.sensor.response import Response
+from solen.sensor.sensor import OF_THE_MATERIAL, Sensor
+from solen.spec import Join, with_values
+from solen.trace import Slope
+
+KEYS = (
+    *(f"emitter.{name}" for name in ("offset_mm", "width_mm", "distance_mm")),
+    *("material.index", "material.absorption_per_mm", "body.arm_width_mm", "receivers.gap_mm"),
+)
+"""Numbers that are compared; what else the light depends on moves it by less in designs like the shipped ones."""
+JOIN = "motion.join"
+TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
+"""To what a power is integrated here, and to what standard error it is sampled where that does not do."""
+NEAR_SHARE = 1 / 3
+RESOLVED = 2.0
+"""How many times its uncertainty a change must be to count."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Effect(Result):
+    """Change of the response where one number is higher by its tolerance; half the way from lower to higher.
+
+    Attributes
+    ----------
+    key, value
+        The number and its value; of ``motion.join`` the other join.
+    tolerance, by_uncertainty
+        How far it may be off, and whether that is its standard uncertainty; of a join None.
+    angle_deg, contrast, u_contrast
+        Angles (K,), the change of the contrast there and its uncertainty.
+    received, u_received
+        Change of the power at both receivers, mean over these angles, as a share of it.
+    null_deg, u_null_deg
+        Change of the null; None without one.
+    """
+
+    key: str
+    value: float | str
+    tolerance: float | None
+    by_uncertainty: bool
+    angle_deg: FloatArray
+    contrast: FloatArray
+    u_contrast: FloatArray
+    received: float
+    u_received: float
+    null_deg: float | None = None
+    u_null_deg: float | None = None
+
+    @reported
+    def largest(self) -> float:
+        """Largest change of the contrast, in size."""
+        return float(np.abs(self.contrast[np.isfinite(self.contrast)]).max(initial=0.0))
+
+    @reported
+    def resolved(self) -> bool:
+        """Whether a change exceeds twice its uncertainty."""
+        return bool(np.any(np.abs(self.contrast) > RESOLVED * self.u_contrast))
+
+
+def effects(
+    sensor: Sensor, response: Response, null: tuple[float, Slope] | None, progress: Progress | None = None
+) -> tuple[tuple[Effect, ...], dict[str, str]]:
+    """Effects of the numbers in `KEYS` and of the joins, the largest first, and why others are left out.
+
+    Parameters
+    ----------
+    sensor, response
+        The sensor, and its response in power at some angles.
+    null
+        Its null and the slope of the contrast there.
+    progress
+        Called with the share done, up to 1.
+    """
+    asked: list[tuple[str, Callable[[], Effect]]] = []
+    skipped: dict[str, str] = {}
+    base = _base(sensor, response, 0.0 if null is None else null[0])
+    for key in KEYS:
+        if why := "" if key in OF_THE_MATERIAL else sensor.inert(key):
+            skipped[key] = why
+        else:
+            asked.append((key, lambda key=key: _of_number(sensor, key, base, null)))  # type: ignore[misc]
+    asked += [(f"{JOIN} = {join}", lambda join=join: _of_join(sensor, join, base)) for join in _joins(sensor)]  # type: ignore[misc]
+    found: list[Effect] = []
+    for done, (name, make) in enumerate(asked, start=1):
+        try:
+            found.append(make())
+        except SolenError as why:
+            skipped[name] = str(why)
+        if progress is not None:
+            progress(done / len(asked))
+    return tuple(sorted(found, key=lambda one: one.largest, reverse=True)), skipped
+
+
+def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
+    """The sensor as it comes out where a number is off by a step; the lens is cut for what was designed."""
+    if key == "material.index":
+        return replace(sensor, material=_offset(sensor.material, step, sensor.light))
+    other = Sensor.of(with_values(sensor.design, {key: sensor.number(key) + step}))
+    return replace(
+        other, material=sensor.material if key != "material.absorption_per_mm" else other.material, cut=sensor.cut
+    )
+
+
+def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:
+    """Response at angles; those of a known response are not traced again."""
+    missing = [angle for angle in angles if known is None or angle not in known.angle_deg]
+    old = None if known is None else known.part([known.at(angle) for angle in angles if angle not in missing])
+    if not missing and old is not None:
+        return old
+    found = sensor.power(missing, tolerance=TOLERANCE, standard_error=STANDARD_ERROR)
+    return found if old is None else old.joined(found)
+
+
+def index_steps(material: Optical, step: float) -> list[tuple[float, bool]]:
+    """Offsets of an index: lower, none, higher; and whether they are its standard uncertainty."""
+    size = material.u_index or step
+    offsets = [one for one in (-size, 0.0, size) if material.index + one >= 1.0]
+    return [(one, bool(material.u_index) and one != 0.0) for one in offsets]
+
+
+def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
+    """The response near the null, at a third of the motion and at the ends; of a symmetric sensor from one end to 0."""
+    there = response.angle_deg
+    wanted = {float(there[0]), *(() if sensor.is_symmetric and there[0] < 0.0 else (float(there[-1]),))}
+    wanted |= {null_deg + NEAR_SHARE * (end - null_deg) for end in wanted} | {null_deg}
+    return response.part(sorted({response.at(angle) for angle in wanted}))
+
+
+def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
+    """Half of what lies between the number lower and higher by its tolerance; at a limit, what one side changes."""
+    tolerance, stated = sensor.tolerance(key)
+    angles = base.angle_deg.tolist()
+    ends = []
+    for step in (-tolerance, tolerance):
+        try:
+            other = off_by(sensor, key, step)
+            other.body(angles[0])
+        except SolenError:
+            continue
+        ends.append(_still(sensor, other, base) or swept(other, angles))
+    if not ends:
+        off_by(sensor, key, tolerance).body(angles[0])  # which says why it cannot be
+    low, high = ends if len(ends) == 2 else (base, ends[0])
+    half = 1.0 / len(ends)
+    effect = _effect(key, sensor.number(key), low, high, half)
+    shift, u_shift = _shift(effect, null)
+    return replace(effect, tolerance=tolerance, by_uncertainty=stated, null_deg=shift, u_null_deg=u_shift)
+
+
+def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
+    """Of two symmetric sensors the contrast at rest is 0, whatever the light: nothing to trace there."""
+    resting = base.angle_deg == 0.0
+    if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
+        return None
+    moving = [float(angle) for angle in base.angle_deg if angle != 0.0]
+    return swept(other, moving).joined(base.part(np.flatnonzero(resting).tolist()))
+
+
+def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
+    """What another join of the turned lens and the stem changes."""
+    other = sensor.set({JOIN: join})
+    other = replace(other, cut=sensor.cut, material=sensor.material)
+    found = swept(other, [angle for angle in base.angle_deg.tolist() if angle != 0.0], None)
+    return _effect(JOIN, join, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
+
+
+def _joins(sensor: Sensor) -> tuple[str, ...]:
+    """Other joins of a lens that turns."""
+    motion = sensor.design.motion
+    turns = motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
+    return tuple(join for join in get_args(Join) if turns and join != motion.join)
+
+
+def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:
+    """What lies between two responses at the same angles, times ``half``."""
+    light = [float(np.mean(one.right + one.left)) for one in (low, high)]
+    u_light = [float(np.max(2.0 * one.u_power)) for one in (low, high)]
+    return Effect(
+        key,
+        value,
+        None,
+        False,
+        high.angle_deg,
+        half * (high.contrast - low.contrast),
+        half * (high.u_contrast + low.u_contrast),
+        half * (light[1] - light[0]) / light[0] if light[0] > 0.0 else math.nan,
+        half * sum(u_light) / light[0] if light[0] > 0.0 else math.nan,
+    )
+
+
+def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | None, float | None]:
+    """How far the null moves, by the change of the contrast there and its slope."""
+    if null is None or not abs(null[1].value) > 0.0:
+        return None, None
+    near, slope = int(np.argmin(np.abs(effect.angle_deg - null[0]))), null[1]
+    shift = -float(effect.contrast[near]) / slope.value
+    return shift, float(effect.u_contrast[near]) / abs(slope.value) + abs(shift * slope.u_value / slope.value)
+
+
+def _offset(material: Optical, step: float, light: Light) -> Optical:
+    """The material with its index off by a step, at all wavelengths of a light."""
+    dispersion = material.dispersion
+    if dispersion is None or not light.spectrum:
+        return replace(material, index=material.index + step, dispersion=None)
+    lines = sorted({light.wavelength_nm, *(nm for nm, _ in light.spectrum)})
+    values = [dispersion.index(nm) + step for nm in lines]
+    if len(lines) == 1:
+        lines, values = [*lines, lines[0] + 1.0], [*values, values[0]]
+    moved = Tabulated(kind="table", wavelength_nm=tuple(lines), n=tuple(values))
+    return replace(material, index=material.index + step, dispersion=moved)

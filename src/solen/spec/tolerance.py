@@ -1,0 +1,45 @@
+"""The table of tolerances: how far off each number of the design may be in what is built."""
+
+from typing import ClassVar
+
+from pydantic import Field
+
+from solen.spec.strict import Positive, Strict
+
+
+class Tolerance(Strict):
+    """How far off a number of the design may be: what `solen run` and `solen sensitivity` rank by.
+
+    A key is that of the number, its dot an underscore.
+    """
+
+    table: ClassVar[str] = "tolerance"
+
+    emitter_wavelength_nm: Positive = Field(5.0, description="Of emitter.wavelength_nm, in nm.")
+    emitter_distance_mm: Positive = Field(0.05, description="Of emitter.distance_mm, in mm, the lens as it is.")
+    emitter_offset_mm: Positive = Field(0.01, description="Of emitter.offset_mm, in mm: placed under a microscope.")
+    emitter_width_mm: Positive = Field(0.02, description="Of emitter.width_mm, in mm.")
+    emitter_height_mm: Positive = Field(0.02, description="Of emitter.height_mm, in mm.")
+    emitter_cone_deg: Positive = Field(5.0, description="Of emitter.cone_deg, in degrees.")
+    material_index: Positive | None = Field(
+        None, description="Of material.index; default: the resin's standard uncertainty, 0.01 where it states none."
+    )
+    material_absorption_per_mm: Positive | None = Field(
+        None,
+        description="Of material.absorption_per_mm; default: the resin's standard uncertainty, else 0.005.",
+    )
+    lens_focus_mm: Positive = Field(0.2, description="Of lens.focus_mm, in mm.")
+    lens_half_width_mm: Positive = Field(0.05, description="Of lens.half_width_mm, in mm.")
+    lens_design_index: Positive = Field(0.002, description="Of lens.design_index.")
+    body_stem_length_mm: Positive = Field(0.05, description="Of body.stem_length_mm, in mm.")
+    body_stem_curve_per_mm: Positive = Field(1e-4, description="Of body.stem_curve_per_mm, in 1/mm.")
+    body_arm_length_mm: Positive = Field(0.05, description="Of body.arm_length_mm, in mm.")
+    body_arm_width_mm: Positive = Field(0.05, description="Of body.arm_width_mm, in mm.")
+    body_arm_angle_deg: Positive = Field(0.2, description="Of body.arm_angle_deg, in degrees.")
+    body_thickness_mm: Positive = Field(0.05, description="Of body.thickness_mm, in mm.")
+    receivers_gap_mm: Positive = Field(0.05, description="Of receivers.gap_mm, in mm.")
+
+    def of(self, key: str) -> float | None:
+        """Tolerance of a number by its dotted key; None where the design states none and nothing is usual."""
+        value: float | None = getattr(self, key.replace(".", "_"), None)
+        return value
