@@ -232,7 +232,7 @@ def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str)
     assert set(found) == {"name", "angle_deg", "sensitivities", "skipped", "warnings", "simulated", "files"}
     rows = {line.split()[0]: line.split()[1:] for line in lines[2:]}
     for row in found["sensitivities"]:
-        assert set(row) == {"key", "value", "right", "left", "contrast", "why"}
+        assert set(row) == {"key", "value", "right", "left", "contrast", "why", "tolerance", "effect"}
         shown = rows[row["key"]]
         assert float(shown[0]) == pytest.approx(row["value"], rel=1e-5)
         if row["why"] is None:
@@ -353,11 +353,13 @@ def test_a_run_ends_with_where_its_report_is(
     lines = told.lines("run", design, "--out", str(tmp_path / "o u t"), *STEP, "--set", "lens.shape=none")
     assert lines[0].startswith("Paper 860 nm: index 1.44 at 860 nm")
     assert lines[-1] == f"report: {tmp_path / 'o u t' / 'report.html'}"
-    assert len(lines) == 6
-    assert lines[2].split()[:2] == ["chip", "contrast"]
-    assert lines[2].endswith("0.2 mm wide, for comparison")
-    assert lines[3].split()[:3] == ["null", "moves", "by"]
-    assert lines[4].split()[:8] == ["index", "0.01", "of", "index", "moves", "the", "contrast", "by"]
+    assert lines[1] == "what to expect"
+    assert lines[2].split()[:4] == ["contrast", "+0.0440", "±", "0.0001"]
+    (built,) = [line for line in lines if line.startswith("  as built (chip 0.2 × 0.2 mm, lambertian within ±60°")]
+    assert "per degree at the null" in built
+    head = next(place for place, line in enumerate(lines) if line.startswith("what matters"))
+    assert lines[head].split("  ")[-1] == "light"
+    assert any(line.startswith("  decentre of the emitter") and " 10 µm " in line for line in lines[head:])
 
 
 UNSURE = """
@@ -389,9 +391,8 @@ def test_whoever_uses_a_resin_is_told_what_must_be_known_of_it(
     foci = [line for line in told.lines("lens", design, *resin) if line.startswith("  index ")]
     assert [line.split()[1] for line in foci] == ["1.44", "1.48"]
     run = told.lines("run", design, "--out", str(tmp_path / "out"), *STEP, *resin)
-    assert run[0] == "Paper 860 nm: index 1.46 ± 0.02 at 860 nm"
-    assert run[-3] == warning
-    assert run[-2].startswith("warning: the index is known to ± 0.02 only: within that the response moves by up to")
+    assert run[0] == "Paper 860 nm: index 1.46 ± 0.02 at 860 nm; in the plane"
+    assert warning in run[-3:]
 
 
 def test_keys_without_effect_are_told(told: Told, design: str) -> None:

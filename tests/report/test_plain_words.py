@@ -39,7 +39,9 @@ def test_every_design_is_told_without_what_no_reader_wants(studied: Studies, nam
     words = said(study)
     assert next(iter(words)) == "contrast"
     assert list(words)[-1] == "Not in these numbers"
-    cells = [cell for row in matters(study.practice)[1] for cell in (row.name, row.by, row.null, row.light, *row.contrast)]
+    cells = [
+        cell for row in matters(study.practice)[1] for cell in (row.name, row.by, row.null, row.light, *row.contrast)
+    ]
     for text in (*words.values(), *advice(study), *cells):
         for wrong in ("nan", "None", "inf ", "  ", "-0.000 ", "+-"):
             assert wrong not in text

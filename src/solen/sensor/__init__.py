@@ -1,10 +1,10 @@
 """One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
 
 A :class:`Sensor` is a design with what follows from it at once; a :class:`Response` is what its receivers get over the
-angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, counted and in power, with the lens and
-without. A :class:`Sensitivity` is the derivative by one number of the design; an :class:`Effect` is what a number does
-that is off by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares it with that of
-the lens as printed.
+angles of a motion; `readings` are their volts; a :class:`DesignStudy` is all of it, with the lens and without. A
+:class:`Sensitivity` is the derivative by one number of the design; an :class:`Effect` is what a number does that is off
+by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares it with that of the lens as
+printed.
 """
 
 from solen.sensor.as_printed import AsPrinted, Comparison, as_printed
@@ -30,6 +30,7 @@ __all__ = [
     "Case",
     "Check",
     "Comparison",
+    "DesignStudy",
     "Effect",
     "Extent",
     "Focus",
@@ -40,7 +41,6 @@ __all__ = [
     "Sensitivity",
     "Sensor",
     "Shift",
-    "DesignStudy",
     "Summary",
     "TraceKeywords",
     "as_printed",

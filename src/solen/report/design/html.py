@@ -18,8 +18,8 @@ from solen.report.design.figures import (
     SHOWN_RAYS,
     matters_figure,
     rays_figure,
-    study_figure,
     sensor_view,
+    study_figure,
 )
 from solen.report.design.lens import focus_figure, profile_figure
 from solen.report.design.words import budget_rows, findings, warnings

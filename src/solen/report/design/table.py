@@ -4,13 +4,13 @@ import csv
 import io
 import math
 
-from solen.sensor import Response, DesignStudy
+from solen.sensor import DesignStudy, Response
 
 PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """One row an angle: right, left and contrast of every case, of powers with their uncertainty, in the order of the header."""
+    """One row an angle: right, left and contrast of every case in the order of the header, of powers with u."""
     columns: dict[str, Response] = {}
     for name, case in study.cases.items():
         columns |= {f"{name}_count": case.count} if case.count is not None else {}
