@@ -17,10 +17,10 @@ def main() -> dict[str, float]:
     per_deg = sensor.slope_per_deg(ANGLE_DEG)
     if per_deg is None:
         raise ValueError(f"no light at {ANGLE_DEG}°")
-    print(f"at {ANGLE_DEG}° the contrast changes by {per_deg:+.2f} per degree")
+    print(f"at {ANGLE_DEG}° the contrast changes by {per_deg.value:+.2f} per degree")
     rows = sensor.sensitivity(KEYS, ANGLE_DEG)
     for row in rows:
-        looks_like_deg = ERROR_MM * row.contrast.value / per_deg
+        looks_like_deg = ERROR_MM * row.contrast.value / per_deg.value
         print(f"{row.key:19} {row.contrast.value:+8.3f} per mm: {ERROR_MM} mm look like {looks_like_deg:+.4f}°")
     return {row.key: row.contrast.value for row in rows}
 

@@ -41,7 +41,7 @@ def test_a_chips_slope_at_the_null_is_finite_and_that_of_its_response() -> None:
     slope = chip.slope_per_deg(0.0)
     assert slope is not None
     low, high = chip.power([-0.1, 0.1]).contrast
-    assert slope == pytest.approx((high - low) / 0.2, rel=0.05)
+    assert slope.value == pytest.approx((high - low) / 0.2, rel=0.05)
 
 
 def test_the_width_of_a_chip_has_a_sensitivity() -> None:

@@ -39,6 +39,7 @@ def test_both_cases_are_counted_and_in_power_at_the_same_angles(paper: DesignStu
     assert paper.with_lens.sensor.has_lens
     assert not flat.sensor.has_lens
     for case in (paper.with_lens, flat):
+        assert case.count is not None
         assert (case.count.mode, case.power.mode) == ("count", "power")
         for response in (case.count, case.power):
             assert list(response.angle_deg) == [-3.0, 0.0, 3.0]
@@ -58,7 +59,10 @@ def test_the_slope_of_a_case_is_at_its_null(paper: DesignStudy, flat: Case) -> N
     for case in (paper.with_lens, flat):
         assert case.null_deg == case.power.null_deg() == pytest.approx(0.0, abs=1e-3)
         assert case.null_deg is not None
-        assert case.slope_per_deg == case.sensor.slope_per_deg(case.null_deg)
+        slope = case.sensor.slope_per_deg(case.null_deg)
+        assert slope is not None
+        assert (case.slope_per_deg, case.u_slope_per_deg) == (slope.value, slope.u_value)
+        assert case.u_null_deg == 0.0  # by symmetry
     assert paper.with_lens.slope_per_deg is not None
     assert flat.slope_per_deg is not None
     assert paper.with_lens.slope_per_deg < -2.0 < flat.slope_per_deg < 0.0
@@ -131,6 +135,7 @@ def test_odd_designs_are_studied_and_every_ledger_closes(values: dict[str, objec
     for case in (found.with_lens, found.no_lens):
         assert case is not None
         for response in (case.count, case.power):
+            assert response is not None
             assert len(response.traces) == len(found.design.motion.angles_deg())
             for trace, right, left in zip(response.traces, response.right, response.left, strict=True):
                 assert abs(trace.ledger.total - 1.0) < 1e-12
@@ -142,7 +147,31 @@ def test_absorption_takes_light_from_the_power_and_not_from_the_count() -> None:
     assert clear.no_lens is not None
     assert dim.no_lens is not None
     assert (dim.no_lens.power.right < 0.6 * clear.no_lens.power.right).all()
+    assert clear.no_lens.count is not None
+    assert dim.no_lens.count is not None
     assert (dim.no_lens.count.right == clear.no_lens.count.right).all()
+
+
+def test_the_null_of_a_decentred_chip_is_within_its_uncertainty() -> None:
+    found = study(design(lens__shape="cartesian-oval", emitter__offset_mm=0.02, emitter__width_mm=0.2)).case
+    assert found.null_deg is not None
+    assert found.u_null_deg is not None
+    low, high = found.null_deg - 0.05, found.null_deg + 0.05
+    ends = found.sensor.power([low, high], tolerance=2e-6).contrast
+    true = low + 0.1 * ends[0] / (ends[0] - ends[1])
+    assert 0.0 < abs(true - found.null_deg) <= found.u_null_deg < 0.01
+
+
+def test_of_a_symmetric_sensor_one_side_is_traced_and_the_other_is_its_mirror_image() -> None:
+    sensor = solen.sensor.Sensor.of(design(emitter__width_mm=0.2))
+    assert sensor.is_symmetric
+    assert not sensor.set(offset_mm=0.01).is_symmetric
+    assert not sensor.set(pivot=[0.5, 3.0]).is_symmetric
+    both = sensor.power([-1.0, 0.0, 1.0])
+    assert both.contrast[0] == -both.contrast[2] != 0.0
+    assert both.contrast[1] == 0.0
+    other = sensor.power([1.0])
+    assert other.contrast[0] == pytest.approx(both.contrast[2], abs=both.u_contrast[2] + other.u_contrast[0])
 
 
 def test_a_sensor_that_works_is_studied_though_its_flat_face_would_not() -> None:

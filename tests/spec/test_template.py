@@ -77,8 +77,8 @@ def test_the_template_shows_every_key_with_its_default(table: str) -> None:
         line = re.search(rf"(?m)^(# )?{key} = (.+)$", section)
         assert line, key
         if "(*)" in line[2]:
-            default = "none" if field.default is None else str(field.default)
-            assert re.search(rf'default: "?{re.escape(default)}', line[2]), key
+            told = "none" if field.default is None else str(field.default)
+            assert re.search(rf'default: "?{re.escape(told)}', line[2]), key
         elif (table == "emitter" and key in DEFERRED) or key == "absorption_per_mm":  # a resin or a part says otherwise
             assert line[1] or key == "wavelength_nm", key
             assert tomllib.loads(f"x = {line[2]}")["x"] == field.default, key

@@ -108,9 +108,9 @@ def _opaque(scene: Scene) -> Scene:
 def _settled(scene: Scene) -> tuple[Trace, float]:
     """Power of all that happens in a scene: integrated, or sampled where that does not do; what it may be off by."""
     if not why_not(scene):
-        found = integrate(scene, "power", TOLERANCE)
-        if found.reached:
-            return found, found.u_power
+        settled = integrate(scene, "power", TOLERANCE)
+        if settled.reached:
+            return settled, settled.u_power
     made_of_points = all(source.emission() is not None for source in scene.sources)
     many = scene
     if made_of_points:  # a file has the rays that it has

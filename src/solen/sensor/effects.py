@@ -182,7 +182,8 @@ def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
     """What another join of the turned lens and the stem changes."""
     other = sensor.set({JOIN: join})
     other = replace(other, cut=sensor.cut, material=sensor.material)
-    found = swept(other, [angle for angle in base.angle_deg.tolist() if angle != 0.0], None)
+    ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
+    found = swept(other, sorted(ends))
     return _effect(JOIN, join, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
 
 

@@ -18,7 +18,7 @@ from solen.arrays import Progress
 from solen.errors import SolenError
 from solen.results import Result, reported
 from solen.sensor.budget import Budget, budget
-from solen.sensor.effects import Effect, effects
+from solen.sensor.effects import TOLERANCE, Effect, effects
 from solen.sensor.response import Response
 from solen.sensor.sensor import Sensor
 from solen.spec import with_values
@@ -132,7 +132,9 @@ class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
     """Why a part has no meaning for a design."""
 
 
-def practice(sensor: Sensor, own: Response, progress: Progress | None = None) -> Practice:
+def practice(
+    sensor: Sensor, own: Response, progress: Progress | None = None, *, slope: Slope | None = None
+) -> Practice:
     """A sensor as in the paper and as built, and what matters.
 
     Parameters
@@ -143,6 +145,8 @@ def practice(sensor: Sensor, own: Response, progress: Progress | None = None) ->
         Its response in power.
     progress
         Called with the share done, up to 1.
+    slope
+        Slope of its contrast at the null, where that is known.
     """
     skipped: dict[str, str] = {}
 
@@ -158,7 +162,7 @@ def practice(sensor: Sensor, own: Response, progress: Progress | None = None) ->
 
     paper = part("paper", lambda: _as_in_paper(sensor, own), 0.05)
     real = part("built", lambda: _as_built(sensor), 0.1)
-    built = None if real is None else part("built", lambda: _built(sensor, real, own), 0.4)
+    built = None if real is None else part("built", lambda: _built(sensor, real, own, slope), 0.4)
     found: tuple[Effect, ...] = ()
     if real is not None and built is not None:
         null = None
@@ -204,11 +208,13 @@ def _as_built(sensor: Sensor) -> Sensor:
     return _with(sensor, changes)
 
 
-def _built(sensor: Sensor, real: Sensor, own: Response) -> Built:
+def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> Built:
     same = real.light == sensor.light and sensor.design.trace.dimension == "extruded"
     response = own if same else real.smooth(real.power(spread(own.angle_deg.tolist(), MOST_ANGLES)))
     null = response.null_deg()
-    slope = None if null is None else real.slope_per_deg(null)
+    slope = known if same else None
+    if slope is None and null is not None:
+        slope = real.slope_per_deg(null, TOLERANCE)
     return Built(
         extent_of(sensor),
         "file" if real.light.ray_file is not None else real.light.pattern,

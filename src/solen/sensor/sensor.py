@@ -354,14 +354,15 @@ class Sensor:
             return False
         return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
 
-    def slope_per_deg(self, angle_deg: float) -> Slope | None:
+    def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
         """Change of the contrast per degree at an angle, in power, with its uncertainty; None where no light arrives.
 
-        From two spans about the angle, one twice the other: what bends within them counts as uncertainty.
+        From two spans about the angle, one twice the other: what bends within them counts as uncertainty. The
+        tolerance is that of `integrate`.
         """
         point = usual_tolerance(self.scene(angle_deg)) == POINT_TOLERANCE
         half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
-        found = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)])
+        found = self.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
         value, u = found.contrast, found.u_contrast
         if not np.isfinite(value).all():
             return None

@@ -235,8 +235,10 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
         return _study(design, progress)
     parts = 7 if design.lens.shape == "measured" else 5
     found = _beside_design(_study(design, _part(progress, 0, parts, 3)), _part(progress, 3, parts, 2))
-    rest = _part(progress, parts - 2, parts, 2)
-    return replace(found, practice=practice(found.case.sensor, found.case.power, rest))
+    rest, case = _part(progress, parts - 2, parts, 2), found.case
+    known = case.slope_per_deg is not None and case.u_slope_per_deg is not None
+    slope = Slope(case.slope_per_deg or 0.0, case.u_slope_per_deg or 0.0) if known else None
+    return replace(found, practice=practice(case.sensor, case.power, rest, slope=slope))
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
@@ -281,7 +283,7 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
     power = sensor.power(progress=_part(progress, 1, 10, 8), tolerance=tolerance)
     curve = sensor.smooth(power)
     null = curve.null_deg()
-    slope = None if null is None else sensor.slope_per_deg(null)
+    slope = None if null is None else sensor.slope_per_deg(null, tolerance)
     if null is not None and slope is not None:
         null, u_null = _null(sensor, null, slope)
     if progress is not None:
@@ -294,10 +296,10 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
 
 def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:
     """Null by a step of Newton's method from where straight lines put it, and its uncertainty."""
-    there = sensor.power([null_deg])
-    step = -float(there.contrast[0]) / slope.value
     if sensor.is_symmetric and null_deg == 0.0:
         return 0.0, 0.0
+    there = sensor.power([null_deg])
+    step = -float(there.contrast[0]) / slope.value
     return null_deg + step, abs(float(there.u_contrast[0]) / slope.value) + abs(step * slope.u_value / slope.value)
 
 

@@ -65,12 +65,13 @@ def _(result: DesignConvergence) -> Iterator[str]:
 
 
 @lines.register
-def _(found: Sensitivities) -> Iterator[str]:
-    width = max((len(row.key) for row in found.sensitivities), default=0)
-    yield f"{found.name} at {found.angle_deg:g} deg: change per unit of each number, and by its tolerance"
+def _(sensitivities: Sensitivities) -> Iterator[str]:
+    width = max((len(row.key) for row in sensitivities.sensitivities), default=0)
+    at = f"{sensitivities.name} at {sensitivities.angle_deg:g} deg"
+    yield f"{at}: change per unit of each number, and by its tolerance"
     heads = f"{'d right':>12}  {'d left':>12}  {'d contrast':>12}  {'u of that':>9}  {'off by':>9}  {'contrast':>9}"
     yield f"  {'':{width}}  {'value':>9}  {heads}"
-    for row in found.sensitivities:
+    for row in sensitivities.sensitivities:
         start = f"  {row.key:{width}}  {row.value:9.6g}"
         if row.why:
             yield f"{start}  {row.why}"
@@ -78,7 +79,7 @@ def _(found: Sensitivities) -> Iterator[str]:
         slopes = "".join(f"  {_slope(slope.value)}" for slope in (row.right, row.left, row.contrast))
         effect = f"{row.contrast.value * row.tolerance:+9.2g}"
         yield f"{start}{slopes}  {_short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
-    for key, why in found.skipped.items():
+    for key, why in sensitivities.skipped.items():
         yield f"left out: {key}: {why}"
 
 

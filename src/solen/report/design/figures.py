@@ -82,10 +82,10 @@ def sweep_figure(response: Response) -> Figure:
     return figure
 
 
-def matters_figure(found: Practice) -> Figure:
+def matters_figure(practice: Practice) -> Figure:
     """Change of the contrast, at each angle where it was found, by numbers that are off by their tolerances."""
-    effects = found.effects
-    names = [f"{row.name}\n{row.by}" for row in matters(found)[1]]
+    effects = practice.effects
+    names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)), layout="constrained")
         axes = figure.add_subplot()
