@@ -31,11 +31,11 @@ interior_over_single_layer phr volume_error bridged outside share on_share betwe
 seen contrast visibility pitch_ratio factor scale_factor size_factor rms_um_per_percent_of_scale
 ambiguous within_68 within_95
 """
-_CONTRASTS, _IN_THE_FILES_UNIT = "largest_change at_low at_high", "dark"
+_CONTRASTS, _IN_THE_FILES_UNIT = "largest largest_change effect at_low at_high", "dark"
 _OF_LIGHT = """
 power power_by_source detected escaped absorbed truncated missed leaked reflected beside above_below right left emitted
 error single_error design_index outside_index na_object na_image magnification edge_slope ledger_error received_share
-received_plane received_space used_of_supply contrast contrast_from
+received used_of_supply contrast contrast_from
 contrast_to index material_index step response exponent gain
 """
 DIMENSIONLESS = frozenset(" ".join((_OPTICS, _STATISTICS, _SHARES, _CONTRASTS, _IN_THE_FILES_UNIT, _OF_LIGHT)).split())
@@ -45,7 +45,7 @@ OF_ALL = {"power", "slope_mrad"}
 RELATIVE = {"ln_Ec", "length", "area"}
 """Values whose uncertainty is stated relative to them, or of their logarithm."""
 OF_ROWS = {
-    *("value", "u", "u_before", "u_value", "design_value", "u_prior"),
+    *("value", "tolerance", "u", "u_before", "u_value", "design_value", "u_prior"),
     *("mean", "sd", "u_reading", "mean_ambient", "sd_ambient", "sd_slot"),
 }
 """Numbers of tables over parameters or channels of any unit, whose row says which."""

@@ -21,7 +21,7 @@ from solen.sensor import DesignStudy, study
 from solen.spec import template
 
 STEP = "motion.step_deg=6"
-NAMES = ("lens-profile", "response", "practice", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
+NAMES = ("lens-profile", "response", "matters", "focus", "rays", "rays-at-the-lens", "rays-without-lens")
 PICTURES = {f"{name}.svg" for name in NAMES}
 EVERYTHING = PICTURES | {"results.json", "results.csv", "report.html"}
 

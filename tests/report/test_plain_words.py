@@ -80,7 +80,7 @@ def test_the_contrast_is_that_at_both_ends_with_its_uncertainty(studied: Studies
     agree(
         told[:1] + told[2:4] + told[5:6], [found[key] for key in ("contrast_from", "from_deg", "contrast_to", "to_deg")]
     )
-    agree(told[1:2], [max(found["u_contrast"], 1e-4)])
+    agree(told[1:2], [max(found["u_contrast_from"], 1e-4)])
     flat = study.to_dict()["summary"]["no_lens"]
     agree(numbers(said(study)["without the lens"])[:1], [flat["contrast_from"]])
 

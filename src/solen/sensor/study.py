@@ -3,8 +3,6 @@
 import math
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 import solen
 from solen.arrays import Progress
 from solen.errors import DesignError
@@ -34,8 +32,8 @@ class Summary:
     ----------
     from_deg, to_deg
         First and last angle.
-    contrast_from, contrast_to, u_contrast
-        Contrast there, None where no light arrives, and its uncertainty, the larger of the two.
+    contrast_from, u_contrast_from, contrast_to, u_contrast_to
+        Contrast there, None where no light arrives, and its uncertainty.
     null_deg, u_null_deg, slope_per_deg, u_slope_per_deg
         Null nearest to 0 and the slope of the contrast there, with their uncertainties.
     saturation_deg
@@ -57,8 +55,9 @@ class Summary:
     from_deg: float
     to_deg: float
     contrast_from: float | None
+    u_contrast_from: float | None
     contrast_to: float | None
-    u_contrast: float | None
+    u_contrast_to: float | None
     null_deg: float | None
     u_null_deg: float | None
     slope_per_deg: float | None
@@ -98,8 +97,9 @@ class Case(Result):
             from_deg=first,
             to_deg=last,
             contrast_from=power.contrast_at(first),
+            u_contrast_from=_finite(float(power.u_contrast[0])),
             contrast_to=power.contrast_at(last),
-            u_contrast=_finite(float(np.max(power.u_contrast[[0, -1]]))),
+            u_contrast_to=_finite(float(power.u_contrast[-1])),
             null_deg=self.null_deg,
             u_null_deg=self.u_null_deg,
             slope_per_deg=self.slope_per_deg,
