@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from solen.material.gather import IndexResult
 
 from solen.cli.app import lines
 from solen.cli.resin import index as _command  # noqa: F401  registers the lines
