@@ -127,7 +127,8 @@ def test_a_stage_is_referenced_moved_and_stopped() -> None:
 
 def test_where_it_stands_can_be_taken_for_a_position() -> None:
     stage, controller, _, clock = driven()
-    assert isinstance(stage, Homes)
+    homes: Homes = stage
+    assert homes.name
     make_known(stage, "here", 2.5)
     assert (stage.referenced, stage.position(), controller.axis.moves) == (True, 2.5, [])
     make_known(stage, False, 0.0)  # it is known now

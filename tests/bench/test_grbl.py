@@ -61,7 +61,8 @@ def test_what_is_said_is_the_wiki_s() -> None:
 def test_it_moves_from_where_it_stands_and_stops() -> None:
     stage, controller, clock, _ = driven()
     controller.axis.rest = 12.0
-    assert isinstance(stage, Homes)
+    homes: Homes = stage
+    assert homes.name
     with pytest.raises(BenchError, match=r"no switch .*home = \"here\""):
         make_known(stage, False, 0.0)
     with pytest.raises(BenchError, match="error:5, homing is not enabled"):

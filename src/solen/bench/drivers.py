@@ -71,6 +71,23 @@ def _grbl(rig: "Rig", clock: Clock) -> Stage:
         return GrblStage(link, clock, unit=table.moves_in, axis=axis)
 
 
+def _zaber(rig: "Rig", clock: Clock) -> Stage:
+    from solen.bench.link import open_link
+    from solen.bench.zaber import ZaberStage
+
+    table = rig.stage
+    link = open_link(str(table.port), baud=table.baud)
+    with on_failure(link.close):
+        return ZaberStage(
+            link,
+            clock,
+            steps_per_unit=table.steps_per_unit or 1.0,  # the rig has checked that it is stated
+            unit=table.moves_in,
+            axis=table.axis,
+            address=table.address or 1,
+        )
+
+
 def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no clock
     from solen.bench.hand import HandStage
 
@@ -104,6 +121,7 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
         "gcs2": Driver("stage", _gcs2, needs="port"),
         "grbl": Driver("stage", _grbl, needs="port"),
         "hand": Driver("stage", _hand),
+        "zaber": Driver("stage", _zaber, needs="port"),
         "serial": Driver("board", _serial, needs="port"),
         "nidaqmx": Driver("daq", _nidaqmx, needs="device"),
     },

@@ -8,7 +8,7 @@ The interface: `make_known`.
 """
 
 from collections.abc import Callable
-from typing import Literal
+from typing import Literal, TypeGuard
 
 from solen.bench.roles import Homes, Stage
 from solen.errors import BenchError
@@ -39,7 +39,7 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     BenchError
         Where the stage may not move, or finds no reference.
     """
-    if not isinstance(stage, Homes):
+    if not _moves_to_know(stage):
         stage.reference()
     elif stage.referenced:
         return
@@ -53,3 +53,8 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     else:
         remedy = 'home = true in [stage] allows it; home = "here" takes the place where it stands for zero'
         raise BenchError(stage.name, limit=f"does not know its zero. {stage.search}", remedy=remedy)
+
+
+def _moves_to_know(stage: object) -> TypeGuard[Homes]:
+    """Whether a stage is a `Homes`; its properties, which may ask the instrument, are not looked at."""
+    return hasattr(type(stage), "search") and hasattr(type(stage), "set_position")

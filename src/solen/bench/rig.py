@@ -23,8 +23,9 @@ from solen.errors import BenchError
 from solen.files import check_name
 from solen.spec.strict import NotNegative, Number, Positive, Text, refused, told_of
 
-OPEN_LOOP = ("grbl", "hand")
+MODELLESS = ("grbl", "hand", "zaber")
 """Drivers of stages that have no model: whatever the axis turns or pushes."""
+OWN = ("simulated", "gcs2", *MODELLESS)
 Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
@@ -46,8 +47,8 @@ class StageOf(BenchTable):
 
     driver: Text = Field(
         "simulated",
-        description="simulated, gcs2 for a controller of PI, grbl for a stepper, hand for one without a motor, or "
-        "that of another package.",
+        description="simulated, gcs2 for a controller of PI, grbl for a stepper, zaber, hand for one without a motor, "
+        "or that of another package.",
     )
     model: Text = Field("M-060.DG", description=f"Name of the stage: {', '.join(STAGES)}.")
     unit: Literal["deg", "mm"] | None = Field(
@@ -58,6 +59,9 @@ class StageOf(BenchTable):
     axis: Text = Field("1", description="Name of the axis.")
     address: Annotated[int, Field(strict=True, ge=1, le=16)] | None = Field(
         None, description="Address of the controller where several share a line."
+    )
+    steps_per_unit: Positive | None = Field(
+        None, description="Microsteps of a stage of Zaber per deg or mm, by its specifications."
     )
     zero: Number = Field(0.0, description="Position at which the sensor is straight, in deg or mm.")
     home: Literal["here"] | bool = Field(
@@ -77,12 +81,14 @@ class StageOf(BenchTable):
         _check_driver(self, "port")
         if self.travel is not None and not self.travel[0] <= self.zero <= self.travel[1]:
             raise refused("travel", f"must be from below zero = {self.zero:g} to above it", value=self.travel)
-        if self.driver not in {"simulated", "gcs2", *OPEN_LOOP}:
+        if (self.driver == "zaber") != (self.steps_per_unit is not None) and self.driver in OWN:
+            raise refused("steps_per_unit", "is for a stage of Zaber, and one needs it", value=self.steps_per_unit)
+        if self.driver not in OWN:
             return self
-        if self.driver in OPEN_LOOP and "model" in self.model_fields_set:
+        if self.driver in MODELLESS and "model" in self.model_fields_set:
             raise refused("model", "is for a stage of gcs2", value=self.model)
         try:
-            unit = self.unit if self.driver in OPEN_LOOP else unit_of(self.model, self.unit)
+            unit = self.unit if self.driver in MODELLESS else unit_of(self.model, self.unit)
         except BenchError as bad:
             raise refused("model" if bad.what == "stage" else bad.what, bad.limit, value=bad.value) from None
         if unit is not None and (unit == "mm") != (self.lever_mm is not None):

@@ -44,7 +44,6 @@ class Stage(Protocol):
         """Stop and release the instrument."""
 
 
-@runtime_checkable
 class Homes(Protocol):
     """A stage that moves to find its zero, and says so before."""
 

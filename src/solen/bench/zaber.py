@@ -1,0 +1,179 @@
+"""Stages of Zaber: one axis of a controller, or of a device with its own, by the Zaber ASCII protocol.
+
+The idea: each command is a line that begins with a slash, device and axis, and each is answered by one line that says
+whether it was taken, whether the axis is idle, and a warning. Positions are in microsteps of a size that depends on the
+device; velocities are in microsteps per second times 1.6384. Commands, warnings and units: Zaber ASCII Protocol Manual.
+
+The interface: `ZaberStage`, a `Stage` that `solen.bench.roles.Homes`.
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from solen.bench.clock import Clock
+from solen.bench.link import Lines, Link
+from solen.errors import BenchError
+
+SPEED = 1.6384
+"""Value of ``maxspeed`` for one microstep per second."""
+UNREFERENCED = {"WR", "WH"}
+WARNINGS = {
+    "FD": "its driver is off",
+    "FQ": "its encoder is at fault",
+    "FS": "it stalled and stopped",
+    "FT": "it is overheated",
+    "FB": "it was stopped at its limit",
+    "FE": "it found another end than its limit",
+}
+"""What a fault means that the axis warns of; others are shown by their letters."""
+_REPLY = re.compile(r"@(\d+) (\d+) (OK|RJ) (IDLE|BUSY) (--|[A-Z]{2})(?: ([^:]*))?(?::[0-9A-F]{2})?$")
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Whether the axis rests, its warning (``--`` for none), and the data of an answer."""
+
+    idle: bool
+    warning: str
+    data: str
+
+
+class ZaberStage:
+    """One axis.
+
+    Parameters
+    ----------
+    link, clock
+        Line to the device, and the clock that time-outs follow.
+    steps_per_unit
+        Microsteps per deg or mm, by the device's specifications.
+    unit
+        Of its positions.
+    axis, address
+        The axis' number, and the device's.
+    answer_s, home_s
+        How long an answer, and homing, may take.
+
+    Raises
+    ------
+    BenchError
+        Where the device does not answer, refuses a command, or warns of a fault.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        clock: Clock,
+        *,
+        steps_per_unit: float,
+        unit: Literal["deg", "mm"] = "deg",
+        axis: str = "1",
+        address: int = 1,
+        answer_s: float = 1.0,
+        home_s: float = 120.0,
+    ) -> None:
+        self.name, self.unit = f"Zaber device {address} axis {axis} at {link.name}", unit
+        self._link, self._clock, self._home_s = link, clock, home_s
+        self._lines = Lines(link, clock, timeout_s=answer_s)
+        self._to, self._per_unit = (address, axis), steps_per_unit
+        self._velocity: float | None = None
+        self._target = 0
+        self._lines.forget()
+        self.limits = self._limit("min"), self._limit("max")
+
+    @property
+    def referenced(self) -> bool:
+        """Whether the device knows where zero is."""
+        return self._ask("get pos").warning not in UNREFERENCED
+
+    @property
+    def search(self) -> str:
+        """How far it may move to find its zero."""
+        low, high = self.limits
+        return f"It drives to its home sensor, by up to {high - low:g} {self.unit}."
+
+    def reference(self) -> None:
+        """Drive to the home sensor, unless its zero is known."""
+        if self.referenced:
+            return
+        self._ask("home")
+        due = self._clock.now_s() + self._home_s
+        while not (reply := self._ask("get pos")).idle:
+            if self._clock.now_s() > due:
+                self.stop()
+                raise self._refusal(f"is not home within {self._home_s:g} s", "is it free to move?")
+            self._clock.sleep(0.05)
+        self._check(reply)
+
+    def set_position(self, position: float) -> None:
+        """Take where it stands for a position; nothing moves."""
+        self._ask(f"set pos {self._steps(position)}")
+
+    def begin_move(self, target: float, velocity: float) -> None:
+        """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
+        if velocity != self._velocity:
+            self._ask(f"set maxspeed {round(SPEED * velocity * self._per_unit)}")
+            self._velocity = velocity
+        self._target = self._steps(target)
+        self._ask(f"move abs {self._target}")
+
+    def position(self) -> float:
+        """Where the axis is, in deg or mm."""
+        return float(self._ask("get pos").data) / self._per_unit
+
+    def on_target(self) -> bool:
+        """Whether it has come to rest where it was sent; `BenchError` where it rests elsewhere or warns of a fault."""
+        reply = self._ask("get pos")
+        if not reply.idle:
+            return False
+        self._check(reply)
+        if abs(float(reply.data) - self._target) > max(2.0, 1e-3 * self._per_unit):
+            raise self._refusal(f"rests at {reply.data} microsteps, sent to {self._target}", "did its knob turn it?")
+        return True
+
+    def stop(self) -> None:
+        """Stop at once, with its deceleration; a late answer to an earlier question is dropped."""
+        self._lines.forget()
+        self._ask("stop")
+        due = self._clock.now_s() + 2.0
+        while not self._ask("get pos").idle:
+            if self._clock.now_s() > due:
+                raise self._refusal("does not stop", "cut its supply")
+            self._clock.sleep(0.01)
+
+    def close(self) -> None:
+        """Stop and close the line."""
+        try:
+            self.stop()
+        finally:
+            self._link.close()
+
+    def _steps(self, position: float) -> int:
+        return round(position * self._per_unit)
+
+    def _limit(self, end: str) -> float:
+        return float(self._ask(f"get limit.{end}").data) / self._per_unit
+
+    def _ask(self, text: str) -> Reply:
+        """Answer to a command; alerts and remarks of the device, which come unasked, are passed over."""
+        if self._lines.late:
+            self._lines.forget()
+        address, axis = self._to
+        self._link.write(f"/{address} {axis} {text}\n".encode("ascii"))
+        while (line := self._lines.next().strip())[:1] in {"!", "#"}:
+            pass
+        found = _REPLY.match(line)
+        if found is None or (int(found[1]), found[2]) != (address, axis):
+            raise self._refusal(f"answered {line!r} to {text}", "check address, axis and baud rate (115200)")
+        if found[3] == "RJ":
+            raise self._refusal(f"{text}: refused, {found[6]}", "see the protocol's manual")
+        return Reply(found[4] == "IDLE", found[5], found[6] or "")
+
+    def _check(self, reply: Reply) -> None:
+        if reply.warning.startswith("F"):
+            meaning = WARNINGS.get(reply.warning, "see the protocol's manual")
+            raise self._refusal(f"warns of {reply.warning}: {meaning}", "is it free to move?")
+
+    def _refusal(self, limit: str, remedy: str) -> BenchError:
+        return BenchError(self.name, limit=limit, remedy=remedy)
